@@ -39,10 +39,10 @@ def largest_indentation(
 
     The contact closes at `speed`; it absorbs an energy [J] and the work of a force `push` [N].
     """
-    kernel, own = packed(law)
-    found = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
-    raise_error(own)
-    return float(found)
+    kernel, memory = packed(law)
+    depth = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
+    raise_error(memory)
+    return float(depth)
 
 
 def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
@@ -155,7 +155,8 @@ def effective_mass(beta: Array, omega: Array) -> float:
 def _largest_component(beta: Array, modal: Array) -> Array:
     """Largest |beta modal| (p,) over the rows of `modal` (K, J).
 
-    If the sum is only rounding, a tenth of the sum of magnitudes: distant motion arrives later.
+    Where the terms cancel to rounding, it is a tenth of the sum of their magnitudes: the motion is
+    elsewhere in the body and reaches the contact later.
     """
     direct = abs(modal @ beta.T)
     parts = abs(modal) @ abs(beta).T
@@ -252,8 +253,10 @@ class Assembly:
 
     def row(self, contact: int, begin: int) -> Array:
         """Row of a contact over the columns of the body whose modes begin at `begin`."""
-        name = next(n for n, own in self.spans.items() if own.start == begin and own.stop > begin)
-        return self.G[contact, self.columns[name]]
+        for name, span in self.spans.items():
+            if span.start == begin and span.stop > begin:
+                return self.G[contact, self.columns[name]]
+        raise KeyError(begin)
 
     @property
     def B(self) -> Array:
@@ -315,12 +318,12 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
         BodyModes(
             body.omega,
             body.modes.decay,
-            beta[:, own],
+            beta[:, span],
             body.start,
             body.initial_displacements,
-            loads[:, own],
+            loads[:, span],
         )
-        for body, own in zip(bodies.values(), stacked.spans.values(), strict=True)
+        for body, span in zip(bodies.values(), stacked.spans.values(), strict=True)
     ]
     first = stacked_first_order(bodies.values())
     system = posed(modes, laws, R, offsets, breaks, tangents, first)
@@ -336,12 +339,12 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
     laws = []
     notes = []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
-        given = contact.tangential_stiffness
-        if contact.friction and given and given * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
+        stiffness = contact.tangential_stiffness
+        if contact.friction and stiffness and stiffness * local > (1 - LEAST_COMPLIANCE) * MINDLIN:
             notes.append(
                 f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
-                f" tangential_stiffness = {given:g} N/m: a tenth is taken."
+                f" tangential_stiffness = {stiffness:g} N/m: a tenth is taken."
             )
         law, more = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)

@@ -94,7 +94,7 @@ def sweep(
     check_executor(executor)
     lengths = {k: len(v) for k, v in values.items() if is_sequence(v)}
     size = common_length(lengths)
-    each = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
+    arguments = [{k: v[i] if is_sequence(v) else v for k, v in values.items()} for i in range(size)]
     results = cast("list[T]", [AntioscError("not called yet")] * size)
     if earlier is not None:
         results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
@@ -102,9 +102,9 @@ def sweep(
     todo = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if executor is None:
         for i in todo:
-            results[i] = make(**each[i])
+            results[i] = make(**arguments[i])
         return results
-    calls: list[Call] = [((), each[i]) for i in todo]
+    calls: list[Call] = [((), arguments[i]) for i in todo]
     for i, result in zip(todo, call_results(executor, make, calls), strict=True):
         results[i] = cast("T", result)
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
@@ -149,9 +149,9 @@ def _submitted(
 ) -> list[Future[T] | AntioscError]:
     """The future of each call, or the error of a call that the executor refused."""
     futures: list[Future[T] | AntioscError] = []
-    for given, keywords in calls:
+    for positional, keywords in calls:
         try:
-            futures.append(executor.submit(function, *given, **keywords))
+            futures.append(executor.submit(function, *positional, **keywords))
         except Exception as error:  # executors of any package
             futures.append(_executor_error(error))
     return futures
@@ -172,12 +172,12 @@ def _result(future: Future[T] | AntioscError) -> T | AntioscError:
 def _executor_error(error: Exception) -> AntioscError:
     """The error for a call for which the executor returned no result."""
     said = " ".join(f"{type(error).__name__}: {error}".split())
-    found = AntioscError(
+    failure = AntioscError(
         f"the executor returned no result ({said}): arguments must be such that they can be"
         " pickled, and workers must live; what is finished can be passed as `earlier`."
     )
-    found.__cause__ = error
-    return found
+    failure.__cause__ = error
+    return failure
 
 
 def rows_of(rows: Any, size: int) -> list[Any] | AntioscError:
@@ -254,9 +254,9 @@ class Batch(Result):
     def numbers(self) -> dict[str, object]:
         """Results of all scenes: name -> list of JSON values, None where there is no number."""
         single = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step")
-        found = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
+        results = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
         known = {
-            name: [x if isfinite(x) else None for x in values] for name, values in found.items()
+            name: [x if isfinite(x) else None for x in values] for name, values in results.items()
         }
         return {**known, "message": list(self.message)}
 
@@ -268,8 +268,8 @@ class Batch(Result):
             low = self.peak_force[done].min()
             high = self.peak_force[done].max()
             rows.append(f"peak force {range_text(low, high, 'N')}")
-        told = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
-        return "\n".join([*rows, *told])
+        messages = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
+        return "\n".join([*rows, *messages])
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Peak force and contact time of all scenes; with `path` the picture is written."""
@@ -401,16 +401,16 @@ def _info(scene: Impact) -> ModelInfo:
     return info_of(scene.model)
 
 
-def _laws(given: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
+def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
     """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
-    found: dict[tuple[int, int], ContactLaw] = {}
-    laws = list(given)
+    chosen: dict[tuple[int, int], ContactLaw] = {}
+    laws = list(contacts)
     for i, pair in enumerate(zip(models, impactors, strict=True)):
         if not is_auto(laws[i]):
             continue
         key = id(pair[0]), id(pair[1])
         try:
-            found[key] = laws[i] = found.get(key) or law_of(AUTO, *pair)
+            chosen[key] = laws[i] = chosen.get(key) or law_of(AUTO, *pair)
         except InputError as error:
             raise InputError(f"scene {i}: {error}") from error
     return laws
@@ -422,9 +422,10 @@ def _warn_of_worst(
     ranked: Sequence[tuple[float, int]],
     check: Callable[[History], str],
 ) -> None:
-    """Repeat the worst scenes by `ranked` (rank > 0, scene); warn of the first that `check` finds.
+    """Repeat the scenes of highest rank, and warn of the first for which `check` has a sentence.
 
-    The worst scene of each model is repeated, for at most `CHECKED_MODELS` models.
+    `ranked` has (rank, scene); only ranks > 0 count. One scene of each model is repeated, for at
+    most `CHECKED_MODELS` models.
     """
     seen: set[int] = set()
     for rank, i in sorted(ranked, reverse=True):
@@ -439,8 +440,8 @@ def _warn_of_worst(
 
 def _deflection(model: LinearBody, impulse: float) -> float:
     """Bound on a sheet's deflection by an impulse [N s], over its thickness; 0 for a free sheet."""
-    held = info_of(model).thickness is not None and model.modal().omega.all()
-    if held:
+    supported_sheet = info_of(model).thickness is not None and model.modal().omega.all()
+    if supported_sheet:
         return _bend(model, impulse)
     return 0.0
 
@@ -530,7 +531,7 @@ def _slight(model: LinearBody, row: _Row) -> bool:
     """Whether the deflection in a linear run is too small to stretch the sheet."""
     info = info_of(model)
     ratio = _bend(model, row.impulse)
-    changes = [abs(one) for one in (info.second_order or {}).values()]
+    changes = [abs(change) for change in (info.second_order or {}).values()]
     curved = max(changes, default=0.0) * ratio * (info.thickness or 0.0)
     return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
 
@@ -550,8 +551,8 @@ def _solve_group(
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
     outcomes, pulses = group.solved(done)
-    each = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
-    return [_row_of(*one, group.pair, settings) for one in each]
+    solved = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
+    return [_row_of(*outcome, group.pair, settings) for outcome in solved]
 
 
 def _row_of(
@@ -598,10 +599,10 @@ def _solve_single(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> _Row:
     """The row of one scene."""
-    told: list[str] = []
+    sentences: list[str] = []
     try:
-        with warnings_to(told.append):
-            return replace(_row(*_impact(scene, step, n, settings)), told=" ".join(told))
+        with warnings_to(sentences.append):
+            return replace(_row(*_impact(scene, step, n, settings)), told=" ".join(sentences))
     except AntioscError as error:
         return _failed(error)
 

@@ -146,9 +146,9 @@ class Sphere(FieldsRepr, Body):
         radius = checks.positive("radius", radius, "m")
         if mass is not None:
             rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
-        given = None if E is None else checks.positive("E", E, "Pa")
+        modulus = None if E is None else checks.positive("E", E, "Pa")
         ratio = None if nu is None else checks.poisson(nu)
-        matter = matter_of(material, given, ratio, yield_strength)
+        matter = matter_of(material, modulus, ratio, yield_strength)
         checks.store(
             self,
             radius=radius,
@@ -229,10 +229,10 @@ class Impactor(FieldsRepr, Body):
 
     def __post_init__(self) -> None:
         velocity = self.velocity
-        own = checked_body("body", self.body)
+        checked = checked_body("body", self.body)
         if not isinstance(velocity, Motion):
             velocity = checks.number("velocity", velocity, "m/s")
-        checks.store(self, velocity=velocity, local_compliance=own.local_compliance)
+        checks.store(self, velocity=velocity, local_compliance=checked.local_compliance)
 
     @property
     def patch_radius(self) -> float | None:
@@ -519,7 +519,9 @@ class SceneBody:
         if self.initial_displacements is None:
             self.initial_displacements = np.zeros(self.omega.size)
         if self.directions is not None and not self.pushes:
-            self.pushes = {site: self.directions[own[0]] for site, own in self.sites.items()}
+            self.pushes = {
+                site: self.directions[columns[0]] for site, columns in self.sites.items()
+            }
 
     @property
     def omega(self) -> Array:
@@ -639,13 +641,13 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                 )
             placed.initial_displacements = motion.displacements
             placed.start = motion.velocities
-            placed.first_order_start = given = motion.first_order
+            placed.first_order_start = first_order = motion.first_order
             first = placed.modes.first_order
-            own = 0 if first is None else first.omega.size
-            if given is not None and given.shape[1] != own:
+            size = 0 if first is None else first.omega.size
+            if first_order is not None and first_order.shape[1] != size:
                 raise InputError(
-                    f"the ModalState of {name!r} has {given.shape[1]} first-order modes, the body"
-                    f" {own}."
+                    f"the ModalState of {name!r} has {first_order.shape[1]} first-order modes,"
+                    f" the body {size}."
                 )
         else:
             placed.start = _initial_velocities(placed, motion)

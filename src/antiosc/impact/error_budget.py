@@ -146,7 +146,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     others = off[int(facts["draws"]) :]
     noise, band = (
         {
-            name: BAR * float(np.sqrt(np.mean([one[name] ** 2 for one in part])))
+            name: BAR * float(np.sqrt(np.mean([shares[name] ** 2 for shares in part])))
             for name in QUANTITIES
         }
         for part in (drawn, others)
@@ -412,9 +412,9 @@ def _time_errors(hit: History) -> list[float]:
 def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """Errors due to the time steps: the estimate of the run, or that of a finer run if larger."""
     known = max(_time_errors(hit), default=0.0)
-    own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
+    estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     changed = bars.NO_ERROR if finer is None else bars.differences(hit, finer)
-    return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
+    return {name: max(changed[name] + tol, estimated.get(name, known)) for name in QUANTITIES}
 
 
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -449,9 +449,9 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
     facts = model.info.geometry
     if facts is None:
         return bars.NO_ERROR, []
-    own = np.diag(weights)
-    energy = own @ np.append(model.k0, model.k)
-    layers = own @ np.asarray(facts["stiffness"])[: len(own)]
+    squares = np.diag(weights)
+    energy = squares @ np.append(model.k0, model.k)
+    layers = squares @ np.asarray(facts["stiffness"])[: len(squares)]
     stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
     heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
     p = model.participation

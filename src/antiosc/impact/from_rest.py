@@ -41,10 +41,10 @@ def peak_deflections(
 
 def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
     modes = [body.modal() for body in bodies]
-    omega = _padded_rows([each.omega for each in modes], 0.0)
-    b = _padded_rows([each.b for each in modes], 0.0)
-    decay = _padded_rows([_decay(each) for each in modes], 0.0)
-    residual = np.array([each.r for each in modes])
+    omega = _padded_rows([body.omega for body in modes], 0.0)
+    b = _padded_rows([body.b for body in modes], 0.0)
+    decay = _padded_rows([_decay(body) for body in modes], 0.0)
+    residual = np.array([body.r for body in modes])
     first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
     periods = duration * first / (2 * np.pi)
     samples = int(np.clip(A_PERIOD * periods, SAMPLES, MOST_SAMPLES))
@@ -66,11 +66,11 @@ def motions(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Motions of bodies from rest: times, modal displacements (S, J), forces, step by step.
 
-    At the times of each force [s] and at `samples` over the duration; the last one is repeated
-    where a body has fewer than another. omega, b, decay : (S, J) of the modes.
+    The times [s] are those of each force and `samples` over the duration; a body with fewer times
+    than another repeats its last one. omega, b, decay : (S, J) of the modes.
     """
     even = np.linspace(0, duration, samples)
-    times = [np.union1d(even, given) for given, _ in forces]
+    times = [np.union1d(even, force_times) for force_times, _ in forces]
     values = [_at(each, force) for each, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)

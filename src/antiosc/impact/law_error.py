@@ -59,7 +59,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     for cause in causes(raw, choice):
         changed = [differences(raw, by_law(law, tol)) for law in cause]
         for name in total:
-            total[name] += max((one[name] for one in changed), default=0.0)
+            total[name] += max((shares[name] for shares in changed), default=0.0)
     return with_floor(total), ""
 
 
@@ -81,11 +81,11 @@ def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
 def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
     """The laws for the smallest and the largest possible curvatures of the surfaces."""
     pair = [body.surface() for body in (raw.model, raw.impactor) if isinstance(body, Body)]
-    surfaces = [one for one in pair if one is not None]
-    if len(surfaces) < 2 or not any(one.error for one in surfaces):
+    surfaces = [surface for surface in pair if surface is not None]
+    if len(surfaces) < 2 or not any(surface.error for surface in surfaces):
         return
     for sign in (-1.0, 1.0):
-        first, second = (_bent(one, sign * one.error) for one in surfaces)
+        first, second = (_bent(surface, sign * surface.error) for surface in surfaces)
         other = choose(first, second).law
         if type(other) is type(law):
             yield other
@@ -111,11 +111,11 @@ def _scaled(law: ContactLaw, share: float) -> list[ContactLaw]:
     factors = 1 - share, 1 + share
     if isinstance(law, ElasticPlastic):
         return [
-            replace(law, modulus=one * law.modulus, yield_strength=one * law.yield_strength)
-            for one in factors
+            replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)
+            for factor in factors
         ]
     if isinstance(law, Hertz | Gonthier):
-        return [replace(law, stiffness=one * law.stiffness) for one in factors]
+        return [replace(law, stiffness=factor * law.stiffness) for factor in factors]
     return []
 
 

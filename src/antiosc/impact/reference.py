@@ -456,8 +456,8 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     if method in IVP_METHODS:
         longest = step or IVP_STEP * assembly.contact_time_estimate
         solver = SceneIVP(method, max(IVP_TOL * tol, LEAST_IVP_TOL), system, laws, longest, driven)
-        found = solver.run(duration, *limits)
-        return Converged(found, longest, 0.0, 0.0, duration)
+        marched = solver.run(duration, *limits)
+        return Converged(marched, longest, 0.0, 0.0, duration)
     if system.first is not None:
         raise InputError(
             f"{method} knows damping of each mode alone, not one that couples them (a "
@@ -465,7 +465,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
         )
     kind = SCENE_STEPS[method]
 
-    def one(h: float) -> Run:
+    def run_with(h: float) -> Run:
         return kind(system, laws, h, driven).run(duration, *limits)
 
     longest = kind.longest(system)
@@ -479,19 +479,19 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
             f"{'take a longer step, or ' if step else ''}use method='exact'."
         )
     if step is not None:
-        return Converged(one(step), step, 0.0, 0.0, duration)
-    return _converged(one, first, longest, settings)
+        return Converged(run_with(step), step, 0.0, 0.0, duration)
+    return _converged(run_with, first, longest, settings)
 
 
 def _converged(
-    one: Callable[[float], Run], step: float, longest: float, settings: Settings
+    run_with: Callable[[float], Run], step: float, longest: float, settings: Settings
 ) -> Converged:
-    """Repeat `one(step)` with smaller and smaller steps until the forces converge.
+    """Repeat `run_with(step)` with smaller and smaller steps until the forces converge.
 
-    A run that diverged does not count in the error of another.
+    A run that diverged is not compared with the next one.
     """
     tol = settings.tol
-    coarse = one(step)
+    coarse = run_with(step)
     control = Refinement(tol)
     certain = 0.0
     for _ in range(MOST_RUNS):
@@ -499,7 +499,7 @@ def _converged(
         if factor * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
             break
         finer = min(step / factor, longest)
-        fine = one(finer)
+        fine = run_with(finer)
         control.halvings = log2(step / finer)
         diverged = coarse.answer == library.GREW
         if fine.answer == library.GREW and not diverged:

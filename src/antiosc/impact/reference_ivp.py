@@ -47,10 +47,10 @@ class JointContacts:
         self.laws = laws
         self.closed = system.closed.tolist()
         self._tangents = system.sides
-        kept = system.contact_states or [None] * len(laws)
+        earlier = system.contact_states or [None] * len(laws)
         self.states: list[State | None] = [
-            one.state if one is not None else law.touch(0.0) if closed else None
-            for law, one, closed in zip(laws, kept, self.closed, strict=True)
+            contact.state if contact is not None else law.touch(0.0) if closed else None
+            for law, contact, closed in zip(laws, earlier, self.closed, strict=True)
         ]
         self.anchor = np.zeros(len(system.beta))
         self.events: list[tuple[float, int, int, float]] = []
@@ -71,9 +71,9 @@ class JointContacts:
 
     def state(self, c: int) -> State:
         """State of the law of a contact that has touched."""
-        found = self.states[c]
-        assert found is not None
-        return found
+        state = self.states[c]
+        assert state is not None
+        return state
 
     def origin(self, c: int) -> float:
         """Indentation [m] at which a contact touches and parts."""
@@ -310,13 +310,13 @@ class SceneMethod(ABC):
             pressed=np.zeros(self.p),
             contact_states=None,
         )
-        found = run(ahead, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0)
-        ends = np.arange(found.time.size // 2 + 1)
-        moved = starts(found, ahead, ends)
-        depth = found.depth + origins
-        piece = Segment(t + found.time, found.force, depth, np.stack(moved, axis=1))
-        if found.answer != library.TOO_MANY_CONTACTS:
-            return piece, found.answer
+        flight = run(ahead, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0)
+        ends = np.arange(flight.time.size // 2 + 1)
+        moved = starts(flight, ahead, ends)
+        depth = flight.depth + origins
+        piece = Segment(t + flight.time, flight.force, depth, np.stack(moved, axis=1))
+        if flight.answer != library.TOO_MANY_CONTACTS:
+            return piece, flight.answer
         if self.contacts.touches >= max_contacts:
             return piece, library.TOO_MANY_CONTACTS
         q, v = piece.states[-1]
@@ -598,12 +598,12 @@ class SceneIVP(SceneMethod):
             found.append(event if wanted else lambda t, y: 1.0)
         return found
 
-    def _apply_events(self, t: float, y: Array, found: list[Array]) -> None:
+    def _apply_events(self, t: float, y: Array, event_times: list[Array]) -> None:
         """Apply the events at t to the states of contacts and friction."""
         free, rate, force = self._contact_state(t, y)
         for c in range(self.p):
-            own = found[3 * c : 3 * c + 3]
-            touch, turn, switch = (each.size > 0 and each[-1] == t for each in own)
+            events = event_times[3 * c : 3 * c + 3]
+            touch, turn, switch = (times.size > 0 and times[-1] == t for times in events)
             z = self._elongation(c, y)
             if touch and self.contacts.closed[c]:
                 self.contacts.part(c, t)

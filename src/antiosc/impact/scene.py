@@ -175,9 +175,9 @@ def integrate(
 
     def again(other: Assembly) -> H:
         """The history of another assembly."""
-        found, own = _integrate(kind, other, duration, settings)
-        checked[id(found.run)] = own
-        return found
+        history, check = _integrate(kind, other, duration, settings)
+        checked[id(history.run)] = check
+        return history
 
     history = stretched(linear, again, settings.tol)
     return history, checked[id(history.run)]
@@ -192,17 +192,17 @@ def _integrate(
     limits = settings.limits
     step = None if step is None else checked_step(step, duration)
     if settings.method == "exact":
-        found, failure = integrate_exact(assembly, duration, tol, step, *limits)
+        converged, failure = integrate_exact(assembly, duration, tol, step, *limits)
     else:
-        found = integrate_reference(assembly, duration, settings)
+        converged = integrate_reference(assembly, duration, settings)
         failure = ""
-    run = found.run
+    run = converged.run
     still_open = open_contacts(run, assembly.system)
-    errors = found.force, found.peak, found.certain
+    errors = converged.force, converged.peak, converged.certain
     ended = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
     check = check_result(assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
-    error = {"force": found.force, "peak": found.peak} if known else {}
+    error = {"force": converged.force, "peak": converged.peak} if known else {}
     apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
     notes = []
     if apart:
@@ -281,8 +281,8 @@ def integrate_exact(
             ]
         )
 
-    found, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
-    return Converged(found, step, 0.0, 0.0, duration), failure
+    marched, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
+    return Converged(marched, step, 0.0, 0.0, duration), failure
 
 
 def check_range(history: History, doubts: Sequence[str] = ()) -> None:
@@ -311,8 +311,9 @@ def range_error(
 def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     """Warn of a body whose anti-oscillators are too few for a contact of the run."""
     assembly = history.assembly
-    for c, (contact, one) in enumerate(zip(scene.contacts, history.contact_histories, strict=True)):
-        for end in (contact.a, contact.b) if one.contacts else ():
+    contact_histories = history.contact_histories
+    for c, contact in enumerate(scene.contacts):
+        for end in (contact.a, contact.b) if contact_histories[c].contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
             body = scene.bodies.get(name)

@@ -166,16 +166,16 @@ class SceneParts(FieldsRepr):
     preload: bool = False
 
     def __post_init__(self) -> None:
-        for each in ("bodies", "motion"):
-            value = getattr(self, each)
-            checks.instance(each, value, Mapping, "a dict with the names of bodies")
-            checks.store(self, **{each: dict(value)})
-        for each, kind in (("contacts", Contact), ("loads", Load)):
-            value = getattr(self, each)
-            checks.instance(each, value, (list, tuple), f"a list of {kind.__name__} objects")
+        for name in ("bodies", "motion"):
+            value = getattr(self, name)
+            checks.instance(name, value, Mapping, "a dict with the names of bodies")
+            checks.store(self, **{name: dict(value)})
+        for name, kind in (("contacts", Contact), ("loads", Load)):
+            value = getattr(self, name)
+            checks.instance(name, value, (list, tuple), f"a list of {kind.__name__} objects")
             for entry in value:
-                checks.instance(each, entry, kind, f"{kind.__name__} objects")
-            checks.store(self, **{each: tuple(value)})
+                checks.instance(name, entry, kind, f"{kind.__name__} objects")
+            checks.store(self, **{name: tuple(value)})
         checks.flag("preload", self.preload)
         for name, body in self.bodies.items():
             if ":" in checks.name("a body's name", name):
@@ -232,11 +232,11 @@ class SceneParts(FieldsRepr):
         if not is_auto(contact.law):
             return contact
         ends = [end.partition(":") for end in (contact.a, contact.b)]
-        one, other = (self.bodies.get(name) for name, _, _ in ends)
-        if one is None or other is None:
+        first, second = (self.bodies.get(name) for name, _, _ in ends)
+        if first is None or second is None:
             return contact  # which is refused when the scene is assembled
         try:
-            return replace(contact, law=chosen(one, other, (ends[0][2], ends[1][2])).law)
+            return replace(contact, law=chosen(first, second, (ends[0][2], ends[1][2])).law)
         except InputError as error:
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 
@@ -277,7 +277,7 @@ def stacked_bodies(bodies: Mapping[str, SceneBody]) -> StackedBodies:
     """Put the modes and columns of all bodies side by side."""
     modes = side_by_side([body.omega.size for body in bodies.values()])
     sites = side_by_side([body.B.shape[1] for body in bodies.values()])
-    spans, columns = (dict(zip(bodies, each, strict=True)) for each in (modes, sites))
+    spans, columns = (dict(zip(bodies, slices, strict=True)) for slices in (modes, sites))
     total = sites[-1].stop
     B = np.zeros((modes[-1].stop, total))
     r = np.zeros((total, total))
@@ -340,8 +340,8 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
         row[columns[0]] = 1.0
         return row
     parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
-    found = known.T @ parts
-    if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):
+    pushed = known.T @ parts
+    if np.linalg.norm(pushed) < PARALLEL or pushed @ direction < PARALLEL * np.linalg.norm(pushed):
         remedy = (
             "which is that of another contact of this body of one coordinate; use a RigidBody"
             if body.directions is None
@@ -553,13 +553,12 @@ def load_series(
                 "base moves the ground, and no body of the scene stands on it: all are free; leave"
                 " base out, or add a support or an Obstacle."
             )
-        given = scene.base.accelerations
-        given = given if given.ndim == 2 else given[:, None]
-        moved = np.stack(
-            [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
-        )
+        accelerations = scene.base.accelerations
+        accelerations = accelerations if accelerations.ndim == 2 else accelerations[:, None]
+        times = scene.base.times
+        moved = np.stack([np.interp(breaks, times, column) for column in accelerations.T], 1)
         for name, body in bodies.items():
-            weights = _unit_loads(body, vector and given.shape[1] == 3)
+            weights = _unit_loads(body, vector and accelerations.shape[1] == 3)
             if weights.size:
                 _check_ground_direction(body, moved)
                 loads[:, stacked.spans[name]] -= moved @ weights.T

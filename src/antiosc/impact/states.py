@@ -30,7 +30,7 @@ MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use few
 
 def record_of(run: Run) -> tuple[library.Record, list[Array]]:
     """A run as the C library reads it, and the arrays to which it refers."""
-    arrays = [np.ascontiguousarray(each) for each in (run.time, run.force, run.events)]
+    arrays = [np.ascontiguousarray(array) for array in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
     counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
     return library.Record(time=time, force=force, events=events, **counts), arrays
@@ -43,13 +43,13 @@ def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void
     Intervals of zero length do not count.
     """
     record, _ = record_of(run)
-    found = np.empty(len(run.events) + 1, library.TOUCH)
+    touches = np.empty(len(run.events) + 1, library.TOUCH)
     goes_on = c_int()
     closed = bool(system.closed[c])
     count = library.library.aom_touches(
-        byref(record), c, closed, library.address(found), byref(goes_on)
+        byref(record), c, closed, library.address(touches), byref(goes_on)
     )
-    return found[:count].copy(), bool(goes_on)
+    return touches[:count].copy(), bool(goes_on)
 
 
 def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
@@ -59,8 +59,9 @@ def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     the end of the run counts up to there. Successive contacts belong to one impact if the flight
     between them is shorter than the impact up to then; the main impact has the largest impulse.
     """
-    found = np.array([(a, b, 0.0, each, 0.0, 0, 0) for a, b, each in contacts], library.TOUCH)
-    return float(library.library.aom_main_impact(found.size, library.address(found)))
+    rows = [(a, b, 0.0, impulse, 0.0, 0, 0) for a, b, impulse in contacts]
+    touches = np.array(rows, library.TOUCH)
+    return float(library.library.aom_main_impact(touches.size, library.address(touches)))
 
 
 def interpolated(t: Array, breaks: Array, values: Array) -> Array:
@@ -126,8 +127,8 @@ def damping_states(
     Decelerations (n, J); displacements (n, J) of the spring of each branch, body by body.
     """
     assert system.first is not None
-    found = integrated_states(run, system, step, since)
-    return system.first.motion(*found)[2], system.first.springs(*found)
+    integrated = integrated_states(run, system, step, since)
+    return system.first.motion(*integrated)[2], system.first.springs(*integrated)
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
@@ -144,12 +145,12 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
-    kept, which = np.unique(step // run.every, return_inverse=True)
+    stored, which = np.unique(step // run.every, return_inverse=True)
     ahead = step % run.every
     most = max(BLOCK // max(run.states.shape[2], 1), 1)
-    for begin in range(0, kept.size, most):
+    for begin in range(0, stored.size, most):
         here = np.flatnonzero((which >= begin) & (which < begin + most))
-        x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
+        x, y = (run.states[stored[begin : begin + most], i] for i in range(2))
         most_ahead = np.zeros(len(x), dtype=np.intp)
         np.maximum.at(most_ahead, which[here] - begin, ahead[here])
         for k in range(int(most_ahead.max()) + 1):
@@ -157,9 +158,9 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
             q[there] = x[which[there] - begin]
             v[there] = y[which[there] - begin]
             on = np.flatnonzero(most_ahead > k)
-            own = kept[begin + on] * run.every + k
-            h = run.time[2 * own + 2] - run.time[2 * own]
-            x[on], y[on] = _advanced(run, system, own, h, x[on], y[on])
+            numbers = stored[begin + on] * run.every + k
+            h = run.time[2 * numbers + 2] - run.time[2 * numbers]
+            x[on], y[on] = _advanced(run, system, numbers, h, x[on], y[on])
     return q, v
 
 
@@ -194,7 +195,7 @@ def _advanced(
     sped = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
     if system.gamma is None:
         return moved, sped
-    x, y, z = (each @ system.gamma for each in bends)
+    x, y, z = (bend @ system.gamma for bend in bends)
     x = x - at[:, size:]
     y = y - slope[:, size:]
     way = x * J0 + y * J1 + z * J2
@@ -259,10 +260,10 @@ def with_flight_nodes(run: Run, system: System) -> Run:
         return run
     length = (h / count)[step]
     since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
-    kept = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
-    time = run.time[kept]
-    force = run.force[kept]
-    depth = run.depth[kept]
+    chosen = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
+    time = run.time[chosen]
+    force = run.force[chosen]
+    depth = run.depth[chosen]
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
     at = step[new // 2]
     within = since[new // 2] + new % 2 * 0.5 * length[new // 2]
@@ -293,8 +294,8 @@ def largest_rotation(
     """
     q = free_steps(run, system)
     turned = [
-        (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
-        for (name, body), own in zip(bodies.items(), parts.values(), strict=True)
+        (name, float(np.linalg.norm(body.rotation(q[:, span]), axis=1).max()))
+        for (name, body), span in zip(bodies.items(), parts.values(), strict=True)
         if may_rotate(body)
     ]
     return max(turned, key=lambda pair: pair[1], default=("", 0.0))

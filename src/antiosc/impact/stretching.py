@@ -43,21 +43,22 @@ DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
 def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
-    """The assembly with rows for the modes of these second-order forces."""
+    """The assembly with a row for each mode of these second-order forces."""
     system = a.system
-    count = sum(one.size for one in taken.values())
+    count = sum(forces.size for forces in taken.values())
     rows = np.zeros((count, system.omega.size))
     quadratic = np.zeros((count,) * 3)
     cubic = np.zeros((count,) * 4)
     begin = 0
-    for name, one in taken.items():
-        part = np.arange(begin, begin + one.size)
-        own = a.spans[name]
-        scale = float(np.abs(system.beta[: len(a.laws), own] @ one.modes).max(initial=0.0)) or 1.0
-        rows[part, own] = scale * one.modes.T
-        quadratic[np.ix_(part, part, part)] = one.quadratic / scale**3
-        cubic[np.ix_(part, part, part, part)] = one.cubic / scale**4
-        begin += one.size
+    for name, forces in taken.items():
+        part = np.arange(begin, begin + forces.size)
+        span = a.spans[name]
+        moved = system.beta[: len(a.laws), span] @ forces.modes
+        scale = float(np.abs(moved).max(initial=0.0)) or 1.0
+        rows[part, span] = scale * forces.modes.T
+        quadratic[np.ix_(part, part, part)] = forces.quadratic / scale**3
+        cubic[np.ix_(part, part, part, part)] = forces.cubic / scale**4
+        begin += forces.size
     G = np.pad(a.G, ((0, count), (0, 0)))
     return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(taken))
 
@@ -69,8 +70,8 @@ class Motion:
     Attributes
     ----------
     forces : its second-order forces.
-    turn : (m, m) its modes, those that it moves most in front, by columns.
-    change : largest displacement of a site that the forces cause statically, over its largest.
+    turn : (m, m) columns: combinations of its modes, in descending order of their amplitude.
+    change : largest static displacement of a site by the forces, over its largest displacement.
     """
 
     forces: Stretch
@@ -78,9 +79,10 @@ class Motion:
     change: float
 
     def first(self, count: int) -> Stretch:
-        """The forces in the first `count` modes; the user's number takes precedence."""
-        given = self.forces.count
-        return self.forces.turned(self.turn[:, : count if given == "auto" else given])
+        """The forces in the first `count` modes, or in as many as the user has set."""
+        if self.forces.count != "auto":
+            count = self.forces.count
+        return self.forces.turned(self.turn[:, :count])
 
 
 def motion_of(history: History, name: str) -> Motion | None:
@@ -90,10 +92,10 @@ def motion_of(history: History, name: str) -> Motion | None:
     forces = stretch_of(body.body)
     if forces is None:
         return None
-    own = a.spans[name]
+    span = a.spans[name]
     columns = a.columns[name]
-    sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
-    q = sampled_motion(history, body.omega)[:, own]
+    sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
+    q = sampled_motion(history, body.omega)[:, span]
     amplitude = q @ forces.modes
     _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
@@ -117,20 +119,20 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
     again : integrates another assembly.
     """
     a = linear.assembly
-    found = {name: motion_of(linear, name) for name in a.bodies}
-    moves = {name: one for name, one in found.items() if one is not None}
-    fixed = not any(one.forces.count == "auto" for one in moves.values())
-    if not fixed and max(one.change for one in moves.values()) <= NEGLIGIBLE:
+    motions = {name: motion_of(linear, name) for name in a.bodies}
+    moves = {name: motion for name, motion in motions.items() if motion is not None}
+    fixed = not any(motion.forces.count == "auto" for motion in moves.values())
+    if not fixed and max(motion.change for motion in moves.values()) <= NEGLIGIBLE:
         return linear
     for name in moves:
         check_body(a.bodies[name])
     aim = max(tol, LEAST_TOL)
     before = None
     changes: list[dict[str, float]] = []
-    most = min(max(one.forces.size for one in moves.values()), MOST)
+    most = min(max(motion.forces.size for motion in moves.values()), MOST)
     count = min(FIRST, most)
     while True:
-        taken = {name: one.first(count) for name, one in moves.items()}
+        taken = {name: motion.first(count) for name, motion in moves.items()}
         now = again(with_rows(a, taken))
         if fixed:
             return now
@@ -148,20 +150,21 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:
-    """The largest of each change; () if there are none."""
+    """The largest change of each name; {} without changes."""
     names = changes[0] if changes else {}
-    return {name: max(each[name] for each in changes) for name in names}
+    return {name: max(change[name] for change in changes) for name in names}
 
 
 def differences(one: History, other: History) -> dict[str, float]:
     """Relative changes of the three quantities between two runs, for the largest contact."""
-    found = dict.fromkeys(bars.QUANTITIES, 0.0)
+    worst = dict.fromkeys(bars.QUANTITIES, 0.0)
     for a, b in zip(one.contact_histories, other.contact_histories, strict=True):
-        changes = bars.differences(a, b) if b.contacts else found
-        found = {name: max(found[name], changes[name]) for name in found}
+        if b.contacts:
+            changes = bars.differences(a, b)
+            worst = {name: max(value, changes[name]) for name, value in worst.items()}
     moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
-    return {**found, "deflection": max(apart, default=0.0)}
+    return {**worst, "deflection": max(apart, default=0.0)}
 
 
 def _not_enough(count: int, worst: float) -> str:

@@ -122,14 +122,15 @@ def _block_gauss(m0: Array, lam: Array, P: Array) -> tuple[Array, Array]:
         size = np.linalg.norm(block)
         for _ in range(2):
             block = block - basis @ (basis.T @ block)
-        found, sizes, _ = np.linalg.svd(block, full_matrices=False)
-        new = found[:, sizes > DEFLATED * size]
+        left_vectors, sizes, _ = np.linalg.svd(block, full_matrices=False)
+        new = left_vectors[:, sizes > DEFLATED * size]
         if not new.size or basis.shape[1] + new.shape[1] > lam.size:
             break
         basis = np.column_stack((basis, new))
         block = nodes[:, None] * new
-    found, turn = np.linalg.eigh(basis.T * nodes @ basis)
-    return lam[0] * np.maximum(found, SMALL_GAUSS_SHARE * found[-1]), start.T @ basis @ turn
+    eigenvalues, turn = np.linalg.eigh(basis.T * nodes @ basis)
+    eigenvalues = np.maximum(eigenvalues, SMALL_GAUSS_SHARE * eigenvalues[-1])
+    return lam[0] * eigenvalues, start.T @ basis @ turn
 
 
 _blocks: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
@@ -140,9 +141,9 @@ def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
     known = _rules.get(model)
     if known is None:
         known = _rules[model] = _rule(model)
-    lam, own = known
+    lam, log_weights = known
     logs = np.log(lam + s[:, None] ** -2.0)
-    terms = 2 * logs.sum(axis=1, keepdims=True) - logs - own
+    terms = 2 * logs.sum(axis=1, keepdims=True) - logs - log_weights
     largest = terms.real.max(axis=1, keepdims=True)
     return np.asarray(np.exp(-largest[:, 0]) / np.exp(terms - largest).sum(axis=1))
 
@@ -362,14 +363,14 @@ def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
     logs = -np.log(np.maximum(abs(apart), np.finfo(float).tiny)).sum(axis=1) - 0.5 * np.log(m)
     last = np.sign(apart).prod(axis=1) * np.exp(logs - logs.max())
     basis = np.linalg.qr(last[:, None], mode="complete")[0][:, 1:]
-    found, turn = np.linalg.eigh(basis.T * lam @ basis)
-    found = np.clip(
-        found, np.append(SMALL_GAUSS_SHARE * lam[-1], lam[:1:-1]), lam[:0:-1]
+    eigenvalues, turn = np.linalg.eigh(basis.T * lam @ basis)
+    eigenvalues = np.clip(
+        eigenvalues, np.append(SMALL_GAUSS_SHARE * lam[-1], lam[:1:-1]), lam[:0:-1]
     )  # they interlace
     vectors = (basis @ turn).T[::-1]
     shares = vectors @ np.sqrt(m)
     psi = shares[:, None] * vectors / np.sqrt(m)
-    return shares**2, omega[0] / np.sqrt(found[::-1]), psi
+    return shares**2, omega[0] / np.sqrt(eigenvalues[::-1]), psi
 
 
 def _check(model: AntiOscillators, run: Run) -> None:

@@ -51,8 +51,11 @@ class Pair:
 
     Attributes
     ----------
-    given, checked, modes : the structure and the impactor, as given and as they are read.
-    start : (J,) velocities of the modes of each; `pull` the forces of gravity, None without.
+    given : the structure and the impactor, as the caller passed them.
+    checked : their site, velocity and modes, read and checked.
+    modes : their free modes.
+    start : (J,) modal velocities of each at the start.
+    pull : modal forces of gravity on each; None without gravity.
     local : half-space compliance [m/N] of the patches.
     """
 
@@ -75,22 +78,22 @@ class Pair:
         mobility = self.modes[0].mobility + self.modes[1].mobility
         return 1 / mobility if mobility > 0 else 1.0
 
-    def gap(self, given: float | None) -> float:
-        """Distance [m] at the start; None: that of the obstacle."""
-        if given is None:
+    def gap(self, gap: float | None) -> float:
+        """Distance [m] at the start, checked; None: that of the obstacle."""
+        if gap is None:
             return self.checked[1].gap
-        return checks.nonnegative("gap", given, "m")
+        return checks.nonnegative("gap", gap, "m")
 
     def posed(self, law: ContactLaw, gap: float) -> System:
-        """The system of both with a contact."""
-        one, other = self.modes
+        """The system of both bodies with one contact."""
+        structure, striker = self.modes
         bodies = [
             BodyModes(body.omega, body.decay, body.closing, start, None, pull)
             for body, start, pull in zip(self.modes, self.start, self.pull, strict=True)
         ]
-        coupled = one.damping is not None or other.damping is not None
+        coupled = structure.damping is not None or striker.damping is not None
         first = stacked_first_order(self.bodies) if coupled else None
-        return posed(bodies, [law], np.array([[one.r + other.r]]), gap, first=first)
+        return posed(bodies, [law], np.array([[structure.r + striker.r]]), gap, first=first)
 
 
 def check_span(system: System, duration: float) -> None:
@@ -146,26 +149,27 @@ class Impact(NamedTuple):
 def modal_pair(impact: Impact) -> Pair:
     """Two bodies in their modes, with start velocities and gravity."""
     model, impactor, _, _, initial, gravity, _ = impact
-    one = checked_body("model", model)
-    other = checked_body("impactor", impactor)
-    if one.velocity != 0.0:
+    checked_model = checked_body("model", model)
+    checked_impactor = checked_body("impactor", impactor)
+    if checked_model.velocity != 0.0:
         raise InputError(
-            f"the model has a velocity of {one.velocity:g} m/s, which only the impactor may have: "
-            "the order is simulate(model, impactor, …), and initial_velocity= moves the model."
+            f"the model has a velocity of {checked_model.velocity:g} m/s, which only the impactor"
+            " may have: the order is simulate(model, impactor, …), and initial_velocity= moves the"
+            " model."
         )
-    structure = one.modal()
-    striker = other.modal()
+    structure = checked_model.modal()
+    striker = checked_impactor.modal()
     if not isinstance(initial, Motion):
         initial = -checks.number("initial_velocity", initial, "m/s")
     start = structure.rigid_motion(initial)
-    strike = striker.rigid_motion(other.velocity)
+    strike = striker.rigid_motion(checked_impactor.velocity)
     return Pair(
         given=(model, impactor),
-        checked=(one, other),
+        checked=(checked_model, checked_impactor),
         modes=(structure, striker),
-        start=(start, strike if isinstance(other.velocity, Motion) else -strike),
+        start=(start, strike if isinstance(checked_impactor.velocity, Motion) else -strike),
         pull=_gravity_loads(structure, striker, gravity),
-        local=one.local_compliance + other.local_compliance,
+        local=checked_model.local_compliance + checked_impactor.local_compliance,
     )
 
 
@@ -186,8 +190,8 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     check_span(system, duration)
     contact_time = system.expect_contact(pair.mass, duration)
     parts = partial(_parts, contact, gap, gravity, pair)
-    one, other = pair.modes
-    turns = may_rotate(one) or may_rotate(other)
+    structure, striker = pair.modes
+    turns = may_rotate(structure) or may_rotate(striker)
     thin = is_thin(model) or is_thin(impactor)
     return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin, stretches)
 
@@ -283,7 +287,7 @@ _NODES = 200_000
 
 
 def _has_coupled_damping(body: LinearBody) -> bool:
-    """Whether damping couples the modes of a body; False for what is none."""
+    """Whether damping couples the modes of a body; False for an object that is no body."""
     if type(body) in (RigidMass, Sphere) or not callable(getattr(body, "modal", None)):
         return False
     try:
@@ -293,7 +297,7 @@ def _has_coupled_damping(body: LinearBody) -> bool:
 
 
 def _copies(structure: object, kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
-    """A C structure so many times."""
+    """`count` copies of a C structure as one array."""
     return np.repeat(np.frombuffer(cast("bytes", structure), kind), count)
 
 
@@ -312,9 +316,9 @@ class ImpactRows:
     ) -> None:
         self.pair = modal_pair(impacts[0])
         count = len(impacts)
-        self.laws = _laws_without_patch([each.contact for each in impacts], self.pair.local)
-        gaps = np.array([self.pair.gap(each.gap) for each in impacts])
-        durations = [checks.positive("duration", each.duration, "s") for each in impacts]
+        self.laws = _laws_without_patch([impact.contact for impact in impacts], self.pair.local)
+        gaps = np.array([self.pair.gap(impact.gap) for impact in impacts])
+        durations = [checks.positive("duration", impact.duration, "s") for impact in impacts]
         system = self.pair.posed(self.laws[0], gaps[0])
         check_span(system, max(durations))
         contacts = _copies(system.packed.contacts, CONTACT, count)
@@ -324,29 +328,31 @@ class ImpactRows:
             for name in ("kind", "n_params", "params"):
                 contacts["law"][name] = [getattr(kernel, name) for kernel in kernels]
         rows = {"offsets": gaps, "contacts": contacts}
-        if any(each.impactor is not impacts[0].impactor for each in impacts):
+        if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
         turning = _rotation_rows(self.pair)
         options = library.Options(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
         turns = len(turning), library.address(turning) if len(turning) else None
-        one = library.Impact(system.packed.system, options, *turns)
-        self.given = _copies(one, IMPACT, count)
-        self.given["options"]["duration"] = durations
-        bodies = self.given["system"]
+        example = library.Impact(system.packed.system, options, *turns)
+        self.rows = _copies(example, IMPACT, count)
+        self.rows["options"]["duration"] = durations
+        bodies = self.rows["system"]
         number = np.arange(count)
         for name, values in rows.items():
             bodies[name] = library.address(values) + values.strides[0] * number
         self._held = system, turning, rows
 
     def _strikers(self, impacts: Sequence[Impact], system: System) -> tuple[Array, Array, Array]:
-        """Of each rigid impactor (`Impact.group`) the displacements and velocities (S, J) of the
-        modes, and the inertia (S,) [kg] behind its contact."""
+        """Modal displacements and velocities (S, J) by each of S rigid impactors, and inertia (S,).
+
+        The inertia [kg] is that behind the contact.
+        """
         count = len(impacts)
-        strikers = [cast("RigidMass", each.impactor) for each in impacts]
+        strikers = [cast("RigidMass", striker.impactor) for striker in impacts]
         beta, v = (np.repeat(row.reshape(1, -1), count, axis=0) for row in (system.beta, system.v))
-        b = 1 / np.sqrt(np.array([each.mass for each in strikers]))
+        b = 1 / np.sqrt(np.array([striker.mass for striker in strikers]))
         beta[:, -1] = -b
-        v[:, -1] = -(np.array([each.velocity for each in strikers]) * b / (b * b))
+        v[:, -1] = -(np.array([striker.velocity for striker in strikers]) * b / (b * b))
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solved(
@@ -354,18 +360,18 @@ class ImpactRows:
     ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each.
 
-        `done` is told how many are solved, now and then.
+        `done` is called with the number of solved impacts, now and then.
         """
-        given = self.given
+        rows = self.rows
         size = self._held[0].omega.size
         space = _workspace(size)
-        outcomes = np.zeros(len(given), OUTCOME)
+        outcomes = np.zeros(len(rows), OUTCOME)
         count = c_int64()
         pulses: list[tuple[Array, Array]] = []
         arguments = (
             space.batch,
-            len(given),
-            library.address(given),
+            len(rows),
+            library.address(rows),
             library.address(outcomes),
             byref(space.nodes),
             max(_WORK_PER_CALL // (size + 20), 16),
@@ -382,13 +388,13 @@ class ImpactRows:
 
 def _laws_without_patch(contacts: Iterable[ContactLaw], local: float) -> list[Compiled]:
     """The laws as the march takes them."""
-    found: dict[int, ContactLaw] = {}
+    by_contact: dict[int, ContactLaw] = {}
     laws = []
     for contact in contacts:
-        if id(contact) not in found:
+        if id(contact) not in by_contact:
             checks.instance("contact", contact, ContactLaw, LAW)
-            found[id(contact)] = without_patch(contact, local, "structure", "impactor")[0]
-        laws.append(found[id(contact)])
+            by_contact[id(contact)] = without_patch(contact, local, "structure", "impactor")[0]
+        laws.append(by_contact[id(contact)])
     return cast("list[Compiled]", laws)
 
 
@@ -398,10 +404,10 @@ def _rotation_rows(pair: Pair) -> Array:
     if not any(map(may_rotate, pair.modes)):
         return np.array(turning)
     spans = side_by_side([body.omega.size for body in pair.modes])
-    for body, own in zip(pair.bodies, spans, strict=True):
+    for body, span in zip(pair.bodies, spans, strict=True):
         if may_rotate(body):
             rows = np.zeros((3, spans[-1].stop))
-            rows[:, own] = body.rotation(np.eye(body.omega.size)).T
+            rows[:, span] = body.rotation(np.eye(body.omega.size)).T
             turning.append(rows)
     return np.array(turning)
 
@@ -435,7 +441,7 @@ class _Workspace:
 
     def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:
         """Copy the nodes of all impacts and empty the buffers."""
-        time, force = (each[: self.nodes.n_nodes].copy() for each in (self.time, self.force))
+        time, force = (array[: self.nodes.n_nodes].copy() for array in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()
         begins = [0, *ends[:-1]]
@@ -449,11 +455,11 @@ def _workspace(size: int) -> _Workspace:
     """Take an idle workspace that is large enough, or create one; no other thread has it."""
     while _idle_workspaces:
         try:
-            found = _idle_workspaces.pop()
+            workspace = _idle_workspaces.pop()
         except IndexError:  # another thread took it
             break
-        if found.reset(size):
-            return found
-    found = _Workspace(size)
-    found.reset(size)
-    return found
+        if workspace.reset(size):
+            return workspace
+    workspace = _Workspace(size)
+    workspace.reset(size)
+    return workspace

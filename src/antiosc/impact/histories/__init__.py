@@ -76,24 +76,24 @@ class History(RunHistory, Results):
         Article eq. (8), without the sag of a held body under its own weight. `body`: of a model
         with shapes.
         """
-        found = modes_of(self, body).field(self.coordinates(t, body))
+        displacements = modes_of(self, body).field(self.coordinates(t, body))
         forces = stretch_in(self, body)
         if forces is None:
-            return found
+            return displacements
         shapes = stretch_shapes(self, body)
         if shapes is None:
             raise InputError(no_field_message(self.of(body)[0]))
         q = np.atleast_2d(self.at(np.atleast_1d(t))[self.name_of(body)].q)
         more = forces.pairs(q @ forces.modes) @ shapes.T
-        return found + (more if np.ndim(t) else more[0])
+        return displacements + (more if np.ndim(t) else more[0])
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        own = (getattr(self, field.name) for field in fields(History))
-        return plot_history(History(*own) if self.named else self, path)  # with nodes in flights
+        values = (getattr(self, field.name) for field in fields(History))
+        return plot_history(History(*values) if self.named else self, path)  # with nodes in flights
 
     def columns(self) -> dict[str, Array]:
         """The table of the history: name with unit -> values (n,) at `time`."""
@@ -124,9 +124,9 @@ class History(RunHistory, Results):
             for contact_history in self.contact_histories
         }
         (alone,) = contacts.values() if len(contacts) == 1 else ({},)
-        found = {"restitution": self.restitution, "step": float(self.step)} if alone else {}
+        of_run = {"restitution": self.restitution, "step": float(self.step)} if alone else {}
         return {
-            **({"contacts": contacts} if self.named else {**alone, **found}),
+            **({"contacts": contacts} if self.named else {**alone, **of_run}),
             "energy_drift": float(self.energy.drift),
             "error": {name: float(value) for name, value in self.error.items()},
             "error_covers": error_scope(self),
@@ -157,10 +157,10 @@ class History(RunHistory, Results):
     def verdict(self) -> str:
         """Whether contacts yield, and the permanent indentations, in words."""
         contacts = self.contact_histories
-        told = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
+        sentences = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
         if not self.named:
-            return told[0][1]
-        return " ".join(f"{label}: {text}" for label, text in told if text)
+            return sentences[0][1]
+        return " ".join(f"{label}: {text}" for label, text in sentences if text)
 
     def summary(self) -> str:
         """The numbers of the impact, or of every contact of a scene, as a short table."""
@@ -193,16 +193,16 @@ class History(RunHistory, Results):
             )
         lines += [f"site {name:<19} {point}" for name, point in places.items()]
         lines.append(f"energy drift {self.energy.drift:.1e}; force error {error_text(self)}")
-        told = [*filter(None, [self.verdict]), *lines, *self.stretch_texts]
-        return "\n".join([*told, self.explanation, *self.details])
+        lines_of_text = [*filter(None, [self.verdict]), *lines, *self.stretch_texts]
+        return "\n".join([*lines_of_text, self.explanation, *self.details])
 
     @property
     def stretch_texts(self) -> list[str]:
         """Sentences on bodies that stretch, with the number of their modes."""
         forces = self.assembly.stretched
         return [
-            f"{name!r} stretches: second-order forces of {one.modes.shape[1]} motions"
-            for name, one in forces.items()
+            f"{name!r} stretches: second-order forces of {stretch.modes.shape[1]} motions"
+            for name, stretch in forces.items()
         ]
 
     @property
@@ -215,7 +215,7 @@ class History(RunHistory, Results):
 
     def _facts(self) -> list[tuple[str, str]]:
         contacts = self.contact_histories
-        largest = max(contacts, key=lambda one: one.peak_force)
+        largest = max(contacts, key=lambda contact: contact.peak_force)
         length = engineering(self.time[-1], "s")
         return [
             ("bodies", ", ".join(self.assembly.bodies)),
@@ -238,7 +238,7 @@ class SceneHistory(History):
 
 
 def told(history: H, sentence: str) -> H:
-    """Warn of a sentence and append it to the history's message; nothing for ""."""
+    """Warn with a sentence and append it to the history's message; "" changes nothing."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)
@@ -247,8 +247,8 @@ def told(history: H, sentence: str) -> H:
 
 def with_model(hit: History, model: object) -> History:
     """The same history with another record of the structure's model."""
-    own = hit._ends[0]
-    bodies = {**hit.assembly.bodies, own.name: replace(own, body=model)}
+    structure = hit._ends[0]
+    bodies = {**hit.assembly.bodies, structure.name: replace(structure, body=model)}
     return replace(
         hit, assembly=replace(hit.assembly, parts=given_parts(hit.assembly.scene, bodies))
     )
@@ -288,7 +288,7 @@ def error_text(history: History) -> str:
     budget = vars(history).get("error_budget")
     if budget:
         return budget.causes_text("peak_force")
-    strongest = max(history.contact_histories, key=lambda one: one.peak_force)
+    strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     known = percent(history.error["force"]) if "force" in history.error else "not estimated"
     numerical = f"numerical {known} ({error_scope(history)})"
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))

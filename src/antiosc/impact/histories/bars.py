@@ -109,11 +109,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return len(self.bars)
 
     def of_corrected(self, hit: object) -> ErrorBudget:
-        """Error bars of `hit` on the corrected model, with a safety factor of 2 or more on the raw
-        one.
+        """Error bars of `hit` on the corrected model, from those of the raw model.
 
-        With the difference d of both, an error of the raw model of at most S d is one of at most
-        (S - 1) d of the corrected one: it is nearer by d, or beyond the truth by less than d.
+        With d the difference of both models and S >= 2 the safety factor, the error of the raw
+        model is at most S d. The corrected model lies d nearer to the truth, or beyond it by less
+        than d: its error is at most (S - 1) d.
         """
         nearer = 1 - 1 / self.safety
         bars = {

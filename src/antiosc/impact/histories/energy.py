@@ -154,10 +154,10 @@ def impulses(time: Array, force: Array) -> Array:
     f1 = force[1:-1:2]
     f2 = force[2::2]
     span = np.diff(time)[:, None]
-    found = np.empty((time.size - 1, force.shape[1]))
-    found[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
-    found[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
-    return found
+    integrals = np.empty((time.size - 1, force.shape[1]))
+    integrals[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
+    integrals[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
+    return integrals
 
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
@@ -185,8 +185,8 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
             work[between] = _work(a, part, q, v)
         if a.system.first is not None:
             pushed = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
-            held = np.diff(kinetic[nodes] + modal[nodes])
-            braked[between] = work[between] - pushed - held
+            stored_change = np.diff(kinetic[nodes] + modal[nodes])
+            braked[between] = work[between] - pushed - stored_change
         elif a.system.damped:
             braked[between] = _damping_losses(a, part, q, v)
     acting = a.pushes(run.time)
@@ -218,7 +218,7 @@ def energy_gain(a: Assembly, run: Run) -> float:
         return 0.0
     if system.damped or (a.scene.loads and a.r.any()):
         energy = energy_balance(a, run)
-        held = energy.kinetic + energy.strain + energy.contact
+        present = energy.kinetic + energy.strain + energy.contact
         total = energy.total
     else:  # nothing between the ends of the steps is needed
         force = run.force[::2]
@@ -231,15 +231,15 @@ def energy_gain(a: Assembly, run: Run) -> float:
             here += system.stretch_energy(q)
             if system.loads.any():
                 work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, here)
-        held = mechanical.copy()
+        present = mechanical.copy()
         if system.R.any():
-            held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
+            present += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
         stored, lost = contact_energies(a, run)
-        held += stored[::2]
-        total = held + lost[::2]
+        present += stored[::2]
+        total = present + lost[::2]
         if system.loads.any():
             total[1:] -= np.cumsum(work)
-    highest = float(held.max())
+    highest = float(present.max())
     if highest > 0:
         return float(total.max() - total[0]) / highest
     return 0.0
@@ -293,8 +293,8 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     x = np.where(system.omega > 0, system.omega, 1.0) ** 2
     moved = np.diff(q, axis=0)
     sped = np.diff(v, axis=0)
-    given = step * (start + step * (slope / 2 + step * bend / 6))
-    area = (given - sped - 2 * system.decay * moved) / x
+    impulse = step * (start + step * (slope / 2 + step * bend / 6))
+    area = (impulse - sped - 2 * system.decay * moved) / x
     first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
     first = (first - step * v[1:] + moved - 2 * system.decay * (step * q[1:] - area)) / x
     energy = 0.5 * (v**2 + (system.omega * q) ** 2)
@@ -318,10 +318,10 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     load = a.load(time)
     if system.first is not None:
         return np.asarray(np.diff(path_work(load, q), axis=0).sum(axis=1))
-    given = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta
+    impulse = span * 0.5 * (load[1:] + load[:-1]) - impulses(time, force) @ system.beta
     change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
     elastic = system.omega > 0
-    area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
+    area = (impulse - change) / np.where(elastic, system.omega, 1.0) ** 2
     slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
     work = np.diff(load * q, axis=0) - slope * area
     return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))

@@ -36,12 +36,12 @@ def modes_of(history: AnyHistory, body: str) -> ModalBody | SiteModes:
     """The free modes of a body with its shapes; InputError for a body without shapes."""
     if isinstance(history, BodyHistory):
         model = history.placed.body
-        own = history.placed.modes
+        modes = history.placed.modes
     else:
-        model, own = history.of(body)
-    if own.basis is None:
+        model, modes = history.of(body)
+    if modes.basis is None:
         raise InputError(no_field_message(model))
-    return own
+    return modes
 
 
 def times_of(history: AnyHistory, times: ArrayLike | None) -> Array:
@@ -74,29 +74,30 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     """Second-order displacements (n_dofs, P) of pairs of the modes in which a body stretches."""
     forces = stretch_in(history, body)
     of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
-    given = stretch_of(of_body)
-    if forces is None or given is None:
+    stretch = stretch_of(of_body)
+    if forces is None or stretch is None:
         return None
-    return given.shapes_in(forces.modes)
+    return stretch.shapes_in(forces.modes)
 
 
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
     """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
 
-    Of a body that stretches those of the pairs of its modes follow, (n, B + m (m + 1)/2).
+    For a body with second-order forces, the factors of the pairs of its modes follow: the shape is
+    (n, B + m (m + 1)/2).
 
-    Velocities and accelerations are those of the modes: what a residual compliance adds to the
-    displacement has no inertia, and follows the force.
+    Velocities and accelerations are those of the modes. The part of the displacement by a residual
+    compliance has no inertia: it follows the force.
     """
-    own = modes_of(history, body)
-    one = _motion_at(history, times, body)
-    q = (one.q, one.v, one.a)[derivative]
-    found = _factors(own, q, np.zeros_like(one.forces) if derivative else one.forces)
+    modes = modes_of(history, body)
+    motion = _motion_at(history, times, body)
+    q = (motion.q, motion.v, motion.a)[derivative]
+    linear = _factors(modes, q, np.zeros_like(motion.forces) if derivative else motion.forces)
     forces = stretch_in(history, body)
     if forces is None:
-        return found
-    a, v, w = (each @ forces.modes for each in (one.q, one.v, one.a))
-    return np.hstack([found, forces.pair_motion(a, v, w, derivative)])
+        return linear
+    a, v, w = (values @ forces.modes for values in (motion.q, motion.v, motion.a))
+    return np.hstack([linear, forces.pair_motion(a, v, w, derivative)])
 
 
 def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
@@ -108,33 +109,33 @@ def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
 
 def stretch_factors(history: AnyHistory, body: str) -> Array:
     """Factors (m, B) of the body's shapes for the modes with second-order forces."""
-    own = modes_of(history, body)
+    modes = modes_of(history, body)
     forces = stretch_in(history, body)
     assert forces is not None
-    return _factors(own, forces.modes.T, np.zeros((forces.size, own.B.shape[1])))
+    return _factors(modes, forces.modes.T, np.zeros((forces.size, modes.B.shape[1])))
 
 
 def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Array]:
     """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
-    own = modes_of(history, body)
-    one = _motion_at(history, times, body)
-    none = np.zeros_like(one.forces)
-    return [_factors(own, each, none) for each in one.springs]
+    modes = modes_of(history, body)
+    motion = _motion_at(history, times, body)
+    none = np.zeros_like(motion.forces)
+    return [_factors(modes, q, none) for q in motion.springs]
 
 
-def unit_energy_factors(own: ModalBody | SiteModes) -> tuple[Array, int]:
+def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:
     """Factors (2, B) that scale the shapes of each elastic mode to q'Kq = 1, and to q'Mq = 1.
 
     The second result is the number of elastic modes.
     """
-    elastic = own.omega > 0
-    q = np.vstack([np.where(elastic, 1 / np.where(elastic, own.omega, 1.0), 0.0), elastic])
-    return _factors(own, q, np.zeros((2, own.B.shape[1]))), int(elastic.sum())
+    elastic = modes.omega > 0
+    q = np.vstack([np.where(elastic, 1 / np.where(elastic, modes.omega, 1.0), 0.0), elastic])
+    return _factors(modes, q, np.zeros((2, modes.B.shape[1]))), int(elastic.sum())
 
 
-def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
+def _factors(modes: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
     """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
-    return own.amplitudes(own.coordinates(q, forces))
+    return modes.amplitudes(modes.coordinates(q, forces))
 
 
 def modal_amplitudes(
@@ -142,19 +143,19 @@ def modal_amplitudes(
 ) -> tuple[Array, Array, Array]:
     """Frequencies (J,) of a body's modes, their factors (J, B) and largest amplitudes (J,).
 
-    Amplitudes of the oscillations at `times`, or of their derivatives, without what follows the
-    forces slowly; 0 of rigid-body modes.
+    The amplitudes are those of the oscillations at `times`, or of their derivatives, without the
+    quasi-static response to the forces; those of rigid-body modes are 0.
     """
-    own = modes_of(history, body)
-    omega = own.omega
-    swing = np.zeros(own.omega.size)
-    sizes = np.zeros(own.omega.size)
+    modes = modes_of(history, body)
+    omega = modes.omega
+    swing = np.zeros(modes.omega.size)
+    sizes = np.zeros(modes.omega.size)
     for some in np.array_split(times, -(-len(times) // AT_ONCE)):
-        one = _motion_at(history, some, body)
+        motion = _motion_at(history, some, body)
         # of the oscillation x: x' = v and x'' = a
-        swing = np.maximum(swing, np.hypot(omega * one.v, one.a).max(axis=0))
+        swing = np.maximum(swing, np.hypot(omega * motion.v, motion.a).max(axis=0))
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
-    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, own.B.shape[1])))
+    shapes = _factors(modes, np.eye(omega.size), np.zeros((omega.size, modes.B.shape[1])))
     return omega, shapes, sizes
 
 

@@ -126,11 +126,11 @@ def deflection(history: RunHistory, name: str, closely: bool = True) -> float:
     """
     a = history.assembly
     omega = history.assembly.bodies[name].omega
-    own = a.spans[name]
+    span = a.spans[name]
     columns = a.columns[name]
-    sites = a.B[own, columns] @ a.G[: len(a.laws), columns].T
+    sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, omega) if closely else free_steps(history.run, a.system)
-    return float(np.abs(q[:, own] @ (sites * (omega > 0)[:, None])).max(initial=0.0))
+    return float(np.abs(q[:, span] @ (sites * (omega > 0)[:, None])).max(initial=0.0))
 
 
 #: Change of the force by second-order strain from which a curved sheet is told: of a peak force,
@@ -156,16 +156,16 @@ def _beyond_linear_of_curved(
 
 def _worst_change(name: str, body: SceneBody, history: RunHistory) -> tuple[float, float]:
     """Largest relative change of the force on a curved sheet, and the deflection [m]."""
-    changes = info_of(body.body).second_order or {}
-    if not changes:
+    shares = info_of(body.body).second_order or {}
+    if not shares:
         return 0.0, 0.0
     motion = sampled_motion(history, body.omega)[:, history.assembly.spans[name]]
-    found = []
-    for site, share in changes.items():
+    changes = []
+    for site, share in shares.items():
         u = motion @ body.B[:, body.columns_of(site)[0]]
         k = int(np.argmax(np.abs(u)))
-        found.append((share * float(u[k]), abs(float(u[k]))))
-    return max(found, key=lambda one: abs(one[0]))
+        changes.append((share * float(u[k]), abs(float(u[k]))))
+    return max(changes, key=lambda change: abs(change[0]))
 
 
 def sampled_motion(history: RunHistory, omega: Array) -> Array:

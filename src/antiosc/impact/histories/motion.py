@@ -81,7 +81,7 @@ class RunHistory(OneContact):
 
     @property
     def details(self) -> list[str]:
-        """Changes of contact laws: compliances that the bodies contain already."""
+        """Sentences on changed contact laws: compliances that the bodies contain already."""
         return list(self.assembly.notes)
 
     # -- of one contact: force and numbers are those of `OneContact`
@@ -90,8 +90,8 @@ class RunHistory(OneContact):
     def displacement(self) -> Array:
         """Displacement u of the structure's site [m], (n,), along the contact.
 
-        Of a structure that supports hold it is that from its equilibrium under gravity: the sag
-        under its own weight is not in it.
+        For a supported structure it is measured from its equilibrium under gravity: the static sag
+        under its own weight is not included.
         """
         return self._sites[0]
 
@@ -115,10 +115,10 @@ class RunHistory(OneContact):
         """Step during contact [s]: the given one, or the mean."""
         if self.given is not None:
             return self.given
-        found = self._numbers
+        numbers = self._numbers
         return (
-            float(found.closed / found.steps)
-            if found.steps
+            float(numbers.closed / numbers.steps)
+            if numbers.steps
             else self.assembly.contact_time_estimate
         )
 
@@ -166,15 +166,16 @@ class RunHistory(OneContact):
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
 
-        `t` of shape (n,) gives (n, C), a single time (C,). They are those of its form in free modes
-        (`of`): one for each hidden rigid-body motion of a free body follows lambda.
+        `t` of shape (n,) gives (n, C), a single time (C,). The coordinates are those of the model
+        in free modes (`of`): lambda, then one for each rigid-body motion of a free body that no
+        site sees.
         """
-        _, own = self.of(body)
-        one = self.at(t)[self.name_of(body)]
-        found = own.coordinates(one.q, one.forces)
+        _, modes = self.of(body)
+        motion = self.at(t)[self.name_of(body)]
+        coordinates = modes.coordinates(motion.q, motion.forces)
         if np.ndim(t):
-            return found
-        return found[0]
+            return coordinates
+        return coordinates[0]
 
     def of(self, body: str) -> tuple[object, ModalBody | SiteModes]:
         """(model of a body, its form in free modes).
@@ -237,20 +238,20 @@ class RunHistory(OneContact):
 
     @property
     def _ends(self) -> list[SceneBody]:
-        """Names of the bodies of the only contact."""
+        """The bodies of the only contact."""
         contact = self.assembly.scene.contacts[self._row]
         return [self.assembly.bodies[end.partition(":")[0]] for end in (contact.a, contact.b)]
 
     @property
     def _free_structure(self) -> BodyHistory:
         """The structure, if its momentum is known; otherwise an error."""
-        found = self.bodies[self._ends[0].name]
-        if found.placed.inertia is None:
+        structure = self.bodies[self._ends[0].name]
+        if structure.placed.inertia is None:
             raise InputError(
                 f"the momentum of {type(self.model).__name__} is not known: extract the model from "
                 "a mesh whose supports permit a rigid-body motion."
             )
-        return found
+        return structure
 
     @cached_property
     def _sites(self) -> Array:
@@ -259,16 +260,16 @@ class RunHistory(OneContact):
         run = self._nodes
         rows = np.zeros((len(a.r), 2))
         for i, body in enumerate(self._ends):
-            own = a.columns[body.name]
-            rows[own, i] = (2 * i - 1) * a.G[self._row, own]
-        found = np.empty((4, run.time.size))
+            columns = a.columns[body.name]
+            rows[columns, i] = (2 * i - 1) * a.G[self._row, columns]
+        motion = np.empty((4, run.time.size))
         for first, last in blocks(run, a.system.omega.size):
             q, v = node_states(run, a.system, first, last)
             nodes = slice(2 * first, 2 * last + 1)
-            found[::2, nodes] = (q @ (a.B @ rows)).T
-            found[1::2, nodes] = (v @ (a.B @ rows)).T
-        found[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
-        return found
+            motion[::2, nodes] = (q @ (a.B @ rows)).T
+            motion[1::2, nodes] = (v @ (a.B @ rows)).T
+        motion[::2] += ((a.pushes(run.time) - run.force @ a.G) @ (a.r @ rows)).T
+        return motion
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
@@ -284,14 +285,14 @@ class RunHistory(OneContact):
             accelerations -= decelerations
         elif a.system.damped:
             accelerations -= 2 * a.system.decay * v
-        found = {}
+        histories = {}
         for (name, body), branches in zip(a.bodies.items(), springs, strict=True):
             j = a.spans[name]
             k = a.columns[name]
             stretch = a.stretched.get(name)
             stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
             residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
-            found[name] = BodyHistory(
+            histories[name] = BodyHistory(
                 placed=body,
                 time=time,
                 q=q[:, j],
@@ -304,7 +305,7 @@ class RunHistory(OneContact):
                 springs=branches,
                 stretched=stretch,
             )
-        return found
+        return histories
 
     def _located(self, t: ArrayLike) -> tuple[Index, Array]:
         return locate(self.run, self._times_in_run(t))

@@ -31,7 +31,7 @@ from antiosc.models.stretch import Stretch
 class Record:
     """A run of a scene, shared by a history and its contacts.
 
-    `flights`: flights have closely spaced nodes too.
+    `flights`: whether `nodes` has closely spaced nodes in flights, too.
     """
 
     assembly: Assembly
@@ -83,12 +83,10 @@ class OneContact:
 
     @property
     def deepest(self) -> float:
-        """Largest indentation [m], with that of the bodies' patches where the law leaves it to
-        them.
-        """
-        own = self._record.assembly.laws[self._row]
-        kept = own.compliance if self.law.compliance == 0.0 else 0.0
-        return float(max(self.indentation.max(), 0.0)) + kept * self.peak_force
+        """Largest indentation [m], with that of the patches if the law was reduced by it."""
+        marched = self._record.assembly.laws[self._row]
+        compliance = marched.compliance if self.law.compliance == 0.0 else 0.0
+        return float(max(self.indentation.max(), 0.0)) + compliance * self.peak_force
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -127,8 +125,8 @@ class OneContact:
         these motions still approach, and the bodies will touch again; lengthen the duration. None
         without a contact, if the bodies are in contact at the end, or if they did not approach.
         """
-        found = float(self._numbers.restitution)
-        return None if isnan(found) else found
+        restitution = float(self._numbers.restitution)
+        return None if isnan(restitution) else restitution
 
     @cached_property
     def cumulative_impulse(self) -> Array:
@@ -147,24 +145,24 @@ class OneContact:
         """The numbers of the contact, and those of each of its touches."""
         run = self._record.run
         a = self._record.assembly
-        found, goes_on = self._touches
-        record, held = record_of(run)
+        touches, goes_on = self._touches
+        record, arrays = record_of(run)
         system = posed = a.system
         size = system.omega.size
         if system.first is not None:  # of a mode it counts alone whether it is damped
             posed = replace(system, decay=(~system.undamped).astype(float), first=None)
         if run.states is not None and run.every == 1 and system.first is None:
-            held.append(np.ascontiguousarray(run.states))
-            velocities = library.address(held[-1]) + 8 * size
+            arrays.append(np.ascontiguousarray(run.states))
+            velocities = library.address(arrays[-1]) + 8 * size
             stride = 2 * size
         else:
-            steps = np.column_stack([found["first"], found["last"]]).ravel()
-            held.append(starts(run, system, steps)[1])
-            velocities = library.address(held[-1])
+            steps = np.column_stack([touches["first"], touches["last"]]).ravel()
+            arrays.append(starts(run, system, steps)[1])
+            velocities = library.address(arrays[-1])
             stride = 0
-        given = self._row, goes_on, found.size, library.address(found), velocities, stride
+        arguments = self._row, goes_on, touches.size, library.address(touches), velocities, stride
         bodies = byref(posed.packed.system)
-        return library.library.aom_read_contact(bodies, byref(record), *given)
+        return library.library.aom_read_contact(bodies, byref(record), *arguments)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -233,8 +231,8 @@ class BodyHistory(ReprMixin):
     def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Displacement (n,) [m] of a site, along the direction that the contact pushes it in.
 
-        Of a body that supports hold it is that from its equilibrium under gravity: the sag under
-        its own weight is not in it.
+        For a supported body it is measured from its equilibrium under gravity: the static sag under
+        its own weight is not included.
         """
         return np.asarray(self._columns @ self._row(site, direction))
 
@@ -243,7 +241,7 @@ class BodyHistory(ReprMixin):
         return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
 
     def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
-        """Acceleration (n,) [m/s^2] of a site relative to the ground, of the part with inertia.
+        """Acceleration (n,) [m/s^2] of a site relative to the ground, without its massless part.
 
         It may jump where a contact touches or parts.
         """
@@ -274,8 +272,8 @@ class BodyHistory(ReprMixin):
     def _row(self, site: str, direction: ArrayLike | None) -> Array:
         checks.instance("site", site, str, "the name of a site")
         name = self.placed.name
-        _, found = find_site(f"{name}:{site}" if site else name, {name: self.placed})
+        _, site_name = find_site(f"{name}:{site}" if site else name, {name: self.placed})
         line = None if direction is None else checks.array("direction", direction, (3,))
         if line is None:
-            line = self.placed.pushes.get(found)
-        return site_row(self.placed, found, line, f"{name}:{found}")
+            line = self.placed.pushes.get(site_name)
+        return site_row(self.placed, site_name, line, f"{name}:{site_name}")

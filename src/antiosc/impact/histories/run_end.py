@@ -126,7 +126,7 @@ def inexact_message(
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
-    """Warning of contacts that are still closed at the end; "" without, or if they always were."""
+    """Warning of contacts that are still closed at the end; "" if there are none."""
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
@@ -176,9 +176,9 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
 def warn_batch(results: Sequence[CheckResult]) -> None:
     """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
     kinds: dict[tuple[int, bool], list[int]] = {}
-    for i, one in enumerate(results):
-        if one.status or one.unusual:
-            kinds.setdefault((one.status, one.unusual), []).append(i)
+    for i, result in enumerate(results):
+        if result.status or result.unusual:
+            kinds.setdefault((result.status, result.unusual), []).append(i)
     for (status, _), scenes in kinds.items():
         named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
         errors.warn(

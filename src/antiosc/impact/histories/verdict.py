@@ -14,8 +14,8 @@ from antiosc.models.auto_contact import chosen
 def choice_at(contact: OneContact) -> Choice | None:
     """The law that the surfaces of a contact require; None if they are unknown."""
     scene = contact._record.assembly.scene
-    one = scene.contacts[contact._row]
-    ends = [end.partition(":") for end in (one.a, one.b)]
+    parts = scene.contacts[contact._row]
+    ends = [end.partition(":") for end in (parts.a, parts.b)]
     try:
         first, second = (scene.bodies[name] for name, _, _ in ends)
         return chosen(first, second, (ends[0][2], ends[1][2]))
@@ -75,13 +75,13 @@ def law_error_text(contact: OneContact) -> str:
 def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
     """The sentence on a contact with an elastic-plastic law."""
     pressure = elastic_pressure(law, contact.deepest)
-    told = engineering(pressure, "Pa")
+    pressure_text = engineering(pressure, "Pa")
     strength = engineering(law.yield_strength, "Pa")
     if contact.peak_force <= law.yield_force or contact.dent is None:
         share = pressure / elastic_pressure(law, law.yield_indentation)
         return (
-            f"The contact stays elastic: its pressure is {told}, {share:.3g} times that of first"
-            f" yield (yield strength {strength})."
+            f"The contact stays elastic: its pressure is {pressure_text}, {share:.3g} times that of"
+            f" first yield (yield strength {strength})."
         )
     mass = float(contact._record.assembly.system.mass[contact._row])
     speed = engineering(law.yield_speed(mass), "m/s")
@@ -89,6 +89,6 @@ def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
         f"The contact yields: {contact.dent.text}{rebound}. It yields from {speed} on; Hertz's"
-        f" pressure would be {told}, {pressure / law.yield_strength:.3g} times the yield strength"
-        f" {strength}."
+        f" pressure would be {pressure_text}, {pressure / law.yield_strength:.3g} times the yield"
+        f" strength {strength}."
     )

@@ -50,15 +50,15 @@ def body_energy(history: History, body: str) -> BodyEnergy:
         For another name.
     """
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
-    one = history.bodies[history.name_of(body)]
-    omega = one.placed.omega
-    v = one.v
+    motion = history.bodies[history.name_of(body)]
+    omega = motion.placed.omega
+    v = motion.v
     still = omega == 0
     return BodyEnergy(
         time=history.time,
         rigid=0.5 * np.sum(v[:, still] ** 2, axis=1),
         kinetic=0.5 * np.sum(v[:, ~still] ** 2, axis=1),
-        strain=one.strain,
+        strain=motion.strain,
     )
 
 
