@@ -378,7 +378,7 @@ def _most_dangerous(impact_map: ImpactMap) -> str:
     assert impact_map.peak_stress is not None
     assert impact_map.stress_points is not None
     exposure = impact_map.exposure
-    i = hardest(impact_map, of=impact_map.peak_stress if exposure is None else exposure)
+    i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
     text = (
         f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
         f" {engineering(impact_map.peak_stress[i], 'Pa')} at "

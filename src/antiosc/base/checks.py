@@ -218,10 +218,10 @@ def column(name: str, value: object, size: int | None = None) -> Array:
 def spectrum(name: str, value: object) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
     result = _numbers(name, value, "iufc")
-    given = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
-    if given.size and not np.abs(given).max() <= LARGEST:  # catches NaN too
+    array = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
+    if array.size and not np.abs(array).max() <= LARGEST:  # catches NaN too
         raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
-    return given
+    return array
 
 
 def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
@@ -245,7 +245,7 @@ def scaled_symmetric(matrix: Array, scale: Array) -> tuple[Array, float]:
 def can_broadcast(*values: NDArray[np.generic]) -> bool:
     """Whether NumPy can combine the arrays entry by entry."""
     try:
-        np.broadcast_shapes(*(one.shape for one in values))
+        np.broadcast_shapes(*(value.shape for value in values))
     except ValueError:
         return False
     return True
@@ -253,9 +253,9 @@ def can_broadcast(*values: NDArray[np.generic]) -> bool:
 
 def read_only(values: NDArray[S]) -> NDArray[S]:
     """A read-only copy: later changes of the caller's array do not reach what is stored."""
-    own = np.array(values)
-    own.setflags(write=False)
-    return own
+    array = np.array(values)
+    array.setflags(write=False)
+    return array
 
 
 # -- other arguments
@@ -319,13 +319,13 @@ def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
 
 def new_file(name: str, value: object) -> Path:
     """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
-    found = path(name, value)
-    if found.name in ("", ".."):
+    target = path(name, value)
+    if target.name in ("", ".."):
         raise InputError(
-            f"{name} must be the name of a file; {shown(str(found))} is a folder: give a "
+            f"{name} must be the name of a file; {shown(str(target))} is a folder: give a "
             "name in it."
         )
-    return found
+    return target
 
 
 def function(
@@ -495,5 +495,5 @@ class Checked(FieldsRepr):
 @cache
 def _checks_of(kind: type[Checked]) -> list[tuple[str, Check, bool]]:
     """(name, check, whether None is allowed) of each field of a class that has a check."""
-    found = [one for one in fields(kind) if "check" in one.metadata]
-    return [(one.name, one.metadata["check"], one.default is None) for one in found]
+    checked = [entry for entry in fields(kind) if "check" in entry.metadata]
+    return [(entry.name, entry.metadata["check"], entry.default is None) for entry in checked]

@@ -147,7 +147,7 @@ FEW = 12
 NEAREST = 5
 
 
-def name_list(asked: object, names: Iterable[str], what: str) -> str:
+def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
 
     `what` : the noun, as "its groups".
@@ -156,7 +156,7 @@ def name_list(asked: object, names: Iterable[str], what: str) -> str:
     if len(listed) <= FEW:
         return f"{what} are: {', '.join(map(repr, listed)) or 'none'}"
     lowered = {name.lower(): name for name in listed}
-    alike = difflib.get_close_matches(str(asked).lower(), lowered, NEAREST, cutoff=0.0)
+    alike = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
     nearest = ", ".join(repr(lowered[name]) for name in alike)
     return f"the nearest of {what} ({len(listed)}) are: {nearest}"
 
@@ -196,7 +196,7 @@ def _check_class(kind: Any) -> None:
             setattr(kind, name, _guarded(member, f"{kind.__name__}.{name}", 1))
 
 
-def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
+def _guarded(function: Callable[P, T], name: str, leading: int) -> Callable[P, T]:
     """Wrap `function` so that wrong arguments raise InputError.
 
     `own` is the number of leading arguments that the caller does not write, such as self.
@@ -212,7 +212,7 @@ def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
             try:
                 return inner(*args, **kwargs)
             except TypeError:
-                said = call_error(inner, name, own, args, kwargs)
+                said = call_error(inner, name, leading, args, kwargs)
                 if said is None:
                     raise
                 raise CallError(said) from None
@@ -227,7 +227,7 @@ def _guarded(function: Callable[P, T], name: str, own: int) -> Callable[P, T]:
 def call_error(
     function: Callable[..., object],
     name: str,
-    own: int,
+    leading: int,
     args: tuple[object, ...],
     kwargs: Mapping[str, object],
 ) -> str | None:
@@ -236,7 +236,7 @@ def call_error(
     try:
         signature.bind(*args, **kwargs)
     except TypeError as error:
-        names = list(signature.parameters)[own:]
+        names = list(signature.parameters)[leading:]
         unknown = sorted(kwargs.keys() - set(names))
         what = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
         return f"{name}{what}; {name_list((unknown or [''])[0], names, 'its arguments')}."

@@ -68,8 +68,8 @@ def part_name(target: Path, suffix: str = "") -> Path:
 
 
 def _part_prefix(target: Path) -> str:
-    own = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:8]
-    return f"{PART}{own}-"
+    digest = hashlib.sha256(os.fsencode(target.name)).hexdigest()[:8]
+    return f"{PART}{digest}-"
 
 
 @contextlib.contextmanager
@@ -89,7 +89,7 @@ def clear_parts(target: Path) -> None:
     if fcntl is None:
         return
     with contextlib.suppress(OSError), os.scandir(target.parent) as entries:
-        for entry in [each for each in entries if each.name.startswith(_part_prefix(target))]:
+        for entry in [old for old in entries if old.name.startswith(_part_prefix(target))]:
             with contextlib.suppress(OSError):  # it is held, or gone
                 _clear(Path(entry.path))
 
@@ -157,13 +157,13 @@ def replace_folder(new: Path, target: Path) -> None:
     shutil.rmtree(new)
 
 
-def _exchanged(one: Path, other: Path) -> bool:
+def _exchanged(first: Path, second: Path) -> bool:
     """Exchange the names of two folders in one step; False where the system cannot."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
     if rename is None:
         return False
     here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
-    return rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
+    return rename(here, os.fsencode(first), here, os.fsencode(second), exchange) == 0
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:

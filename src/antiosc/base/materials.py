@@ -56,7 +56,7 @@ class Record:
         along = self.E if self.G is None else self.E[0]
         strength = "no yield"
         if self.yield_range is not None:
-            low, high = (engineering(one, "Pa") for one in self.yield_range)
+            low, high = (engineering(bound, "Pa") for bound in self.yield_range)
             strength = f"{engineering(self.yield_strength or 0.0, 'Pa')} ({low} to {high})"
         return f"{engineering(along, 'Pa')}, {self.rho:g} kg/m³, {strength}"
 
@@ -64,18 +64,18 @@ class Record:
 def record(name: object) -> Record:
     """The material of this name, or the only one whose name contains it; else InputError."""
     known = names()
-    given = checks.text("material", name)
-    words = _words(given)
-    alike = [one for one in known if all(_begins(word, _words(one)) for word in words)]
-    exact = [one for one in known if _words(one) == words]
-    for found in (exact, alike):
-        if len(found) == 1:
-            return _read(found[0], _table()["material"][found[0]])
-    near = alike or sorted(known, key=lambda one: -_likeness(given, one))
+    checked = checks.text("material", name)
+    words = _words(checked)
+    alike = [other for other in known if all(_begins(word, _words(other)) for word in words)]
+    exact = [other for other in known if _words(other) == words]
+    for candidates in (exact, alike):
+        if len(candidates) == 1:
+            return _read(candidates[0], _table()["material"][candidates[0]])
+    near = alike or sorted(known, key=lambda other: -_likeness(checked, other))
     proposed = ", ".join(map(repr, near[:PROPOSED]))
     what = "is the name of several materials" if alike else "is not in the table of materials"
     raise InputError(
-        f"{given!r} {what}: did you mean {proposed}? `antiosc materials` lists all; others are "
+        f"{checked!r} {what}: did you mean {proposed}? `antiosc materials` lists all; others are "
         "given by their constants, Solid(E, nu, rho, yield_strength=…)."
     )
 
@@ -90,14 +90,14 @@ def _words(name: str) -> list[str]:
 
 
 def _begins(word: str, words: list[str]) -> bool:
-    return any(one.startswith(word) for one in words)
+    return any(other.startswith(word) for other in words)
 
 
-def _likeness(given: str, name: str) -> float:
+def _likeness(asked_name: str, name: str) -> float:
     """Similarity (0 to 1) of two names; a part of a name counts as the whole."""
     pieces = [name, *name.split()]
     return max(
-        difflib.SequenceMatcher(None, given.lower(), piece.lower()).ratio() for piece in pieces
+        difflib.SequenceMatcher(None, asked_name.lower(), piece.lower()).ratio() for piece in pieces
     )
 
 

@@ -69,15 +69,15 @@ class Material(Protocol):
         ...
 
 
-def of_material(one: Material) -> str:
+def of_material(material: Material) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
-    speed = one.bar_speed()
-    name = type(one).__name__
+    speed = material.bar_speed()
+    name = type(material).__name__
     massless = abs(speed / MASSLESS_WAVE - 1) < LENGTH_ROUNDING
-    E = getattr(one, "E", None)
-    rho = getattr(one, "rho", None)
+    E = getattr(material, "E", None)
+    rho = getattr(material, "rho", None)
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-        return _of_density(name, rho) or _of_strength(getattr(one, "yield_strength", None))
+        return _of_density(name, rho) or _of_strength(getattr(material, "yield_strength", None))
     sentence = (
         f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
         f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
@@ -218,8 +218,8 @@ def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
     velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
-    given = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
-    speed = max(map(_fastest, given), default=0.0)
+    moving = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
+    speed = max(map(_fastest, moving), default=0.0)
     wave = float(getattr(getattr(model, "info", None), "wave_speed", None) or 0.0)
     strained = 0 < wave < speed / LINEAR
     if not strained and speed <= FASTEST_BLOW:
@@ -243,17 +243,17 @@ def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str
 
 def _fastest(velocity: object) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
-    given = getattr(velocity, "velocity", velocity)
-    if type(given) is float:
-        if isfinite(given):
-            return abs(given)
+    value = getattr(velocity, "velocity", velocity)
+    if type(value) is float:
+        if isfinite(value):
+            return abs(value)
         return 0.0
-    if type(given) not in (int, float, list, tuple, np.ndarray) and not isinstance(
-        given, np.number
+    if type(value) not in (int, float, list, tuple, np.ndarray) and not isinstance(
+        value, np.number
     ):
         return 0.0
     try:
-        values = np.asarray(given)
+        values = np.asarray(value)
     except ValueError:  # a list of unlike rows
         return 0.0
     if values.dtype.kind not in "iuf":
@@ -264,7 +264,7 @@ def _fastest(velocity: object) -> float:
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
     """Warn once of each non-empty sentence; returns the sentences."""
-    given = tuple(dict.fromkeys(filter(None, sentences)))
-    for sentence in given:
+    distinct = tuple(dict.fromkeys(filter(None, sentences)))
+    for sentence in distinct:
         warn(sentence)
-    return given
+    return distinct

@@ -237,9 +237,9 @@ def free_cores() -> int:
 
 def threads() -> int:
     """Number of threads for work that is divided among any: the user's choice, or idle cores."""
-    own = user_threads()
-    if own and own[1].isdecimal():
-        return max(1, int(own[1]))
+    setting = user_threads()
+    if setting and setting[1].isdecimal():
+        return max(1, int(setting[1]))
     return free_cores()
 
 
@@ -254,11 +254,11 @@ def _running_elsewhere() -> int | None:
     load = _text("/proc/loadavg").split()
     if len(load) < 4:
         return None
-    own = sum(
+    running_here = sum(
         _text(path).rpartition(")")[2].split()[:1] == ["R"]
         for path in Path("/proc/self/task").glob("*/stat")
     )
-    return max(0, int(load[3].partition("/")[0]) - max(1, own))
+    return max(0, int(load[3].partition("/")[0]) - max(1, running_here))
 
 
 def _text(path: str | Path) -> str:

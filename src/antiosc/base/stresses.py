@@ -70,8 +70,8 @@ def tsai_hill(
     """
     tension = [checks.positive(n, v, "Pa") for n, v in (("X", X), ("Y", Y))]
     pressed = [
-        own if value is None else checks.positive(name, value, "Pa")
-        for name, value, own in (
+        default if value is None else checks.positive(name, value, "Pa")
+        for name, value, default in (
             ("X_compression", X_compression, tension[0]),
             ("Y_compression", Y_compression, tension[1]),
         )
@@ -82,12 +82,14 @@ def tsai_hill(
 
 def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
     """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
-    one = s[..., 0]
-    two = s[..., 1]
+    along = s[..., 0]
+    across = s[..., 1]
     shear = s[..., 5]
-    x = np.where(one < 0, X[1], X[0])
-    y = np.where(two < 0, Y[1], Y[0])
-    return np.asarray((one / x) ** 2 - one * two / x**2 + (two / y) ** 2 + (shear / S) ** 2)
+    x = np.where(along < 0, X[1], X[0])
+    y = np.where(across < 0, Y[1], Y[0])
+    return np.asarray(
+        (along / x) ** 2 - along * across / x**2 + (across / y) ** 2 + (shear / S) ** 2
+    )
 
 
 @checks.within_range
@@ -115,17 +117,17 @@ def delamination_load(D: float, G: float) -> float:
 
 def tensors(name: str, value: object) -> Array:
     """Symmetric tensors (..., 3, 3) from tensors, or from six components (..., 6)."""
-    given = checks.array(name, value, None)
-    if given.shape[-2:] == (3, 3):
-        size = np.abs(given).max(initial=0.0)
-        if np.abs(given - np.swapaxes(given, -1, -2)).max(initial=0.0) > ASYMMETRY * size:
+    array = checks.array(name, value, None)
+    if array.shape[-2:] == (3, 3):
+        size = np.abs(array).max(initial=0.0)
+        if np.abs(array - np.swapaxes(array, -1, -2)).max(initial=0.0) > ASYMMETRY * size:
             raise InputError(f"{name} must be symmetric.")
-        return given
-    if given.ndim and given.shape[-1] == 6:
-        return tensors_of(given)
+        return array
+    if array.ndim and array.shape[-1] == 6:
+        return tensors_of(array)
     raise InputError(
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
-        f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {given.shape}."
+        f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {array.shape}."
     )
 
 
@@ -267,21 +269,23 @@ class Strengths(Checked):
         return exposure("delamination", self, components("stress", stress))
 
 
-def exposure(criterion: str, own: Strengths, s: Array) -> Array:
+def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
     """Exposure (...,) of a layer with strengths by a criterion, for components (..., 6)."""
-    one = s[..., 0]
-    two = s[..., 1]
+    along = s[..., 0]
+    across = s[..., 1]
     shear = s[..., 5]
     if criterion == "delamination":
-        if own.interlaminar is None:
+        if strengths.interlaminar is None:
             raise InputError("delamination needs Strengths(…, interlaminar=…), in Pa.")
-        return np.asarray(np.hypot(s[..., 4], s[..., 3]) / own.interlaminar)
+        return np.asarray(np.hypot(s[..., 4], s[..., 3]) / strengths.interlaminar)
     if criterion == "tsai_hill":
-        X = (own.X_t, own.X_c)
-        Y = (own.Y_t, own.Y_c)
-        return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, own.S), 0.0)))
-    a = one / np.sqrt(own.X_t * own.X_c)
-    b = two / np.sqrt(own.Y_t * own.Y_c)
-    square = a**2 + b**2 - a * b + (shear / own.S) ** 2
-    linear = one * (1 / own.X_t - 1 / own.X_c) + two * (1 / own.Y_t - 1 / own.Y_c)
+        X = (strengths.X_t, strengths.X_c)
+        Y = (strengths.Y_t, strengths.Y_c)
+        return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, strengths.S), 0.0)))
+    a = along / np.sqrt(strengths.X_t * strengths.X_c)
+    b = across / np.sqrt(strengths.Y_t * strengths.Y_c)
+    square = a**2 + b**2 - a * b + (shear / strengths.S) ** 2
+    linear = along * (1 / strengths.X_t - 1 / strengths.X_c) + across * (
+        1 / strengths.Y_t - 1 / strengths.Y_c
+    )
     return np.asarray(linear / 2 + np.sqrt(linear**2 / 4 + square))

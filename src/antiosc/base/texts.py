@@ -122,14 +122,14 @@ class FieldsRepr:
         ]
 
     def __repr__(self) -> str:
-        told = (f"{name}={value}" for name, value in self._changed_fields())
-        return f"{type(self).__name__}({', '.join(told)})"
+        shown_fields = (f"{name}={value}" for name, value in self._changed_fields())
+        return f"{type(self).__name__}({', '.join(shown_fields)})"
 
     def _repr_html_(self) -> str:
         return _table(self, self._changed_fields())
 
 
-def _table(one: object, facts: list[tuple[str, str]]) -> str:
+def _table(subject: object, facts: list[tuple[str, str]]) -> str:
     """HTML table of an object: its class, and a row for each (name, value)."""
     from html import escape  # 5 ms of each start; notebooks alone need it
 
@@ -138,7 +138,7 @@ def _table(one: object, facts: list[tuple[str, str]]) -> str:
         f"<td style='text-align:left'>{escape(value)}</td></tr>"
         for name, value in facts
     )
-    return f"<b>{escape(type(one).__name__)}</b><table>{rows}</table>"
+    return f"<b>{escape(type(subject).__name__)}</b><table>{rows}</table>"
 
 
 def _is_default(field: dataclasses.Field[object], value: object) -> bool:
@@ -238,9 +238,9 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
 
 def point_text(point: Iterable[float]) -> str:
     """The coordinates [m] of a point as text: "(20, 40, 75) mm"."""
-    own = [float(x) for x in point]
-    rounding = 1e-9 * max(map(abs, own), default=0.0)
-    return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in own)}) mm"
+    coordinates = [float(x) for x in point]
+    rounding = 1e-9 * max(map(abs, coordinates), default=0.0)
+    return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in coordinates)}) mm"
 
 
 def range_text(low: float, high: float, unit: str = "") -> str:

@@ -85,15 +85,15 @@ class DampingMatrix(ReprMixin):
 
     def __post_init__(self) -> None:
         factor = _factor("matrix", self.matrix, None)
-        found = []
+        factors = []
         for branch in checks.instance("branches", self.branches, (list, tuple), "a list"):
             if not isinstance(branch, list | tuple) or len(branch) != 2:
                 raise InputError(
                     f"branches must list pairs (matrix, tau); got {checks.shown(branch)}."
                 )
-            own = _factor("the matrix of a branch", branch[0], factor.shape[1])
-            found.append((own, checks.positive("tau", branch[1], "s")))
-        _store_factors(self, factor, found)
+            branch_factor = _factor("the matrix of a branch", branch[0], factor.shape[1])
+            factors.append((branch_factor, checks.positive("tau", branch[1], "s")))
+        _store_factors(self, factor, factors)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [("matrix", f"{self.matrix.shape}"), ("branches", f"{len(self.branches)}")]

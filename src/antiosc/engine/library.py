@@ -321,19 +321,19 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
     try:
-        found = ctypes.PyDLL(str(path))
+        loaded = ctypes.PyDLL(str(path))
         unlocked = ctypes.CDLL(str(path))
         for name, (result, *arguments) in _SIGNATURES.items():
-            function = getattr(unlocked if name in _LONG else found, name)
+            function = getattr(unlocked if name in _LONG else loaded, name)
             function.restype = result
             function.argtypes = arguments
-            setattr(found, name, function)
+            setattr(loaded, name, function)
     except (OSError, AttributeError) as error:
         raise MissingDependencyError(
             f"the library {path.name} cannot be loaded ({error}): {_REMEDY}."
         ) from error
-    version = found.aom_version()
-    built = found.aom_source_hash().decode()
+    version = loaded.aom_version()
+    built = loaded.aom_source_hash().decode()
     if version != VERSION:
         raise MissingDependencyError(
             f"the library {path.name} has version {version} of its interface, not {VERSION}:"
@@ -343,7 +343,7 @@ def load(path: Path = FILE, source: Path = SOURCE) -> ctypes.CDLL:
         raise MissingDependencyError(
             f"the library {path.name} was built from other sources than those in csrc: run `make`."
         )
-    return found
+    return loaded
 
 
 def platform() -> str:
@@ -359,7 +359,7 @@ library = load()
 
 def _doubles(*arrays: Array) -> list[Array]:
     """The arrays as C reads them."""
-    return [np.ascontiguousarray(each, dtype=float) for each in arrays]
+    return [np.ascontiguousarray(array, dtype=float) for array in arrays]
 
 
 def address(values: NDArray[np.generic]) -> int:

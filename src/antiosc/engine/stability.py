@@ -96,8 +96,8 @@ def margin(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> f
     omega, beta, R, stiffness, h : as for `growth_rate`, with the largest stiffnesses.
     """
     shares = np.geomspace(SOFTEST, STIFFNESS_SAFETY, SHARES)
-    each = np.arange(stiffness.size)
-    alone = (np.where(each == c, stiffness, 0.0) for c in each)
+    contacts = np.arange(stiffness.size)
+    alone = (np.where(contacts == c, stiffness, 0.0) for c in contacts)
     together = (stiffness,) if stiffness.size > 1 else ()
     least = np.inf
     for closed in chain(alone, together):

@@ -204,17 +204,17 @@ class System:
         packed = self.packed
         (contact,) = packed.contacts
         contact.mass = mass
-        found = library.library.aom_expect(byref(packed.system), 0, duration)
+        estimate = library.library.aom_expect(byref(packed.system), 0, duration)
         packed.failed()
-        if not isfinite(found.depth + found.speed + found.time):
+        if not isfinite(estimate.depth + estimate.speed + estimate.time):
             raise OverflowError("the depth of the contact")
         self.mass[0] = mass
-        self.depth[0] = found.depth
-        self.speed[0] = found.speed
-        contact.expected_depth = found.depth
-        contact.expected_speed = found.speed
+        self.depth[0] = estimate.depth
+        self.speed[0] = estimate.speed
+        contact.expected_depth = estimate.depth
+        contact.expected_speed = estimate.speed
         contact.slowest = float(self.slowest[0])
-        return float(found.time)
+        return float(estimate.time)
 
     def __getstate__(self) -> dict[str, Any]:
         left = ("packed", "marched", "block")

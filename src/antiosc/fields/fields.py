@@ -114,14 +114,20 @@ def write_series(
     """
     one_folder = checked_path("path", path).suffix.lower() == ".bp"
     target = checked_path("path", path) if one_folder else listing(path)
-    own = shapes_of(structure, history, body)
+    shapes_of_body = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     times_checked = nonempty("times", times)
     if one_folder:
-        write_vtx(target, structure, own, times_checked, amplitudes(history, times_checked, body))
+        write_vtx(
+            target,
+            structure,
+            shapes_of_body,
+            times_checked,
+            amplitudes(history, times_checked, body),
+        )
         return target
-    points, cells, shapes = source(structure).at_nodes(structure, own)
+    points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
     factors = amplitudes(history, times_checked, body)
 
     def write() -> None:
@@ -163,9 +169,9 @@ def save_fields(
         file that cannot be written.
     """
     target = checked_path("path", path)
-    own = shapes_of(structure, history, body)
+    shapes_of_body = shapes_of(structure, history, body)
     times_checked = np.unique(history.time) if times is None else nonempty("times", times)
-    points, cells, shapes = source(structure).at_nodes(structure, own)
+    points, cells, shapes = source(structure).at_nodes(structure, shapes_of_body)
     factors = amplitudes(history, times_checked, body)
     on_root(
         structure.comm,

@@ -191,20 +191,24 @@ def criteria_of(structure: Structure) -> list[str]:
     materials = source(structure).materials_of(structure, None)
     strengths = [getattr(material, "yield_strength", None) for material in materials]
     strengths += [layer.strength for material in materials for layer in layers_of(material)]
-    asked = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
+    computed_from = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
     return [
         name
-        for name, c in asked.items()
+        for name, c in computed_from.items()
         if any(_has_strength(strength, c) for strength in strengths)
     ]
 
 
-def with_strength(criterion: str, found: NodeTensors) -> NodeTensors:
+def with_strength(criterion: str, tensors: NodeTensors) -> NodeTensors:
     """The tensors of materials with the strength that a criterion needs."""
-    known = [_has_strength(strength, criterion) for strength, _ in found.origins]
-    with_strength = np.array(known, dtype=bool)[found.origin]
-    arrays = found.nodes[with_strength], found.columns[with_strength], found.origin[with_strength]
-    return NodeTensors(*arrays, found.origins if any(known) else [])
+    known = [_has_strength(strength, criterion) for strength, _ in tensors.origins]
+    with_strength = np.array(known, dtype=bool)[tensors.origin]
+    arrays = (
+        tensors.nodes[with_strength],
+        tensors.columns[with_strength],
+        tensors.origin[with_strength],
+    )
+    return NodeTensors(*arrays, tensors.origins if any(known) else [])
 
 
 def _has_strength(strength: object, criterion: str) -> bool:
@@ -214,18 +218,18 @@ def _has_strength(strength: object, criterion: str) -> bool:
     return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
 
 
-def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -> Maxima:
+def stresses(quantity: str, points: Array, tensors: NodeTensors, search: Search) -> Maxima:
     """The largest values of tensors, with exposures and margin if the strengths are known."""
     criterion = quantity
     if quantity in PLY_SURFACES:
-        extremes, then, error = _of_plies(quantity, found, search)
+        extremes, then, error = _of_plies(quantity, tensors, search)
         strengths = np.ones(len(extremes))
     else:
         principal = quantity in ("stress", "strain")
-        columns = found.columns if principal else equivalent_parts(found.columns)
+        columns = tensors.columns if principal else equivalent_parts(tensors.columns)
         extremes, then, error = search(columns, extreme_principal if principal else length)
-        yields = [s if isinstance(s, float) else np.nan for s, _ in found.origins]
-        strengths = np.array(yields)[found.origin]
+        yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
+        strengths = np.array(yields)[tensors.origin]
         criterion = "yield"
         if principal:
             strengths[:] = np.nan
@@ -233,30 +237,30 @@ def stresses(quantity: str, points: Array, found: NodeTensors, search: Search) -
     margin = None
     if np.isfinite(strengths).any():
         share = np.nan_to_num(extremes / strengths)
-        exposures, _ = nodal_maxima(found.nodes, share, then, len(points))
-        places = [found.origins[k].place for k in found.origin]
-        margin = margin_of(criterion, extremes, strengths, points[found.nodes], then, places)
+        exposures, _ = nodal_maxima(tensors.nodes, share, then, len(points))
+        places = [tensors.origins[k].place for k in tensors.origin]
+        margin = margin_of(criterion, extremes, strengths, points[tensors.nodes], then, places)
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())
-    values, when = nodal_maxima(found.nodes, extremes, then, len(points))
+    values, when = nodal_maxima(tensors.nodes, extremes, then, len(points))
     return Maxima(values, when, error, exposures, margin)
 
 
 def _of_plies(
-    criterion: str, found: NodeTensors, search: Search
+    criterion: str, tensors: NodeTensors, search: Search
 ) -> tuple[Array, Array, float | None]:
     """Largest exposures, their times and error bounds; layers of equal strength are searched as
     one.
     """
-    values = np.zeros(len(found.nodes))
-    when = np.zeros(len(found.nodes))
+    values = np.zeros(len(tensors.nodes))
+    when = np.zeros(len(tensors.nodes))
     missed = None
-    of_origin = [strength for strength, _ in found.origins]
+    of_origin = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
-        of_material = np.isin(found.origin, [k for k, s in enumerate(of_origin) if s == strength])
+        of_material = np.isin(tensors.origin, [k for k, s in enumerate(of_origin) if s == strength])
         scalar = functools.partial(exposure, criterion, strength)
-        values[of_material], when[of_material], error = search(found.columns[of_material], scalar)
+        values[of_material], when[of_material], error = search(tensors.columns[of_material], scalar)
         missed = _larger_error(missed, error)
     return values, when, missed
 
@@ -343,13 +347,13 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
     """
     from antiosc.recovery.mesh_fields import corner_at  # needs dolfinx
 
-    angle, held = corner_at(structure, shapes, x, part)
+    angle, supported = corner_at(structure, shapes, x, part)
     if angle >= RE_ENTRANT:
         return (
             f"the largest stress lies in a re-entrant corner of {angle:.0f} degrees, where it grows"
             " with every refinement of the mesh: model the fillet, or judge it at a distance"
         )
-    if held:
+    if supported:
         return (
             "the largest stress lies at a support that holds the part rigidly, where it grows with"
             " refinements of the mesh: judge it at a distance, or model what holds the part"

@@ -123,9 +123,9 @@ def sampled_maxima(
     values = np.zeros(len(columns))
     when = np.zeros(len(columns))
     for block in _blocks(columns, len(times)):
-        found = _values(columns[block], factors, scalar)
-        k = found.argmax(axis=1)
-        values[block] = found[np.arange(len(k)), k]
+        sampled = _values(columns[block], factors, scalar)
+        k = sampled.argmax(axis=1)
+        values[block] = sampled[np.arange(len(k)), k]
         when[block] = times[k]
     return values, when
 
@@ -510,16 +510,16 @@ def peak_field(
     else:
         maxima: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
-            asked = recovered, places, part, ply
-            points, cells, found = tensors_at_nodes(structure, history, body, shapes, *asked)
+            selection = recovered, places, part, ply
+            points, cells, tensors = tensors_at_nodes(structure, history, body, shapes, *selection)
             if static:
-                at_rest = source(structure).tensors_at_nodes(structure, None, *asked)[2]
-                columns = np.concatenate([found.columns, at_rest.columns], axis=2)
-                found = found._replace(columns=columns)
+                at_rest = source(structure).tensors_at_nodes(structure, None, *selection)[2]
+                columns = np.concatenate([tensors.columns, at_rest.columns], axis=2)
+                tensors = tensors._replace(columns=columns)
             if quantity in margin.CRITERIA:
-                found = margin.with_strength(quantity, found)
-            if found.origins:
-                maxima.append(margin.stresses(quantity, points, found, search))
+                tensors = margin.with_strength(quantity, tensors)
+            if tensors.origins:
+                maxima.append(margin.stresses(quantity, points, tensors, search))
         if not maxima:
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
@@ -608,8 +608,8 @@ def _peak_field_of(
     renumbered: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
     exposures = None if best.exposure is None else best.exposure[used]
     at_used = points[used], best.values[used], best.times[used]
-    found = PeakField(quantity, unit, *at_used, renumbered, best.error, exposures)
-    return replace(found, _margin=best.margin)
+    field = PeakField(quantity, unit, *at_used, renumbered, best.error, exposures)
+    return replace(field, _margin=best.margin)
 
 
 def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
@@ -617,15 +617,15 @@ def _used_nodes(cells: list[tuple[str, IntArray]]) -> IntArray:
 
 
 def _with_mesh_error(
-    found: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
+    field: PeakField, errors: Array | None, cells: list[tuple[str, IntArray]]
 ) -> PeakField:
     """The field with its estimated errors [Pa]."""
     if errors is None:
-        return found
+        return field
     mesh_error = errors[_used_nodes(cells)]
-    if found.quantity == "yield" and found._margin is not None:
-        mesh_error = mesh_error / found._margin.strength
-    return replace(found, mesh_error=mesh_error)
+    if field.quantity == "yield" and field._margin is not None:
+        mesh_error = mesh_error / field._margin.strength
+    return replace(field, mesh_error=mesh_error)
 
 
 def _places(

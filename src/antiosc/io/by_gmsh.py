@@ -195,7 +195,7 @@ def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: R
     """A size field: edges of at most `local` around the point, growing to the size away from it."""
     x, y, z = (float(c) for c in (*point, 0.0)[:3])
     far = 1e22 if ask.size is None else float(ask.size)
-    growth, reach = (float(each) for each in ask.grading)
+    growth, reach = (float(value) for value in ask.grading)
     local = float(local)
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
@@ -291,17 +291,17 @@ def generate(ask: Request) -> FileMesh:
     # a script may take long to build the geometry
     ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
     if not ask.trust:
-        own = Path(f"mesh{suffix}")
+        copy = Path(f"mesh{suffix}")
         if suffix in SCRIPTS:
             script = geo_script.harmless(
                 _text_of(source), ask.name, partial(_beside, source, ask.name)
             )
             for name in script.merged:
                 shutil.copyfile(_merged(source, ask.name, name), name)
-            own.write_text(script.text, encoding="latin-1", newline="")
+            copy.write_text(script.text, encoding="latin-1", newline="")
         else:
-            shutil.copyfile(source, own)
-        source = own
+            shutil.copyfile(source, copy)
+        source = copy
     return _through_gmsh(ask, source)
 
 
@@ -450,17 +450,19 @@ def _groups(
     gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
     """The physical groups of the model, by name or number, as rows of its cells."""
-    found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
+    members_of: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
         # the inverse query searches all entities for each group
         for group in gmsh.model.getPhysicalGroupsForEntity(dim, tag):
             for kind, members in blocks.items():
-                found.setdefault((dim, abs(int(group))), {}).setdefault(kind, []).append(members)
+                members_of.setdefault((dim, abs(int(group))), {}).setdefault(kind, []).append(
+                    members
+                )
     groups: dict[str, dict[str, IntArray]] = {}
     dims: set[tuple[str, int]] = set()
     for dim, tag in gmsh.model.getPhysicalGroups():
         label = gmsh.model.getPhysicalName(dim, tag) or str(tag)
-        parts = found.get((dim, tag))
+        parts = members_of.get((dim, tag))
         if parts is None:
             continue
         if (label, dim) in dims:

@@ -184,10 +184,10 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
     if piece > len(solids):
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
     solids.sort(key=lambda solid: -gmsh.model.occ.getMass(*solid))
-    kept = solids.pop(piece - 1)
+    solid = solids.pop(piece - 1)
     gmsh.model.occ.remove(solids, recursive=True)
     gmsh.model.occ.synchronize()
-    return {entity: label for entity, label in names.items() if entity == kept}
+    return {entity: label for entity, label in names.items() if entity == solid}
 
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:
@@ -197,7 +197,7 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
         every = [face for face in every if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
     names: Names = {face: [f"face {face[1]}"] for face in every}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if face in names and label not in (each for labels in names.values() for each in labels):
+        if face in names and label not in (taken for labels in names.values() for taken in labels):
             names[face].append(label)
     colours = {face: _colour(gmsh, face) for face in every}
     if len(set(colours.values())) > 1:
@@ -236,31 +236,31 @@ def _holes(
 ) -> Iterator[tuple[str, list[tuple[int, int]]]]:
     """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
     solid = gmsh.model.getDimension() == 3
-    hollow = [one for face in faces if solid and (one := _hollow(gmsh, face)) is not None]
+    hollow = [cylinder for face in faces if solid and (cylinder := _hollow(gmsh, face)) is not None]
     joined: list[list[Cylinder]] = []
-    for one in hollow:
-        beside = [own for own in joined if any(_beside(one, other) for other in own)]
-        joined = [own for own in joined if own not in beside]
-        joined.append([one, *(other for own in beside for other in own)])
+    for cylinder in hollow:
+        beside = [hole for hole in joined if any(_beside(cylinder, other) for other in hole)]
+        joined = [hole for hole in joined if hole not in beside]
+        joined.append([cylinder, *(other for hole in beside for other in hole)])
     by_size: dict[str, list[list[Cylinder]]] = {}
-    for own in joined:
-        if len(frozenset[int]().union(*(one.sectors for one in own))) == SECTORS:
-            name = f"hole {2e3 * scale * own[0].radius:.4g} mm"
-            by_size.setdefault(name, []).append(own)
+    for hole in joined:
+        if len(frozenset[int]().union(*(cylinder.sectors for cylinder in hole))) == SECTORS:
+            name = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
+            by_size.setdefault(name, []).append(hole)
     for name, groups in sorted(by_size.items()):
-        groups.sort(key=lambda own: tuple(np.round(own[0].middle, 6)))
-        for number, own in enumerate(groups, 1):
-            yield f"{name} ({number})", [one.face for one in own]
+        groups.sort(key=lambda hole: tuple(np.round(hole[0].middle, 6)))
+        for number, hole in enumerate(groups, 1):
+            yield f"{name} ({number})", [cylinder.face for cylinder in hole]
 
 
-def _beside(one: Cylinder, other: Cylinder) -> bool:
+def _beside(first: Cylinder, second: Cylinder) -> bool:
     """Whether two cylinders share an edge, the axis and the radius."""
-    near = ALIKE * one.radius
-    apart = float(np.linalg.norm(one.foot - other.foot))
-    parallel = abs(float(one.axis @ other.axis)) > 1 - ALIKE
-    if not one.edges & other.edges:
+    near = ALIKE * first.radius
+    apart = float(np.linalg.norm(first.foot - second.foot))
+    parallel = abs(float(first.axis @ second.axis)) > 1 - ALIKE
+    if not first.edges & second.edges:
         return False
-    return parallel and abs(one.radius - other.radius) < near and apart < 10 * near
+    return parallel and abs(first.radius - second.radius) < near and apart < 10 * near
 
 
 def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:

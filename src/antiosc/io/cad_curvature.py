@@ -37,12 +37,12 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
         tensors[poles] = others[1][poles]
         known[poles] = True
         # seams have their nodes twice
-        kept = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
-        number = np.full(len(kept), tag, dtype=np.int64)
-        curvatures.append([np.reshape(x, (-1, 3))[kept], number, normals[kept], tensors[kept]])
+        first = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
+        number = np.full(len(first), tag, dtype=np.int64)
+        curvatures.append([np.reshape(x, (-1, 3))[first], number, normals[first], tensors[first]])
     if not curvatures:
         return None
-    return CadSurface(*(np.concatenate(each) for each in zip(*curvatures, strict=True)))
+    return CadSurface(*(np.concatenate(columns) for columns in zip(*curvatures, strict=True)))
 
 
 def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArray]:

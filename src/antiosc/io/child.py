@@ -25,9 +25,9 @@ def main() -> None:
         os.dup2(nowhere, stream)
     _hollow_package(Path(__file__).parents[1])
     for line in requests:
-        asked = json.loads(line)
-        sys.path[:] = asked.pop("sys_path")
-        code, answer = _in_a_fork(asked, nowhere)
+        request = json.loads(line)
+        sys.path[:] = request.pop("sys_path")
+        code, answer = _in_a_fork(request, nowhere)
         answers.write(json.dumps({"code": code, "size": len(answer)}).encode() + b"\n")
         answers.write(answer)
         answers.flush()
@@ -40,12 +40,12 @@ def _hollow_package(folder: Path) -> None:
     sys.modules["antiosc"] = package
 
 
-def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
+def _in_a_fork(request, nowhere):  # type: ignore[no-untyped-def]
     """(exit code, response) of a fork of this process that reads one file."""
     from antiosc.io.table import reader_of
 
     with contextlib.suppress(Exception):  # the fork raises it again, and says it
-        importlib.import_module(reader_of(asked["path"], asked.get("solid", False)).library)
+        importlib.import_module(reader_of(request["path"], request.get("solid", False)).library)
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -54,7 +54,7 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
             os.close(reading)
             os.dup2(nowhere, 0)
             with os.fdopen(writing, "wb") as answer:
-                _work(asked, answer)
+                _work(request, answer)
             code = 0
         finally:
             os._exit(code)  # without the finalizers, in which gmsh may crash
@@ -81,14 +81,14 @@ def _answer_of(pid: int, reading: int) -> bytes:
             parts.append(part)
 
 
-def _work(asked, answer):  # type: ignore[no-untyped-def]
+def _work(request, answer):  # type: ignore[no-untyped-def]
     """Read one file in a private folder with limits, and write the response."""
     from antiosc.io.request import Request
 
-    folder = asked.pop("folder")
+    folder = request.pop("folder")
     os.chdir(folder)
     os.environ.update({"HOME": folder, "TMPDIR": folder})
-    ask = Request(**asked)
+    ask = Request(**request)
     ask.limit_memory()
     ask.allow(30 + 1e-5 * os.path.getsize(ask.path))
     head, arrays = _read(ask)

@@ -162,9 +162,9 @@ class NodeTable:
         result: dict[int, float] = {}
         for k, parent in enumerate(row):
             weight = of_corner if k < corners else of_middle
-            for one, share in self._weights(parents, int(parent)).items():
-                result[one] = result.get(one, 0.0) + weight * share
-        return {one: weight for one, weight in result.items() if weight}
+            for known, share in self._weights(parents, int(parent)).items():
+                result[known] = result.get(known, 0.0) + weight * share
+        return {known: weight for known, weight in result.items() if weight}
 
 
 def _padded(nodes: IntArray) -> IntArray:
@@ -250,8 +250,8 @@ class FixedEntities:
         return {d: entities for d, entities in by_dimension.items() if len(entities)}
 
     def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
-        own = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
-        return self.corners[edges[:, own].all(axis=1)][:, list(face)]
+        of_face = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
+        return self.corners[edges[:, of_face].all(axis=1)][:, list(face)]
 
 
 def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
@@ -298,9 +298,9 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
-        some = [one for one in every if DIMENSION[one[0].shape] == dim]
+        some = [entry for entry in every if DIMENSION[entry[0].shape] == dim]
         if dim == 1 and halve_lines:
-            some = [_halved(*one) for one in some]
+            some = [_halved(*entry) for entry in some]
         order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
         for block, _ in some if order == 2 else ():
             _note_middles(block, nodes)
@@ -454,8 +454,8 @@ def _note_inner(block: Block, nodes: NodeTable) -> None:
     if block.shape == "hexahedron":
         pairs.append(list(DIAGONALS))
     for column, diagonals in zip(block.inner.T, pairs, strict=True):
-        for one, other in diagonals:
-            nodes.give(block.corners[:, [one, other]], column)
+        for first, second in diagonals:
+            nodes.give(block.corners[:, [first, second]], column)
 
 
 def _collapsed(block: Block) -> bool:

@@ -130,12 +130,12 @@ class Deck:
     #: numbers of the first nodes in the file
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
-    def name_elements(self, asked: Mapping[str, Sequence[int]], labels: IntArray) -> None:
+    def name_elements(self, groups: Mapping[str, Sequence[int]], labels: IntArray) -> None:
         """Make sets from element numbers of the file; `labels`: those of all elements, in order.
 
         MeshError for a number that no element has, and for a name that a set has.
         """
-        for name, numbers in asked.items():
+        for name, numbers in groups.items():
             if name in self.element_sets:
                 raise MeshError(f"{self.name} has a set {name!r} already: name the elements apart.")
             lost = np.setdiff1d(np.array(numbers), labels)

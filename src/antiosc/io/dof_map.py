@@ -90,21 +90,21 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
     what = "a dict of node -> 'all' or names of dofs"
     supports_of = checks.instance("supports", supports, Mapping, what)
-    found: list[int] = []
+    chosen: list[int] = []
     for node, dofs in supports_of.items():
         number = checks.whole("a node of supports", node)
         names = list(dofs) if isinstance(dofs, list | tuple) else [dofs]
         if names == ["all"]:
-            own = np.flatnonzero(rows.node == number)
-            if not len(own):
+            of_node = np.flatnonzero(rows.node == number)
+            if not len(of_node):
                 raise InputError(f"node {number} is not in the matrices' map of nodes and dofs.")
-            found += own.tolist()
+            chosen += of_node.tolist()
         else:
-            found += [rows.row(number, component_of(name)) for name in names]
-    return np.unique(np.array(found, dtype=np.int64))
+            chosen += [rows.row(number, component_of(name)) for name in names]
+    return np.unique(np.array(chosen, dtype=np.int64))
 
 
-def dof_map(given: object, labels: Labels | None, size: int) -> DofMap | None:
+def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
     """The map of the rows of matrices.
 
     Parameters
@@ -117,18 +117,18 @@ def dof_map(given: object, labels: Labels | None, size: int) -> DofMap | None:
     labels : (size, 2) node and component that the files of the matrices name, or None
     size : rows of the matrices
     """
-    if given is None:
+    if source is None:
         if labels is None:
             return None
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
-    if isinstance(given, str | os.PathLike):
-        name, table = _table(Source(given))
-    elif isinstance(given, tuple) and 2 <= len(given) <= 3 and size > 3:
+    if isinstance(source, str | os.PathLike):
+        name, table = _table(Source(source))
+    elif isinstance(source, tuple) and 2 <= len(source) <= 3 and size > 3:
         name = "map"
-        table = _of_columns(given, size)
+        table = _of_columns(source, size)
     else:
         name = "map"
-        table = checks.array("map", given, (None, None))
+        table = checks.array("map", source, (None, None))
     if table.shape[1] == 4:
         return _with_nodes(name, table, labels)
     if table.shape[1] == 3:  # row, node, dof
@@ -152,21 +152,21 @@ def dof_map(given: object, labels: Labels | None, size: int) -> DofMap | None:
             f"dofs of {name} are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to {LARGEST_DOF} for"
             f" others; got node {node:g}, dof {dof:g}."
         )
-    own = whole.astype(np.int64)
-    if len(np.unique(own, axis=0)) < size:
+    pairs = whole.astype(np.int64)
+    if len(np.unique(pairs, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")
     points = table[:, 2:] if table.shape[1] == 5 else np.full((size, 3), np.nan)
-    return DofMap(own[:, 0], own[:, 1], points)
+    return DofMap(pairs[:, 0], pairs[:, 1], points)
 
 
-def _of_columns(given: tuple[object, ...], size: int) -> Array:
+def _of_columns(columns: tuple[object, ...], size: int) -> Array:
     """Rows of node, dof and perhaps coordinates from columns."""
-    nodes = checks.array("the nodes of map", given[0], (size,))
-    dofs = given[1] if isinstance(given[1], list | tuple | np.ndarray) else [given[1]]
+    nodes = checks.array("the nodes of map", columns[0], (size,))
+    dofs = columns[1] if isinstance(columns[1], list | tuple | np.ndarray) else [columns[1]]
     numbers = [component_of(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
     if len(numbers) != size:
         raise InputError(f"map needs a dof for each of the {size} rows; got {len(numbers)}.")
-    points = [checks.array("the points of map", one, (size, 3)) for one in given[2:]]
+    points = [checks.array("the points of map", x, (size, 3)) for x in columns[2:]]
     return np.column_stack([nodes, numbers, *points])
 
 

@@ -60,15 +60,14 @@ def read(ask: Request) -> FileMesh:
     deck = Deck(ask.name, _points(variables, ask.name))
     usual = np.arange(1, len(deck.points) + 1)
     deck.labels = _whole(variables.get("node_num_map", usual))
-    numbers = _numbers(variables, "eb")
     names = _names(variables, "eb", "block")
-    for k, number in enumerate(numbers, 1):
+    for k, number in enumerate(_numbers(variables, "eb"), 1):
         table = variables.get(f"connect{k}")
         if table is not None:
             _add_block(deck, names[k - 1], kinds[k], _whole(table) - 1, number)
     count = deck.n_elements
-    own = _whole(variables.get("elem_num_map", np.arange(1, count + 1)))
-    deck.name_elements(ask.elements, own[:count])
+    numbers = _whole(variables.get("elem_num_map", np.arange(1, count + 1)))
+    deck.name_elements(ask.elements, numbers[:count])
     shapes = [(block, row) for block in deck.blocks for row in range(len(block))]
     for k, name in enumerate(_names(variables, "ns", "node set"), 1):
         rows = _whole(variables.get(f"node_ns{k}", np.zeros(0))) - 1
@@ -94,18 +93,18 @@ def _variables(path: Path, name: str) -> tuple[Mapping[str, Any], dict[int, str]
             raise MissingDependencyError(
                 f"{name} needs h5py, which is not installed: sudo apt install python3-h5py"
             ) from error
-        found = {}
+        variables = {}
         types = {}
         with h5py.File(path, "r") as file:
             for key, value in file.items():
                 if isinstance(value, h5py.Dataset) and value.shape is not None:
-                    found[key] = value[()]
+                    variables[key] = value[()]
                     types[key] = value.attrs.get("elem_type", b"")
     elif beginning[:3] == b"CDF" and beginning[3:4] in (b"\x01", b"\x02"):
         from scipy.io import netcdf_file
 
         with netcdf_file(str(path), mmap=False) as file:
-            found = {key: value[()] for key, value in file.variables.items()}
+            variables = {key: value[()] for key, value in file.variables.items()}
             types = {k: getattr(v, "elem_type", b"") for k, v in file.variables.items()}
     else:
         raise MeshError(f"{name} does not begin as netCDF: it is no Exodus file, or of netCDF 5.")
@@ -114,7 +113,7 @@ def _variables(path: Path, name: str) -> tuple[Mapping[str, Any], dict[int, str]
         if key.startswith("connect") and key[7:].isdigit():
             text = kind.decode("latin-1") if isinstance(kind, bytes) else str(kind)
             kinds[int(key[7:])] = text.strip("\0 ").upper()
-    return found, kinds
+    return variables, kinds
 
 
 def _points(variables: Mapping[str, Any], name: str) -> Array:
@@ -137,7 +136,7 @@ def _whole(values: Any) -> IntArray:
 
 def _numbers(variables: Mapping[str, Any], of: str) -> list[int]:
     """Numbers of blocks (eb), node sets (ns) or side sets (ss)."""
-    return [int(one) for one in np.ravel(variables.get(f"{of}_prop1", []))]
+    return [int(number) for number in np.ravel(variables.get(f"{of}_prop1", []))]
 
 
 def _names(variables: Mapping[str, Any], of: str, what: str) -> list[str]:
@@ -160,7 +159,9 @@ def _within(rows: IntArray, most: int, what: str, name: str) -> IntArray:
 
 def _add_block(deck: Deck, name: str, kind: str, table: IntArray, number: int) -> None:
     """Add a block of elements, also as a group; elements that are not cells are counted."""
-    shape = next((SHAPES[one] for one in sorted(SHAPES, key=len)[::-1] if kind.startswith(one)), "")
+    shape = next(
+        (SHAPES[start] for start in sorted(SHAPES, key=len)[::-1] if kind.startswith(start)), ""
+    )
     width = table.shape[1] if table.ndim == 2 else 0
     if shape == "quad" and width in (3, 6):
         shape = "triangle"
@@ -180,11 +181,11 @@ def _add_block(deck: Deck, name: str, kind: str, table: IntArray, number: int) -
 
 def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: list[int]) -> None:
     """Sides of elements as elements of lower dimension, in a group."""
-    found: dict[int, list[IntArray]] = {}
+    by_width: dict[int, list[IntArray]] = {}
     for corners in _corners(deck.name, name, cells, sides):
-        found.setdefault(len(corners), []).append(corners)
+        by_width.setdefault(len(corners), []).append(corners)
     rows = []
-    for width, some in found.items():
+    for width, some in by_width.items():
         table = np.array(some)
         start = deck.n_elements
         none = table[:, :0]

@@ -142,27 +142,27 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
     MeshError
         No triangle is left.
     """
-    told = []
+    notes = []
     size = float(np.ptp(points[triangles].reshape(-1, 3), axis=0).max()) if len(triangles) else 0.0
     points, triangles = _merged(points, triangles, COINCIDENT * size)
     triangles, flipped = _flipped(points, triangles)
     if flipped:
-        told.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
+        notes.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
     sound = ~_flat(points, triangles)
     once = np.zeros(len(triangles), dtype=bool)
     once[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
     for left, what in ((~sound, "without area"), (sound & ~once, "that repeat another")):
         if left.any():
-            told.append(f"{name}: {left.sum()} of {len(left)} triangles {what} are left out.")
+            notes.append(f"{name}: {left.sum()} of {len(left)} triangles {what} are left out.")
     triangles = triangles[sound & once]
     if not len(triangles):
         raise MeshError(f"{name} holds no triangles with an area.")
     triangles, piece = oriented(points, triangles)
     points, more, holes = _caps(points, triangles, SMALL_HOLE * size)
     if holes:
-        told.append(f"{name}: {holes} small holes of the surface are closed.")
+        notes.append(f"{name}: {holes} small holes of the surface are closed.")
         triangles, piece = oriented(points, np.vstack([triangles, more]))
-    return Skin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), told)
+    return Skin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), notes)
 
 
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
@@ -203,12 +203,12 @@ def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
 
 def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> None:
     """Swap the longest edge of a flat triangle with its neighbour, if that has an area."""
-    own = triangles[row]
-    ends = points[own] - np.roll(points[own], -1, axis=0)
-    i, j, middle = np.roll(own, -int(np.argmax(np.linalg.norm(ends, axis=1))))
+    corners = triangles[row]
+    ends = points[corners] - np.roll(points[corners], -1, axis=0)
+    i, j, middle = np.roll(corners, -int(np.argmax(np.linalg.norm(ends, axis=1))))
     others = np.flatnonzero((triangles == i).any(axis=1) & (triangles == j).any(axis=1))
     others = others[others != row]
-    if len(set(own.tolist())) < 3 or len(others) != 1 or flat[others[0]]:
+    if len(set(corners.tolist())) < 3 or len(others) != 1 or flat[others[0]]:
         return
     across = triangles[others[0]].copy()
     if middle not in across:
@@ -270,13 +270,13 @@ def _by_meshio(path: Path, name: str) -> tuple[Array, IntArray]:
     mesh = content(path, name)
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
-    found = [np.zeros((0, 3), dtype=np.int64)]
+    triangles = [np.zeros((0, 3), dtype=np.int64)]
     for block in mesh.cells:
         data = np.asarray(block.data, dtype=np.int64)
         if block.type in ("triangle", "quad", "polygon"):
             corners = range(1, data.shape[1] - 1)
-            found += [data[:, [0, k, k + 1]] for k in corners]
-    return points, np.vstack(found)
+            triangles += [data[:, [0, k, k + 1]] for k in corners]
+    return points, np.vstack(triangles)
 
 
 def read(ask: Request) -> FileMesh:
@@ -285,9 +285,9 @@ def read(ask: Request) -> FileMesh:
     groups = {}
     if skin.closed and skin.thick:
         groups = {CLOSED: {"triangle": np.arange(len(skin.triangles))}}
-    found = FileMesh(skin.points, {"triangle": skin.triangles}, "vtk", groups)
-    found.told = skin.told
-    return found
+    mesh = FileMesh(skin.points, {"triangle": skin.triangles}, "vtk", groups)
+    mesh.told = skin.told
+    return mesh
 
 
 #: Group of all triangles of a sheet that is the closed surface of a solid.
@@ -335,8 +335,8 @@ def fill(
     piece = skin.piece[first]
     for body in bodies:
         loops = []
-        for one in body:
-            tags = [tag for tag, its in zip(surfaces, piece, strict=True) if its == one]
+        for shell in body:
+            tags = [tag for tag, its in zip(surfaces, piece, strict=True) if its == shell]
             loops.append(gmsh.model.geo.addSurfaceLoop(tags))
         gmsh.model.geo.addVolume(loops)
     gmsh.model.geo.synchronize()
@@ -460,7 +460,7 @@ def winding(skin: Skin, piece: int, points: Array) -> Array:
     angle = np.zeros(len(points))
     for row, point in enumerate(points):
         a, b, c = (corners - point).transpose(1, 0, 2)
-        la, lb, lc = (np.linalg.norm(one, axis=1) for one in (a, b, c))
+        la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
         dots = [np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a))]
         below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
         above = np.einsum("ni,ni->n", a, np.cross(b, c))

@@ -64,12 +64,12 @@ class Source:
         if not lines:
             return np.zeros((0, columns))
         rows = [line.replace(b",", b" ") for line in lines]
-        found = _floats(b"\n".join(rows))
-        if found is None or any(len(row.split()) != columns for row in rows):
+        values = _floats(b"\n".join(rows))
+        if values is None or any(len(row.split()) != columns for row in rows):
             for row, line, number in zip(rows, lines, numbers, strict=True):
                 self._check(row, line, number, columns)
-        assert found is not None
-        return found.reshape(-1, columns)
+        assert values is not None
+        return values.reshape(-1, columns)
 
     def _check(self, row: bytes, line: bytes, number: int, columns: int) -> None:
         shown = line.decode("ascii", "replace").strip()[:60]
@@ -352,7 +352,7 @@ def read_pair(
     M = _one(mass, "M", pair[1])
     labels = None
     most = max(K.size, M.size)
-    K, M = (one if one.counted else replace(one, size=most) for one in (K, M))
+    K, M = (matrix if matrix.counted else replace(matrix, size=most) for matrix in (K, M))
     if K.labels is not None and M.labels is not None:
         labels = K.labels
         M = _on(K, M)

@@ -38,10 +38,10 @@ def _cut_down(file: Any, name: str) -> list[str]:
         del file[RESULTS]
     meshes = file[MESHES]
     nodes = {key: _nodes(mesh) for key, mesh in meshes.items()}
-    kept = max(nodes, key=lambda key: nodes[key])
-    for key in set(nodes) - {kept}:
+    largest = max(nodes, key=lambda key: nodes[key])
+    for key in set(nodes) - {largest}:
         del meshes[key]
-    mesh = meshes[kept]
+    mesh = meshes[largest]
     mesh.attrs.setdefault(SPACE, mesh.attrs[DIMENSION])
     steps = [] if "NOE" in mesh else sorted(mesh)
     for step in steps[1:]:
@@ -49,16 +49,16 @@ def _cut_down(file: Any, name: str) -> list[str]:
     if len(nodes) < 2:
         return []
     sizes = ", ".join(f"{key} of {count} nodes" for key, count in nodes.items())
-    return [f"{name} holds {len(nodes)} meshes ({sizes}); {kept} is read."]
+    return [f"{name} holds {len(nodes)} meshes ({sizes}); {largest} is read."]
 
 
 def _numbers(meshes: Any) -> IntArray:
     """Node numbers of the only mesh: its own, or from 1 as Salome counts."""
     (mesh,) = meshes.values()
-    own = _first(mesh)["NOE"].get("NUM")
-    if own is None:
+    numbers = _first(mesh)["NOE"].get("NUM")
+    if numbers is None:
         return np.arange(1, _nodes(mesh) + 1)
-    return np.asarray(own, dtype=np.int64)
+    return np.asarray(numbers, dtype=np.int64)
 
 
 def _first(mesh: Any) -> Any:

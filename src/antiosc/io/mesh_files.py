@@ -130,8 +130,8 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
     """For each of our edges or faces, its index among theirs."""
-    listed = [frozenset(one) for one in theirs]
-    return np.array([listed.index(frozenset(one)) for one in ours])
+    listed = [frozenset(entity) for entity in theirs]
+    return np.array([listed.index(frozenset(entity)) for entity in ours])
 
 
 #: Formats that meshio reads, by extension.
@@ -366,18 +366,18 @@ def read_universal(ask: Request) -> FileMesh:
     """Read a universal file."""
     path = Path(ask.path)
     ask.allow(30 + 3e-5 * path.stat().st_size)
-    content = path.read_bytes()
-    if b"\0" in content:
+    data = path.read_bytes()
+    if b"\0" in data:
         raise MeshError(f"{ask.name} holds zero bytes: it is binary, or it is damaged.")
-    found = _Content(ask.name)
-    for number, rows in _sets(content.decode("latin-1").splitlines(), ask.name):
-        _take(found, number, rows)
-    deck = _deck(found, ask.elements)
-    if found.per_metre not in (None, 1.0) and ask.unit[0] == 1:
-        deck.points /= found.per_metre
+    content = _Content(ask.name)
+    for number, rows in _sets(data.decode("latin-1").splitlines(), ask.name):
+        _take(content, number, rows)
+    deck = _deck(content, ask.elements)
+    if content.per_metre not in (None, 1.0) and ask.unit[0] == 1:
+        deck.points /= content.per_metre
         deck.told.append(
-            f"{ask.name} says that it has {found.per_metre:g} units of length in a metre (data set "
-            "164); its coordinates are converted."
+            f"{ask.name} says that it has {content.per_metre:g} units of length in a metre (data"
+            " set 164); its coordinates are converted."
         )
     return as_mesh(deck)
 
@@ -409,43 +409,43 @@ def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
         raise MeshError(f"{name} holds no data sets between lines of -1: it is no universal file.")
 
 
-def _take(found: _Content, number: int, rows: Lines) -> None:
+def _take(content: _Content, number: int, rows: Lines) -> None:
     if number == UNITS_SET and len(rows) > 1:
         text, place = rows[1]
-        found.per_metre = real_number("".join(text.split()[:1]), place)
-        place.needs(found.per_metre > 0, "the factor of length in data set 164 must be positive.")
+        content.per_metre = real_number("".join(text.split()[:1]), place)
+        place.needs(content.per_metre > 0, "the factor of length in data set 164 must be positive.")
     elif number in (NODES_SET, OLD_NODES_SET):
         for k in range(0, len(rows) - 1, 2):
             head, at = rows[k]
             text, place = rows[k + 1]
-            _node(found, head.split()[:1], at, text.split()[:3], place)
+            _node(content, head.split()[:1], at, text.split()[:3], place)
     elif number == SINGLE_NODES_SET:
         for text, place in rows:
             words = text.split()
-            _node(found, words[:1], place, words[4:7], place)
+            _node(content, words[:1], place, words[4:7], place)
     elif number in ELEMENT_SETS:
-        _elements(found, rows)
+        _elements(content, rows)
     elif number in GROUPS:
-        _groups(found, rows, GROUPS[number])
+        _groups(content, rows, GROUPS[number])
 
 
-def _node(found: _Content, label: list[str], at: Place, x: list[str], place: Place) -> None:
+def _node(content: _Content, label: list[str], at: Place, x: list[str], place: Place) -> None:
     place.needs(label and len(x) == 3, "a node needs a number and three coordinates.")
-    found.labels.append(whole_number(label[0], at))
-    found.points.append([real_number(word, place) for word in x])
+    content.labels.append(whole_number(label[0], at))
+    content.points.append([real_number(word, place) for word in x])
 
 
-def _wholes(rows: Lines, k: int, least: int, told: str, place: Place) -> tuple[list[int], int]:
+def _wholes(rows: Lines, k: int, least: int, message: str, place: Place) -> tuple[list[int], int]:
     """(at least `least` integers from line k on, number of the following line)."""
     numbers: list[int] = []
     while len(numbers) < least:
-        place.needs(k < len(rows), told)
+        place.needs(k < len(rows), message)
         numbers += [whole_number(word, rows[k][1]) for word in rows[k][0].split()]
         k += 1
     return numbers, k
 
 
-def _elements(found: _Content, rows: Lines) -> None:
+def _elements(content: _Content, rows: Lines) -> None:
     k = 0
     while k < len(rows):
         text, place = rows[k]
@@ -466,7 +466,7 @@ def _elements(found: _Content, rows: Lines) -> None:
         shape, wanted = ELEMENTS.get(descriptor, ("", 0))
         if not shape:
             kind = f"element type {descriptor}"
-            found.others[kind] += 1
+            content.others[kind] += 1
             continue
         if shape == "line" and count in (2, 3):
             wanted = count
@@ -476,10 +476,10 @@ def _elements(found: _Content, rows: Lines) -> None:
             f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
             f"its head tells {count}; it must have {wanted}.",
         )
-        found.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
+        content.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
 
 
-def _groups(found: _Content, rows: Lines, width: int) -> None:
+def _groups(content: _Content, rows: Lines, width: int) -> None:
     k = 0
     while k + 1 < len(rows):
         text, place = rows[k]
@@ -488,7 +488,7 @@ def _groups(found: _Content, rows: Lines, width: int) -> None:
         name = rows[k + 1][0].strip() or str(head[0] if head else "")
         short = f"the group {name!r} ends before its {count} members."
         numbers, k = _wholes(rows, k + 2, width * count, short, place)
-        nodes, elements = found.groups.setdefault(name, ([], []))
+        nodes, elements = content.groups.setdefault(name, ([], []))
         for m in range(count):
             kind, label = numbers[width * m : width * m + 2]
             if kind == OF_NODES:
@@ -497,23 +497,23 @@ def _groups(found: _Content, rows: Lines, width: int) -> None:
                 elements.append(label)
 
 
-def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
-    if not found.points:
-        raise MeshError(f"{found.name} has no nodes (data sets 2411, 781 or 15).")
-    nodes = Numbering(np.array(found.labels, dtype=np.int64))
+def _deck(content: _Content, groups: Mapping[str, Sequence[int]]) -> Deck:
+    if not content.points:
+        raise MeshError(f"{content.name} has no nodes (data sets 2411, 781 or 15).")
+    nodes = Numbering(np.array(content.labels, dtype=np.int64))
     if (np.diff(nodes.labels) == 0).any():
-        raise MeshError(f"{found.name} gives two nodes one number.")
-    deck = Deck(found.name, np.array(found.points))
-    deck.labels = np.array(found.labels, dtype=np.int64)
+        raise MeshError(f"{content.name} gives two nodes one number.")
+    deck = Deck(content.name, np.array(content.points))
+    deck.labels = np.array(content.labels, dtype=np.int64)
     labels = [np.zeros(0, dtype=np.int64)]
-    for (descriptor, shape, count), rows in found.elements.items():
+    for (descriptor, shape, count), rows in content.elements.items():
         table = np.array(rows, dtype=np.int64)
-        own = nodes.rows(table[:, 1:])
-        if (own < 0).any():
-            row, k = np.argwhere(own < 0)[0]
+        of_cells = nodes.rows(table[:, 1:])
+        if (of_cells < 0).any():
+            row, k = np.argwhere(of_cells < 0)[0]
             raise MeshError(
-                f"element {table[row, 0]} of {found.name} has the node {table[row, k + 1]}, which "
-                "the file does not define."
+                f"element {table[row, 0]} of {content.name} has the node {table[row, k + 1]},"
+                " which the file does not define."
             )
         corners = list(range(CORNERS[shape]))
         mids = list[int]()
@@ -521,21 +521,23 @@ def _deck(found: _Content, asked: Mapping[str, Sequence[int]]) -> Deck:
             corners, mids = (list(places) for places in ORDER[shape])
             assert len(mids) == len(EDGES[shape])
         kind = f"element type {descriptor}"
-        deck.blocks.append(Block(shape, kind, own[:, corners], own[:, mids], own[:, :0]))
+        deck.blocks.append(
+            Block(shape, kind, of_cells[:, corners], of_cells[:, mids], of_cells[:, :0])
+        )
         labels.append(table[:, 0])
     numbers = np.concatenate(labels)
     if not len(numbers):
-        ignored = ", ".join(f"{many} of {kind}" for kind, many in found.others.items())
+        ignored = ", ".join(f"{many} of {kind}" for kind, many in content.others.items())
         raise MeshError(
-            f"{found.name} has no elements that are cells of a mesh: {ignored or 'none at all'}; "
+            f"{content.name} has no elements that are cells of a mesh: {ignored or 'none at all'}; "
             "write the file with its lines, faces or solids."
         )
     elements = Numbering(numbers)
     if (np.diff(elements.labels) == 0).any():
-        raise MeshError(f"{found.name} gives two elements one number.")
-    deck.left = found.others
-    deck.name_elements(asked, numbers)
-    for name, (of_nodes, of_elements) in found.groups.items():
+        raise MeshError(f"{content.name} gives two elements one number.")
+    deck.left = content.others
+    deck.name_elements(groups, numbers)
+    for name, (of_nodes, of_elements) in content.groups.items():
         for some, numbering, sets in (
             (of_nodes, nodes, deck.node_sets),
             (of_elements, elements, deck.element_sets),

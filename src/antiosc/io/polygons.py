@@ -68,8 +68,8 @@ def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
             place.needs(len(words) > 3, "a point (v) needs three coordinates.")
             points.append([real_number(word, place) for word in words[1:4]])
         elif words[:1] == ["f"]:
-            given = [whole_number(word.split("/")[0], place) for word in words[1:]]
-            corners = [c - 1 if c > 0 else len(points) + c for c in given]
+            numbers = [whole_number(word.split("/")[0], place) for word in words[1:]]
+            corners = [c - 1 if c > 0 else len(points) + c for c in numbers]
             faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
     return _checked(points, faces, name)
 

@@ -269,9 +269,9 @@ def compact(raw: RawMesh) -> RawMesh:
     new[used] = np.arange(len(used))
     groups = {
         name: {
-            dim: kept
+            dim: whole
             for dim, entities in parts.items()
-            if len(kept := (e := new[entities])[(e >= 0).all(axis=1)])
+            if len(whole := (e := new[entities])[(e >= 0).all(axis=1)])
         }
         for name, parts in raw.groups.items()
     }
@@ -330,7 +330,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
     `drawn`: the geometry has curvatures; that of triangles has none.
     """
     reason: UnmeshableError | None = None
-    ways = [(k, one) for k, one in enumerate(ATTEMPTS) if one.suits(drawn)]
+    ways = [(k, way) for k, way in enumerate(ATTEMPTS) if way.suits(drawn)]
     for number, attempt in ways:
         try:
             raw = once(number)
@@ -470,7 +470,7 @@ def read_parts(
     if content.model is not None and content.model["joined"]:
         labels = sorted(content.cells, key=lambda label: -kind_of(label).dim)
         contents = [_alone(content, label) for label in labels]
-    meshes = [selected(one, None, None, path.name) for one in contents]
+    meshes = [selected(raw, None, None, path.name) for raw in contents]
     return {raw.kind.shape: raw for raw in meshes}
 
 
@@ -560,15 +560,15 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     _, first = np.unique(label, return_index=True)
-    kept = np.sort(first)  # in the file's order
+    remaining = np.sort(first)  # in the file's order
     new = np.empty(len(first), dtype=np.int64)
-    new[label[kept]] = np.arange(len(kept))
+    new[label[remaining]] = np.arange(len(remaining))
     row = new[label]
     return replace(
         mesh,
         model=mesh.model and _renumbered(mesh.model, row),
-        points=mesh.points[kept],
-        labels=mesh.labels[kept[kept < len(mesh.labels)]],
+        points=mesh.points[remaining],
+        labels=mesh.labels[remaining[remaining < len(mesh.labels)]],
         cells={kind: row[block] for kind, block in mesh.cells.items()},
         node_sets={name: np.unique(row[nodes]) for name, nodes in mesh.node_sets.items()},
         fixed={n: {d: row[e] for d, e in parts.items()} for n, parts in mesh.fixed.items()},

@@ -139,7 +139,7 @@ def _found(group: str, path: tuple[str, ...]) -> tuple[metadata.EntryPoint, ...]
 
     installed = [e for d in metadata.distributions(path=list(path)) for e in d.entry_points]
     entries = dict.fromkeys(e for e in [*installed, *_of_source_tree(group)] if e.group == group)
-    return tuple(sorted(entries, key=lambda one: one.value.startswith(OWN)))
+    return tuple(sorted(entries, key=lambda entry: entry.value.startswith(OWN)))
 
 
 def _of_source_tree(group: str) -> list[metadata.EntryPoint]:

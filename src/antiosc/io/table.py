@@ -64,4 +64,6 @@ def is_deck(path: str | Path) -> bool:
 def deck_endings() -> list[str]:
     """Endings of the files that `read_model` reads, whatever their content."""
     readers = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
-    return sorted(one for one, reader in readers.items() if reader.model and not reader.matches)
+    return sorted(
+        ending for ending, reader in readers.items() if reader.model and not reader.matches
+    )

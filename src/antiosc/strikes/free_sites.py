@@ -65,22 +65,22 @@ def free_sites(
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; the other arguments as of `impact_map`."""
     started = time.perf_counter()
-    found = sites_of(matrices, where, direction, radius)
+    map_sites = sites_of(matrices, where, direction, radius)
     structure.factorize(math.inf)
     located = time.perf_counter()
     free = _free_modes(structure, modes, band, most, least)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
-    b = structure.comm.allreduce(found.sites.loads.T @ phi)
+    b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
     solved = time.perf_counter()
-    C, G = deflections(structure, found.sites.loads, omega, b)
+    C, G = deflections(structure, map_sites.sites.loads, omega, b)
     moved = time.perf_counter()
     seconds = {
         "sites": located - started,
         "free_modes": solved - located,
         "deflections": moved - solved,
     }
-    return FreeSites(found, omega, phi, b, C, G, seconds)
+    return FreeSites(map_sites, omega, phi, b, C, G, seconds)
 
 
 def _free_modes(
@@ -90,6 +90,6 @@ def _free_modes(
     wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     modes = ModeSolver(structure).lowest(wanted, reach, most)
-    kept = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
-    log.info("%d free modes up to %.4g rad/s", len(modes.omega[:kept]), modes.omega[:kept][-1])
-    return Modes(modes.omega[:kept], modes.phi[:, :kept], modes.complete)
+    enough = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", enough, modes.omega[enough - 1])
+    return Modes(modes.omega[:enough], modes.phi[:, :enough], modes.complete)

@@ -207,9 +207,9 @@ def impact_map(
         math.inf if excited is None else MOST_MODES,
         FREE_MODES if stretch is False else STRETCH_MODES,
     )
-    found = seen.found
+    map_sites = seen.found
     omega = seen.omega
-    sites = found.sites
+    sites = map_sites.sites
     moved = time.perf_counter()
     if excited is not None:
         band = min(excited, float(omega[-1]) / ABOVE)
@@ -231,21 +231,21 @@ def impact_map(
     info = MapInfo(
         structure=structure.describe(),
         free_modes=len(omega),
-        cell_dimension=found.dimension,
+        cell_dimension=map_sites.dimension,
         seconds={**structure.seconds, **seconds},
     )
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
-        elements=found.elements,
+        elements=map_sites.elements,
         models=models,
         local_compliance=sites.local,
         radius=None if np.isnan(sites.radii).any() else sites.radii,
         band=band / (2 * math.pi),
         error=error,
         direct=direct,
-        skipped=found.count - len(sites),
-        names=found.names,
+        skipped=map_sites.count - len(sites),
+        names=map_sites.names,
         info=info,
         doubtful=doubtful_patches(sites),
     )
@@ -273,16 +273,16 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
 
 
 def _laws(
-    structure: Structure, found: ImpactMap, impactor: LinearBody, plane: ContactLaw
+    structure: Structure, impact_map: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], BoolArray]:
     """(laws of the P sites, mask (P,) of those at edges or in a hollow of the impactor's size)."""
     laws = []
-    sharp = np.zeros(len(found), dtype=bool)
-    radii = found.radius if found.radius is not None else np.full(len(found), np.nan)
-    sites = zip(found.points, found.directions, radii.tolist(), strict=True)
+    sharp = np.zeros(len(impact_map), dtype=bool)
+    radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)
+    sites = zip(impact_map.points, impact_map.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
     lengths = striker is None or 0.0 in striker.curvatures
-    with counting("laws of the sites", len(found), structure.comm.rank) as ready:
+    with counting("laws of the sites", len(impact_map), structure.comm.rank) as ready:
         for i, (point, direction, radius) in enumerate(sites):
             of_site = _surface(structure, point, direction, radius, lengths)
             body = PlaneOf(structure, of_site)
@@ -381,19 +381,19 @@ def _refined(
     for i, static, count, (modes, remainder) in zip(worst, statics, counts, refined, strict=True):
         known = lumped(structure, static, modes)
         elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
-        kept = at_one_site(static, elastic, n)
+        model = at_one_site(static, elastic, n)
         assert callable(remainder)  # there is a band, and no damper
-        bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
+        bound, _ = error_bound(structure, known, remainder, elastic, band, model.omega)
         if bound >= error[i]:
             continue
-        size = len(kept.m)
+        size = len(model.m)
         omega[i] = np.inf
         m[i] = 0.0
-        omega[i, :size] = kept.omega
-        m[i, :size] = kept.m
-        k0[i] = kept.k0
-        m0[i] = kept.m0
-        m_st[i] = kept.m0 + kept.m.sum()
+        omega[i, :size] = model.omega
+        m[i, :size] = model.m
+        k0[i] = model.k0
+        m0[i] = model.m0
+        m_st[i] = model.m0 + model.m.sum()
         error[i] = bound
         direct[i] = True
     return SiteModels(k0, m0, m_st, omega, m), error, direct
@@ -436,7 +436,7 @@ def _tell_deflection(
     """Warn of the site with the largest deflection, if a supported sheet stretches there."""
     if thickness is None or not np.all(result.models.k0 > 0):
         return
-    i = hardest(result, of=result.peak_deflection)
+    i = hardest(result, values=result.peak_deflection)
     assert result.peak_deflection is not None
     beyond = beyond_linear if stretch is False else beyond_quartic
     if sentence := beyond("structure", float(result.peak_deflection[i]), thickness):

@@ -191,12 +191,12 @@ class ImpactMap(Completed):
         if self.peak_force is not None:
             title += f"{'peak force':>12}  at"
         rows = [title]
-        for name, own in surfaces.items():
-            k0 = self.models.k0[trusted(self, own)]
+        for name, of_surface in surfaces.items():
+            k0 = self.models.k0[trusted(self, of_surface)]
             stiffness = range_text(k0.min(), k0.max(), "N/m")
-            row = f"{name or 'sites':<{width}}{len(own):>7}{stiffness:>32}"
+            row = f"{name or 'sites':<{width}}{len(of_surface):>7}{stiffness:>32}"
             if self.peak_force is not None:
-                i = hardest(self, own)
+                i = hardest(self, of_surface)
                 force = engineering(self.peak_force[i], "N", 4)
                 row += f"{force:>12}  {point_text(self.points[i])}"
             rows.append(row)
@@ -211,7 +211,7 @@ class ImpactMap(Completed):
                 "law, with the range of the yield strength and large strains"
             )
         if self.peak_stress is not None and np.isfinite(self.peak_stress).any():
-            i = hardest(self, of=self.peak_stress)
+            i = hardest(self, values=self.peak_stress)
             assert self.stress_points is not None
             rows.append(
                 f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
@@ -231,22 +231,24 @@ class ImpactMap(Completed):
         return plot_map(self, path, quantity)
 
 
-def trusted(found: ImpactMap, own: IntArray | None = None) -> IntArray:
+def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
     """Numbers of the reliable sites among `own` (all if None); if none is reliable, all of
     these.
     """
-    own = np.arange(len(found)) if own is None else own
-    sound = own[~found.doubtful[own]]
-    return sound if sound.size else own
+    sites = np.arange(len(impact_map)) if sites is None else sites
+    sound = sites[~impact_map.doubtful[sites]]
+    return sound if sound.size else sites
 
 
-def hardest(found: ImpactMap, own: IntArray | None = None, of: Array | None = None) -> int:
+def hardest(
+    impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
+) -> int:
     """Number of the reliable site with the largest peak force among `own` (all if None).
 
     If none is reliable, among all of these. The map must have impacts. `of` (P,): a quantity used
     instead of the force.
     """
-    of = found.peak_force if of is None else of
-    assert of is not None
-    own = trusted(found, own)
-    return int(own[np.argmax(np.nan_to_num(of[own], nan=-1.0))])
+    values = impact_map.peak_force if values is None else values
+    assert values is not None
+    sites = trusted(impact_map, sites)
+    return int(sites[np.argmax(np.nan_to_num(values[sites], nan=-1.0))])

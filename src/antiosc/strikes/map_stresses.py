@@ -62,16 +62,16 @@ def largest_stresses(
     largest: list[tuple[float, Array, float]] = []
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
-            own = slice(first, first + AT_ONCE)
-            y = structure.factorize().solve_block(seen.found.sites.loads[:, own].toarray())
-            rest = _recovered(structure, y - seen.phi @ slow[own].T, places)
+            span = slice(first, first + AT_ONCE)
+            y = structure.factorize().solve_block(seen.found.sites.loads[:, span].toarray())
+            rest = _recovered(structure, y - seen.phi @ slow[span].T, places)
 
-            def work(own: slice = own, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
-                return _of_sites(modes, rest, seen, forces, own, duration)
+            def work(span: slice = span, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
+                return _of_sites(modes, rest, seen, forces, span, duration)
 
             largest += on_root(structure.comm, work)
             ready(len(largest))
-    values, points, exposure = (np.array(each) for each in zip(*largest, strict=True))
+    values, points, exposure = (np.array(column) for column in zip(*largest, strict=True))
     return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
 
 
@@ -97,7 +97,7 @@ def _of_sites(
     rest: _Sought,
     seen: FreeSites,
     forces: list[Force],
-    own: slice,
+    span: slice,
     duration: float,
 ) -> list[tuple[float, Array, float]]:
     """(largest stress, worst point, exposure there) for the impacts at some sites.
@@ -105,8 +105,8 @@ def _of_sites(
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """
     steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
-    some = forces[own]
-    b = seen.b[own]
+    some = forces[span]
+    b = seen.b[span]
     omega = np.broadcast_to(seen.omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))

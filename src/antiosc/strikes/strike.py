@@ -212,13 +212,13 @@ def struck(
         answer = answered(source, site, run, tol, FIRST_N)
         if seen is not None:
             seen(answer, site)
-        told = (
+        reason = (
             ""
             if answer.budget.numerical <= tol
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        return _finished(answer, tol, [record(answer)], told)
+        return _finished(answer, tol, [record(answer)], reason)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _begin(place, site, impactor, material, order)
     before: Answer | None = None
@@ -233,18 +233,18 @@ def struck(
             seen(answer, site)
         records.append(record(answer))
         log.info("strike: %s", records[-1])
-        told = ""
+        reason = ""
         ratio = np.ones(0)
         met = answer.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
         if not met:
-            told = place.fixed or (
+            reason = place.fixed or (
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
             )
-            if not told:
-                ratio, told = _next(answer, mesh, order, tol, limit, started, len(records))
-        if told or met:
+            if not reason:
+                ratio, reason = _next(answer, mesh, order, tol, limit, started, len(records))
+        if reason or met:
             structure.drop_factor()
-            return _finished(answer, tol, records, told)
+            return _finished(answer, tol, records, reason)
         n = next_n(answer, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
         mesh = place.finer(mesh, ratio)
 
@@ -374,7 +374,7 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     """
     if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
         return answer
-    old, new = (max(bar.mesh for bar in each.budget.values()) for each in (before, answer))
+    old, new = (max(bar.mesh for bar in result.budget.values()) for result in (before, answer))
     if new > CLOSER * old or answer.structure.dofs < FINER * before.structure.dofs:
         return answer
     changed = max(differences(before.hit, answer.hit).values())
@@ -523,8 +523,8 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
     if mesh.tdim == 1:  # all lines are divided alike
         return np.ones(compat.cell_map(mesh.dolfinx).size_local)
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
-    kept = values > NEGLIGIBLE * values[-1]
-    shapes = answer.raw.model.shapes @ (vectors[:, kept] * np.sqrt(values[kept]))
+    chosen = values > NEGLIGIBLE * values[-1]
+    shapes = answer.raw.model.shapes @ (vectors[:, chosen] * np.sqrt(values[chosen]))
     return estimator(answer.structure).of_cells(shapes)
 
 
@@ -543,26 +543,26 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     return room
 
 
-def _finished(answer: Answer, tol: float, records: list[MeshRecord], told: str) -> History:
+def _finished(answer: Answer, tol: float, records: list[MeshRecord], reason: str) -> History:
     """The history, with its budget and the record of its meshes."""
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
-    dofs = ", ".join(str(one["dofs"]) for one in records)
+    dofs = ", ".join(str(record["dofs"]) for record in records)
     worst = budget.without_law
     story = f"Meshes of {dofs} dofs; bar without law {100 * worst:.2g} % for tol = {100 * tol:g} %."
-    if worst > tol and not told:
+    if worst > tol and not reason:
         share = max(bar.model for bar in budget.values())
-        told = (
+        reason = (
             f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
             "finer mesh helps, solid elements would."
         )
-    if told:
-        budget = replace(budget, notes=(*budget.notes, told))
+    if reason:
+        budget = replace(budget, notes=(*budget.notes, reason))
     return replace(
         with_model(hit, model),
-        status=1 if told and hit.status == 0 else hit.status,
-        message=" ".join(filter(None, (hit.message, story, told))),
+        status=1 if reason and hit.status == 0 else hit.status,
+        message=" ".join(filter(None, (hit.message, story, reason))),
         budget=partial(_known, budget),
         structure=answer.structure,
     )

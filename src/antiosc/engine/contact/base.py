@@ -293,8 +293,8 @@ class Compiled(Checked, ContactLaw):
     def parameters(self) -> list[float]:
         """Parameters in the order of the C library; the last is the compliance of a patch."""
         # a subclass of the caller may have more fields
-        law = next(each for each in type(self).__mro__ if "kind" in vars(each))
-        names = [one.name for one in fields(law) if one.name != "compliance"]
+        law = next(base for base in type(self).__mro__ if "kind" in vars(base))
+        names = [parameter.name for parameter in fields(law) if parameter.name != "compliance"]
         values = self._parameters or [getattr(self, name) for name in names]
         return [*values, self.compliance]
 

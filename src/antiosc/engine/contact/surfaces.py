@@ -103,15 +103,15 @@ class Surface:
         return {key: value for key, value in fields_of_surface.items() if value is not None}
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Surface:
+    def of(cls, table: Mapping[str, Any]) -> Surface:
         """The surface that `as_dict` wrote; InputError for another table."""
         try:
-            own = {key: _tuple(value) for key, value in given.items()}
-            matter = {key: _tuple(value) for key, value in given["matter"].items()}
-            found = cls(**own | {"matter": Matter(**matter)})
-            checks.array("curvatures", found.curvatures, (2,))
-            checks.nonnegative("error", found.error)
-            return replace(found, matter=_checked(found.matter))
+            values = {key: _tuple(value) for key, value in table.items()}
+            matter = {key: _tuple(value) for key, value in table["matter"].items()}
+            surface = cls(**values | {"matter": Matter(**matter)})
+            checks.array("curvatures", surface.curvatures, (2,))
+            checks.nonnegative("error", surface.error)
+            return replace(surface, matter=_checked(surface.matter))
         except (InputError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"the surface of a site is damaged: {error}.") from None
 
