@@ -308,7 +308,7 @@ class ImpactRows:
     ----------
     pair : the bodies of the first impact.
     laws : without the half-space compliance of the patches.
-    given : (S,) `aom_impact`.
+    rows : (S,) `aom_impact`.
     """
 
     def __init__(

@@ -109,7 +109,7 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
 
     Parameters
     ----------
-    given : path, array_like or None
+    source : path, array_like or None
         A row for every row of the matrices: node, dof, or node, dof, x, y, z; in a file also
         row, node, dof, and the dof as a name (UX). Or a row for every node: node, x, y, z, for
         matrices whose files name nodes and dofs. Or a tuple of columns, (nodes, dofs) or (nodes,
