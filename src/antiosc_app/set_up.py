@@ -124,7 +124,7 @@ class SetUp:
 
     def __post_init__(self) -> None:
         for name in ("point", "direction"):
-            checks.array(name, getattr(self, name), (3,))
+            checks.floats(name, getattr(self, name), (3,))
         for name in ("radius", "thickness"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")

@@ -112,4 +112,4 @@ def _place(part: Structure, at: object) -> tuple[Array, Array | None, float | No
         return load.point, load.direction, load.radius
     if at is None:
         raise InputError("at= says where the part is touched: a Site, or a point in m.")
-    return checks.array("at", at, (3,)), None, None
+    return checks.floats("at", at, (3,)), None, None

@@ -163,7 +163,7 @@ def tolerance(value: object, name: str = "tol") -> float:
 # -- arrays of numbers
 
 
-def array(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
+def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Array:
     """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
 
     An array of floats is returned without a copy; use `read_only` to store it.
@@ -189,7 +189,7 @@ def array(name: str, value: object, shape: tuple[int | None, ...] | None) -> Arr
 
 def nonempty(name: str, value: object) -> Array:
     """A sequence of one number or more as an array (n,), or InputError."""
-    result = array(name, value, (None,))
+    result = floats(name, value, (None,))
     if not result.size:
         raise InputError(f"{name} must hold one number or more; got none.")
     return result
@@ -209,7 +209,7 @@ def positives(name: str, value: object, unit: str = "") -> Array:
 
 def column(name: str, value: object, size: int | None = None) -> Array:
     """One number or a sequence of them as an array (n,), or InputError."""
-    result = array(name, value, None)
+    result = floats(name, value, None)
     result = result.reshape(1) if result.ndim == 0 else result
     _check_shape(name, result, (size,))
     return result
@@ -218,15 +218,15 @@ def column(name: str, value: object, size: int | None = None) -> Array:
 def spectrum(name: str, value: object) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
     result = _numbers(name, value, "iufc")
-    array = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
-    if array.size and not np.abs(array).max() <= LARGEST:  # catches NaN too
+    floats = np.array(result, complex) if result.dtype.kind == "c" else np.array(result, float)
+    if floats.size and not np.abs(floats).max() <= LARGEST:  # catches NaN too
         raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
-    return array
+    return floats
 
 
 def coordinates(name: str, value: object, unit: str = "m") -> tuple[float, ...]:
     """`value` as 2 or 3 floats, or InputError."""
-    result = array(name, value, None)
+    result = floats(name, value, None)
     if result.shape not in ((2,), (3,)):
         raise InputError(f"{name} must be 2 or 3 numbers{_unit_text(unit)}; got {shown(value)}.")
     return tuple(result.tolist())
@@ -253,9 +253,9 @@ def can_broadcast(*values: NDArray[np.generic]) -> bool:
 
 def read_only(values: NDArray[S]) -> NDArray[S]:
     """A read-only copy: later changes of the caller's array do not reach what is stored."""
-    array = np.array(values)
-    array.setflags(write=False)
-    return array
+    floats = np.array(values)
+    floats.setflags(write=False)
+    return floats
 
 
 # -- other arguments

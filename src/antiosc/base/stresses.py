@@ -117,7 +117,7 @@ def delamination_load(D: float, G: float) -> float:
 
 def tensors(name: str, value: object) -> Array:
     """Symmetric tensors (..., 3, 3) from tensors, or from six components (..., 6)."""
-    array = checks.array(name, value, None)
+    array = checks.floats(name, value, None)
     if array.shape[-2:] == (3, 3):
         size = np.abs(array).max(initial=0.0)
         if np.abs(array - np.swapaxes(array, -1, -2)).max(initial=0.0) > ASYMMETRY * size:

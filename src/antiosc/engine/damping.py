@@ -151,7 +151,7 @@ def _store_factors(
 
 def _factor(name: str, matrix: object, size: int | None) -> Array:
     """L (r, n) of matrix = L'L; InputError for what is not symmetric and semidefinite."""
-    checked_matrix = checks.array(name, matrix, (size, size))
+    checked_matrix = checks.floats(name, matrix, (size, size))
     if checked_matrix.shape[0] != checked_matrix.shape[1]:
         raise InputError(f"{name} must be square; got shape {checked_matrix.shape}.")
     scale = np.sqrt(np.maximum(checked_matrix.diagonal(), 0.0))

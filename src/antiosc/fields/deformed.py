@@ -59,7 +59,7 @@ def plot_deformed(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    seen_from = None if view is None else checks.array("view", view, (2,))
+    seen_from = None if view is None else checks.floats("view", view, (2,))
     arrow = _arrow(point, direction)
     surface = deformed(structure, history, time, body, field)
     mark = None if field is None else int(np.argmax(surface.values))

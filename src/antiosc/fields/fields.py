@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.checks import array, instance, nonempty, path as checked_path
+from antiosc.base.checks import floats, instance, nonempty, path as checked_path
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import ReprMixin, percent
@@ -194,7 +194,7 @@ def skin(
     """
     shape_blocks = shapes_of(structure, history, body)
     points, faces, shapes = source(structure).surface(structure, shape_blocks)
-    displacements = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    displacements = shapes @ amplitudes(history, floats("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast(
         (points, faces, displacements), root=0
     )
@@ -210,7 +210,7 @@ def nodal_motion(
     shape_blocks = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, shape_blocks)
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    displacements = shapes[used] @ amplitudes(history, array("time", [time], (1,)), body)[0]
+    displacements = shapes[used] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
     motion: Array = structure.comm.bcast(displacements, root=0)
     return motion
 

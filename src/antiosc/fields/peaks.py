@@ -367,7 +367,7 @@ class PeakField(Completed):
         """
         from antiosc.plot.surfaces import deformed_figure
 
-        seen_from = None if view is None else checks.array("view", view, (2,))
+        seen_from = None if view is None else checks.floats("view", view, (2,))
         surface = self.surface(f"largest {self.label}", np.zeros_like(self.points))
         mark = int(np.argmax(self.values))
         return figure_or_path(
@@ -386,7 +386,7 @@ class PeakField(Completed):
         from antiosc.plot.surfaces import Deformed, magnification
 
         label = checks.instance("label", label, str, "a text")
-        moved = checks.array("moved", moved, (len(self.points), 3))
+        moved = checks.floats("moved", moved, (len(self.points), 3))
         values = (1e-6 if self.unit == "Pa" else 1.0) * self.values
         size = float(np.linalg.norm(moved, axis=1).max())
         factor = magnification(self.points, size)

@@ -63,7 +63,7 @@ class SavedFields(ReprMixin):
 
     def __post_init__(self) -> None:
         for name, dim in (("points", 2), ("shapes", 3), ("time", 1), ("factors", 2)):
-            value = checks.array(name, getattr(self, name), None)
+            value = checks.floats(name, getattr(self, name), None)
             if value.ndim != dim:
                 raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
             checks.store(self, **{name: value})
@@ -142,7 +142,7 @@ class SavedFields(ReprMixin):
                 (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
             ]
             own: dict[str, Array] = {
-                name: checks.array(name, arrays[name], None) for name in sorted(needed)
+                name: checks.floats(name, arrays[name], None) for name in sorted(needed)
             }
             fields = cls(cells=cells, **own)
             len(fields.faces)  # of corners that the cells have
@@ -161,7 +161,7 @@ class SavedFields(ReprMixin):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        seen_from = None if view is None else checks.array("view", view, (2,))
+        seen_from = None if view is None else checks.floats("view", view, (2,))
         surface = Deformed.of(self.points, self.faces, self.at(time), self.largest)
         shown = path is None
         figure = surfaces.deformed_figure(surface, view=seen_from, whole_scale=True, shown=shown)

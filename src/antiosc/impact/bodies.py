@@ -452,9 +452,9 @@ class RigidBody(FieldsRepr):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
-        tensor = checks.array("inertia", self.inertia, None)
+        tensor = checks.floats("inertia", self.inertia, None)
         tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
-        tensor = checks.array("inertia", tensor, (3, 3))
+        tensor = checks.floats("inertia", tensor, (3, 3))
         size = np.abs(tensor).max()
         if np.abs(tensor - tensor.T).max() > 1e-9 * size or np.linalg.eigvalsh(tensor).min() <= 0:
             raise InputError(
@@ -468,7 +468,7 @@ class RigidBody(FieldsRepr):
                 f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
             )
         object.__setattr__(self, "inertia", tensor)
-        object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
+        object.__setattr__(self, "centre", checks.floats("centre", self.centre, (3,)))
         sites = {}
         checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
         for name, site in self.sites.items():
@@ -477,8 +477,8 @@ class RigidBody(FieldsRepr):
                 raise InputError(
                     f"site {name!r} must be (point, direction); got {checks.shown(site)}."
                 )
-            at = checks.array(f"point of site {name!r}", site[0], (3,))
-            along = checks.array(f"direction of site {name!r}", site[1], (3,))
+            at = checks.floats(f"point of site {name!r}", site[0], (3,))
+            along = checks.floats(f"direction of site {name!r}", site[1], (3,))
             sites[str(name)] = (at, unit_vectors(f"direction of site {name!r}", along[None])[0])
         object.__setattr__(self, "sites", sites)
 

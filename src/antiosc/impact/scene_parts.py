@@ -110,7 +110,7 @@ class Load(FieldsRepr):
     def __post_init__(self) -> None:
         checks.name("end, as 'body' or 'body:site',", self.end)
         times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
-        checks.store(self, times=times, forces=checks.array("forces", forces, (times.size,)))
+        checks.store(self, times=times, forces=checks.floats("forces", forces, (times.size,)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ class Base(FieldsRepr):
     def __post_init__(self) -> None:
         times, values = _series("base", self.times, self.accelerations)
         shape = (times.size,) if values.ndim == 1 else (times.size, 3)
-        values = checks.array("accelerations", values, shape)
+        values = checks.floats("accelerations", values, shape)
         checks.store(self, times=times, accelerations=values)
 
 
@@ -145,7 +145,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
     t = checks.nonempty(f"times of {name}", times)
     if np.any(np.diff(t) < checks.SMALLEST):
         raise InputError(f"the times of {name} must ascend.")
-    return t, checks.array(f"values of {name}", values, None)
+    return t, checks.floats(f"values of {name}", values, None)
 
 
 #: Most bodies, and most contacts: a chain of 800 masses took 6 s of the processor and 0.8 GB, one
@@ -197,7 +197,7 @@ class SceneParts(FieldsRepr):
         if self.base is not None:
             checks.instance("base", self.base, Base, "a Base")
         if isinstance(self.gravity, Sequence | np.ndarray):
-            vector = checks.array("gravity", self.gravity, (3,))
+            vector = checks.floats("gravity", self.gravity, (3,))
             checks.store(self, gravity=tuple(vector.tolist()))
         else:
             checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))

@@ -208,7 +208,7 @@ def _gravity_loads(
     """Modal forces of gravity on both bodies; None: there are none."""
     vector = None
     if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
-        vector = checks.array("gravity", gravity, (3,))
+        vector = checks.floats("gravity", gravity, (3,))
         if structure.direction is None:
             raise InputError(
                 "gravity as a vector needs a model that knows the direction of impact: extract it"

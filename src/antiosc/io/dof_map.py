@@ -128,7 +128,7 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
         table = _of_columns(source, size)
     else:
         name = "map"
-        table = checks.array("map", source, (None, None))
+        table = checks.floats("map", source, (None, None))
     if table.shape[1] == 4:
         return _with_nodes(name, table, labels)
     if table.shape[1] == 3:  # row, node, dof
@@ -161,12 +161,12 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
 
 def _of_columns(columns: tuple[object, ...], size: int) -> Array:
     """Rows of node, dof and perhaps coordinates from columns."""
-    nodes = checks.array("the nodes of map", columns[0], (size,))
+    nodes = checks.floats("the nodes of map", columns[0], (size,))
     dofs = columns[1] if isinstance(columns[1], list | tuple | np.ndarray) else [columns[1]]
     numbers = [component_of(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
     if len(numbers) != size:
         raise InputError(f"map needs a dof for each of the {size} rows; got {len(numbers)}.")
-    points = [checks.array("the points of map", x, (size, 3)) for x in columns[2:]]
+    points = [checks.floats("the points of map", x, (size, 3)) for x in columns[2:]]
     return np.column_stack([nodes, numbers, *points])
 
 

@@ -240,7 +240,7 @@ class AntiOscillators(ReprMixin, Parameters):
         sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
         """
         size = self.n_sites + self.n
-        x = checks.array("coordinates", coordinates, None)
+        x = checks.floats("coordinates", coordinates, None)
         hidden = self.hidden_count
         if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
             raise InputError(

@@ -191,14 +191,14 @@ class ModelInfo(ReprMixin):
                     checks.number(f"info.second_order[{site!r}]", share, "1/m")
             if name == "cells":
                 for site, numbers in value.items():
-                    checks.array(f"info.cells[{site!r}]", numbers, (3,))
+                    checks.floats(f"info.cells[{site!r}]", numbers, (3,))
             record = _RECORDS.get(name)
             if record is None or isinstance(value, str):
                 continue
             if missing := sorted(record.__required_keys__ - set(value)):
                 raise InputError(f"info.{name} lacks {', '.join(missing)}.")
             for key in record.__annotations__.keys() & value.keys():
-                check = checks.text if key == "note" else partial(checks.array, shape=None)
+                check = checks.text if key == "note" else partial(checks.floats, shape=None)
                 check(f"info.{name}, {key},", value[key])
 
     @cached_property

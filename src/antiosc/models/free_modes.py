@@ -124,7 +124,7 @@ def from_free_modes(
     InputError
         Bad shapes; modes more compliant than the structure.
     """
-    b = checks.array("b", b, (None,))
+    b = checks.floats("b", b, (None,))
     C = np.array([checks.positive("compliance", compliance, "m/N")])
     G = None if inertia is None else np.array([checks.positive("inertia", inertia, "kg m^2/N^2")])
     return site_models(omega, b[None, :], C, G, n, shift, method).model(0)
@@ -142,12 +142,12 @@ def site_models(
 ) -> SiteModels:
     """As `from_free_modes` for S sites at once: b (S, J), compliance and inertia (S,)."""
     checks.choice("method", method, get_args(Method))
-    omega = checks.array("omega", omega, (None,))
+    omega = checks.floats("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
         raise InputError("omega must ascend from 0 or above to a frequency > 0.")
-    b = checks.array("b", b, (None, omega.size))
-    C = checks.array("compliance", compliance, (len(b),))
-    G = None if inertia is None else checks.array("inertia", inertia, (len(b),))
+    b = checks.floats("b", b, (None, omega.size))
+    C = checks.floats("compliance", compliance, (len(b),))
+    G = None if inertia is None else checks.floats("inertia", inertia, (len(b),))
     shift = checks.nonnegative("shift", shift, "rad^2/s^2")
     if not shift and omega[0] == 0:
         raise InputError(
@@ -236,9 +236,9 @@ def error_bound(
     error is at most their sum. Z is taken with one per cent of damping; `band` must lie below
     the last free mode. Other arguments as in `site_models`, which made the models.
     """
-    omega = checks.array("omega", omega, (None,))
-    b = checks.array("b", b, (None, omega.size))
-    C, G = (checks.array(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
+    omega = checks.floats("omega", omega, (None,))
+    b = checks.floats("b", b, (None, omega.size))
+    C, G = (checks.floats(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
     band = checks.positive("band", band, "rad/s")
     if not band < omega[-1]:
         raise InputError(

@@ -83,7 +83,7 @@ class Damping(FieldsRepr):
 
     def decay(self, omega: Array) -> Array:
         """Decay constants d_j [1/s] for ascending circular frequencies, shape (J,)."""
-        omega = checks.array("omega", omega, (None,))
+        omega = checks.floats("omega", omega, (None,))
         ratios = checks.column("ratio", self.ratio)
         rigid = int(np.count_nonzero(omega == 0))
         index = np.clip(np.arange(omega.size) - rigid, 0, ratios.size - 1)
@@ -126,13 +126,13 @@ class FreeModes(ReprMixin):
 
     def _check_modes(self, *points: int | None) -> None:
         """Check and store the common attributes; `points` is the axis of the contact points."""
-        omega = checks.array("omega", self.omega, (None,))
+        omega = checks.floats("omega", self.omega, (None,))
         if np.any(omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
         size = omega.size
-        checks.store(self, omega=omega, b=checks.array("b", self.b, (size, *points)))
+        checks.store(self, omega=omega, b=checks.floats("b", self.b, (size, *points)))
         if self.decay is not None:
-            checks.store(self, decay=checks.array("decay", self.decay, (size,)))
+            checks.store(self, decay=checks.floats("decay", self.decay, (size,)))
             if np.any(self.decay < 0):
                 raise InputError("decay must be >= 0: negative damping adds energy.")
         if self.damping is not None:
@@ -143,16 +143,16 @@ class FreeModes(ReprMixin):
                     f"of {damping.n}."
                 )
         if self.shape is not None:
-            checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
+            checks.store(self, shape=checks.floats("shape", self.shape, (None, size)))
         own = self._size
         if self.residual is not None:
             rows = own if points or self.shape is not None else None
-            rest = checks.array("residual", self.residual, (rows, *self.b.shape[1:]))
+            rest = checks.floats("residual", self.residual, (rows, *self.b.shape[1:]))
             checks.store(self, residual=rest)
         if self.basis is not None:
             checks.store(self, basis=checked_basis(self.basis))
         if self.amplitude is not None:
-            checks.store(self, amplitude=checks.array("amplitude", self.amplitude, (None, own)))
+            checks.store(self, amplitude=checks.floats("amplitude", self.amplitude, (None, own)))
         if self.inertia is not None:
             checks.instance("inertia", self.inertia, Inertia, "an Inertia")
         if self.inertia is not None and len(self.inertia.momentum) != size:
@@ -205,8 +205,8 @@ class FreeModes(ReprMixin):
 
         Of one contact point the forces may be (...,) too, or one number for all.
         """
-        q = checks.array("q", q, None)
-        force = checks.array("force", force, None)
+        q = checks.floats("q", q, None)
+        force = checks.floats("force", force, None)
         size, points = self.B.shape
         wanted = (*q.shape[:-1], points)
         if self.b.ndim == 1 and force.shape in ((), q.shape[:-1]) and q.ndim:
@@ -223,7 +223,7 @@ class FreeModes(ReprMixin):
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
         """Amplitudes (..., B) of the columns of `basis` for coordinates (..., C)."""
-        x = checks.array("coordinates", coordinates, None)
+        x = checks.floats("coordinates", coordinates, None)
         if x.ndim == 0 or x.shape[-1] != self._size:
             raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
         if self.amplitude is None:
@@ -358,7 +358,7 @@ class ModalBody(FreeModes):
         self._check_modes()
         checks.store(self, r=checks.nonnegative("r", self.r, "m/N"))
         if self.weight is not None:
-            checks.store(self, weight=checks.array("weight", self.weight, self.omega.shape))
+            checks.store(self, weight=checks.floats("weight", self.weight, self.omega.shape))
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
 
@@ -479,7 +479,7 @@ class SiteModes(FreeModes):
         self._check_modes(None)
         modes, count = self.b.shape
         r = np.zeros((count, count)) if self.r is None else self.r
-        r = checks.array("r", r, (count, count))
+        r = checks.floats("r", r, (count, count))
         size = float(np.abs(r).max(initial=0.0))
         if size and (
             np.abs(r - r.T).max() > 1e-9 * size or np.linalg.eigvalsh(r).min() < -1e-9 * size
@@ -489,10 +489,10 @@ class SiteModes(FreeModes):
         if self.decay is None:
             checks.store(self, decay=np.zeros(modes))
         if self.directions is not None:
-            directions = checks.array("directions", self.directions, (count, 3))
+            directions = checks.floats("directions", self.directions, (count, 3))
             checks.store(self, directions=unit_vectors("directions", directions))
         if self.weight is not None:
-            checks.store(self, weight=checks.array("weight", self.weight, (modes, 3)))
+            checks.store(self, weight=checks.floats("weight", self.weight, (modes, 3)))
         elif self.inertia is not None:
             checks.store(self, weight=self.inertia.momentum[:, :3])
         if self.basis is not None and sum(each.shape[1] for each in self.basis) != self._size:

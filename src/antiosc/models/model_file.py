@@ -243,7 +243,7 @@ def _damping(given: Named | None) -> Damping | DampingMatrix | None:
     size = int(given["n"])
 
     def factor(rows: ArrayLike) -> Array:
-        return checks.array("factor", np.reshape(rows, (-1, size)), (None, size))
+        return checks.floats("factor", np.reshape(rows, (-1, size)), (None, size))
 
     branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
     return from_factors(factor(given["factor"]), branches)
@@ -282,12 +282,12 @@ class ReducedMatrices(FieldsRepr):
     labels: IntArray
 
     def __post_init__(self) -> None:
-        size = len(checks.array("K", self.K, (None, None)))
-        labels = checks.array("labels", self.labels, (size, 2))
+        size = len(checks.floats("K", self.K, (None, None)))
+        labels = checks.floats("labels", self.labels, (size, 2))
         if (labels != np.floor(labels)).any() or (labels < 0).any() or (labels >= 2**31).any():
             raise InputError("labels must be numbers of nodes and of their dofs.")
         for name in ("K", "M"):
-            matrix = checks.array(name, getattr(self, name), (size, size))
+            matrix = checks.floats(name, getattr(self, name), (size, size))
             if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
                 raise InputError(f"{name} must be symmetric.")
             checks.store(self, **{name: checks.read_only(matrix)})

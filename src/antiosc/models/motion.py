@@ -57,7 +57,7 @@ class Inertia(ReprMixin):
 
     def __post_init__(self) -> None:
         for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
-            value = checks.array(f"inertia.{name}", getattr(self, name), shape)
+            value = checks.floats(f"inertia.{name}", getattr(self, name), shape)
             checks.store(self, **{name: checks.read_only(value)})
         S = self.matrix
         if S.diagonal().min() < 0 or np.any(np.abs(S - S.T) > 1e-9 * np.abs(S).max()):
@@ -91,7 +91,7 @@ class Inertia(ReprMixin):
         It is that of the whole body with the same angular momentum about its centre; zero about
         axes without inertia.
         """
-        amplitudes = checks.array("amplitudes", amplitudes, (None, len(self.momentum)))
+        amplitudes = checks.floats("amplitudes", amplitudes, (None, len(self.momentum)))
         centre = self.centre
         spins = np.eye(3)
         motions = np.concatenate((np.cross(spins, self.point - centre), spins), axis=1)
@@ -101,8 +101,8 @@ class Inertia(ReprMixin):
 
     def moved(self, momenta: Array, about: Array) -> Array:
         """(P, L) about the point `about` (3,) from `momenta` (..., 6) about the reference point."""
-        momenta = checks.array("momenta", momenta, None)
-        about = checks.array("about", about, (3,))
+        momenta = checks.floats("momenta", momenta, None)
+        about = checks.floats("about", about, (3,))
         if momenta.ndim == 0 or momenta.shape[-1] != 6:
             raise InputError(f"momenta must have shape (..., 6); got {momenta.shape}.")
         P = momenta[..., :3]
@@ -132,7 +132,7 @@ class Motion(FieldsRepr):
         for name in ("velocity", "spin", "about"):
             value = getattr(self, name)
             if value is not None:
-                checks.store(self, **{name: tuple(checks.array(name, value, (3,)).tolist())})
+                checks.store(self, **{name: tuple(checks.floats(name, value, (3,)).tolist())})
 
     def at(self, inertia: Inertia) -> Array:
         """Velocity and spin (6,) of this motion at the reference point of `inertia`."""
@@ -172,16 +172,18 @@ class ModalState(FieldsRepr):
     first_order: Array | None = None
 
     def __post_init__(self) -> None:
-        q = checks.array("displacements", self.displacements, (None,))
-        v = checks.array("velocities", self.velocities, (q.size,))
+        q = checks.floats("displacements", self.displacements, (None,))
+        v = checks.floats("velocities", self.velocities, (q.size,))
         checks.store(self, displacements=checks.read_only(q), velocities=checks.read_only(v))
         if self.first_order is not None:
-            checks.store(self, first_order=checks.array("first_order", self.first_order, (2, None)))
+            checks.store(
+                self, first_order=checks.floats("first_order", self.first_order, (2, None))
+            )
 
 
 def unit_vector(name: str, value: object) -> Array:
     """`value` (3,) scaled to length 1, or InputError."""
-    vector = checks.array(name, value, (3,))
+    vector = checks.floats(name, value, (3,))
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise InputError(f"{name} must not be the zero vector.")

@@ -190,7 +190,7 @@ def checked_at_one_site(model: Parameters) -> Stored:
 
 def checked_energies(name: str, given: Array, size: int, semidefinite: bool = True) -> Array:
     """`given` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
-    E = checks.array(name, given, (size, size))
+    E = checks.floats(name, given, (size, size))
     if semidefinite:
         unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
         least = np.linalg.eigvalsh(unit).min(initial=0.0)
@@ -209,13 +209,13 @@ def checked_at_sites(model: Parameters) -> Stored:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
         raise InputError("several sites need P (p, N), the inertias of the constraint modes.")
-    k0 = checks.array("k0", model.k0, (None, None))
+    k0 = checks.floats("k0", model.k0, (None, None))
     p = len(k0)
     if k0.shape != (p, p):
         raise InputError(f"k0 must be square (p, p); got shape {k0.shape}.")
-    m0 = checks.array("m0", model.m0, (p, p))
+    m0 = checks.floats("m0", model.m0, (p, p))
     omega = checks.positives("omega", model.omega, "rad/s")
-    P = checks.array("P", model.P, (p, omega.size))
+    P = checks.floats("P", model.P, (p, omega.size))
     order = np.argsort(omega, kind="stable")
     omega = omega[order]
     P = P[:, order]
@@ -224,7 +224,7 @@ def checked_at_sites(model: Parameters) -> Stored:
     if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
         raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
     dependence = np.eye(p) if model.dependence is None else model.dependence
-    dependence = checks.array("dependence", dependence, (None, p))
+    dependence = checks.floats("dependence", dependence, (None, p))
     if not model.columns and len(model.sites) != len(dependence):
         raise InputError(
             f"sites must name the {len(dependence)} columns, or columns say which site has which; "
@@ -238,10 +238,10 @@ def checked_at_sites(model: Parameters) -> Stored:
         )
     rows = np.concatenate((np.arange(p), p + order))
     rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
-    rigid = checks.array("rigid", rigid, (p, None))
+    rigid = checks.floats("rigid", rigid, (p, None))
     hidden = 0 if model.inertia is None else max(0, len(model.inertia.momentum) - rows.size)
     slide = np.zeros((p, hidden)) if model.slide is None else model.slide
-    slide = checks.array("slide", slide, (p, None if model.inertia is None else hidden))
+    slide = checks.floats("slide", slide, (p, None if model.inertia is None else hidden))
     return {
         "k0": checks.read_only(k0),
         "m0": checks.read_only(m0),
@@ -273,7 +273,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
 
 def _patch_parameters(model: Parameters, count: int) -> Stored:
     """(compliance, radius) of the patch of each of `count` sites."""
-    local = checks.array("local_compliance", model.local_compliance, None)
+    local = checks.floats("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
         raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
     local = np.broadcast_to(local, (count,))
@@ -290,11 +290,11 @@ def _direction_parameters(
     """Directions (*columns, 3) and sorted weights (rows, *axes) of the shapes."""
     stored: Stored = {}
     if model.direction is not None:
-        directions = checks.array("direction", model.direction, (*columns, 3))
+        directions = checks.floats("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
         stored["direction"] = checks.read_only(unit("direction", directions))
     if model.participation is not None:
-        weight = checks.array("participation", model.participation, (rows.size, *axes))
+        weight = checks.floats("participation", model.participation, (rows.size, *axes))
         stored["participation"] = checks.read_only(weight[rows])
     return stored
 
@@ -329,7 +329,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
     stored: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
-        shapes = checks.array("shapes", model.shapes, (None, rows.size))
+        shapes = checks.floats("shapes", model.shapes, (None, rows.size))
         stored["shapes"] = shapes if in_order else shapes[:, rows]
     if model.inertia is not None:
         momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
@@ -346,7 +346,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
         if slides is None:
             raise InputError("hidden motions need the inertia, which holds their momentum.")
         nodes = None if model.shapes is None else len(model.shapes)
-        stored["hidden"] = checks.array("hidden", model.hidden, (nodes, slides))
+        stored["hidden"] = checks.floats("hidden", model.hidden, (nodes, slides))
     return stored
 
 

@@ -53,14 +53,14 @@ class Stretch(ReprMixin):
     shapes: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        modes = checks.array("modes", self.modes, (None, None))
+        modes = checks.floats("modes", self.modes, (None, None))
         m = modes.shape[1]
         if m > MOST_OF_MAP or not m:
             raise InputError(f"a Stretch has 1 to {MOST_OF_MAP} modes; got {m}.")
         if np.abs(modes.T @ modes - np.eye(m)).max() > ASYMMETRY:
             raise InputError("the modes of a Stretch must be orthonormal.")
         for name, rank in (("quadratic", 3), ("cubic", 4)):
-            tensor = checks.array(name, getattr(self, name), (m,) * rank)
+            tensor = checks.floats(name, getattr(self, name), (m,) * rank)
             turned = np.moveaxis(tensor, 0, -1)
             if np.abs(tensor - turned).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
                 raise InputError(f"{name} must be symmetric in all its indices.")
@@ -69,7 +69,7 @@ class Stretch(ReprMixin):
             checks.store(self, count=checks.whole("count", self.count, least=1))
         if self.shapes is not None:
             columns = m * (m + 1) // 2
-            checks.store(self, shapes=checks.array("shapes", self.shapes, (None, columns)))
+            checks.store(self, shapes=checks.floats("shapes", self.shapes, (None, columns)))
         checks.store(self, modes=checks.read_only(modes))
 
     def _facts(self) -> list[tuple[str, str]]:

@@ -41,7 +41,7 @@ def panels(
     """
     rows = checks.whole("rows", rows, most=20)
     columns = checks.whole("columns", columns, most=20)
-    width, height = checks.array("size", size, (2,))
+    width, height = checks.floats("size", size, (2,))
     if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
         raise InputError(
             f"size must be two lengths from 0.5 to 100 inches; got {checks.shown(size)}."
@@ -459,7 +459,7 @@ def plot_dynamic_stiffness(
     """
     named = by_name(models, ModelLike, "AntiOscillators")
     ax = axes_or_new(ax)
-    w = checks.array("omega", omega, (None,))
+    w = checks.floats("omega", omega, (None,))
     for (name, model), width in zip(named.items(), widths(named), strict=True):
         for entry, stiffness in _entries(model, w):
             label = ": ".join(filter(None, (name, entry)))
@@ -547,8 +547,8 @@ def plot_errors(
     for k, (name, pair) in enumerate(series.items()):
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")
-        cost = checks.array("cost", pair[0], (None,))
-        error = checks.array("error", pair[1], cost.shape)
+        cost = checks.floats("cost", pair[0], (None,))
+        error = checks.floats("error", pair[1], cost.shape)
         known = (cost > 0) & (error > 0)
         # large open markers below small ones: equal errors of two methods remain visible
         size = 8 - 4 * k / max(len(series) - 1, 1)

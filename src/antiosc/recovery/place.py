@@ -104,7 +104,7 @@ def place(
     if isinstance(surface, str):
         checks.choice("surface", surface, SURFACES)
     elif isinstance(surface, Sequence) or hasattr(surface, "shape"):
-        vector = checks.array("surface", surface, (3,))
+        vector = checks.floats("surface", surface, (3,))
         if not np.linalg.norm(vector):
             raise InputError("surface must not be the zero vector: it is the side of the sheet.")
         surface = tuple(vector.tolist())
@@ -116,7 +116,7 @@ def place(
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)
     if fibre is not None:
-        y, z = checks.array("fibre", fibre, (2,)).tolist()
+        y, z = checks.floats("fibre", fibre, (2,)).tolist()
         fibre = (y, z)
     local = checks.choice("axes", axes, ("global", "local")) == "local"
     if stiffener is not None:

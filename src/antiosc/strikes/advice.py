@@ -161,7 +161,7 @@ def _measures(
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
     else:
-        size = checks.array("part's dimensions", part, (3,))
+        size = checks.floats("part's dimensions", part, (3,))
     if E is None or rho is None:
         raise InputError("the material of the part is missing: give advise(..., E=…, nu=…, rho=…).")
     length, width, thickness = (

@@ -302,7 +302,7 @@ CHECKS: dict[str, Check] = {
     "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _by("antiosc.io.neutral:UnitSystem.of"),
-    "from_frf.band": functools.partial(checks.array, shape=(2,)),
+    "from_frf.band": functools.partial(checks.floats, shape=(2,)),
     "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
     "read_frf.quantity": functools.partial(
         checks.choice, options=("receptance", "mobility", "accelerance")

@@ -141,7 +141,7 @@ def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
         raise InputError(
             f"ppf of {name} must take an array of shares; it failed ({cause})."
         ) from error
-    return checks.array(f"what ppf of {name} returns", values, shares.shape)
+    return checks.floats(f"what ppf of {name} returns", values, shares.shape)
 
 
 def value(distribution: Any, drawn: Any) -> Any:

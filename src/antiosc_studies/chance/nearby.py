@@ -270,7 +270,7 @@ def _range(name: str, given: object) -> tuple[float, float]:
     """(low, high) of a parameter."""
     if hasattr(given, "ppf"):
         given = quantiles(name, given, np.array([(1 - COVERED) / 2, (1 + COVERED) / 2]))
-    low, high = checks.array(f"the range of {name}", given, (2,)).tolist()
+    low, high = checks.floats(f"the range of {name}", given, (2,)).tolist()
     if not low < high:
         raise InputError(f"the range of {name} must have low < high; got {low:g} and {high:g}.")
     return low, high

@@ -60,7 +60,7 @@ def orientation(
     for name, value in given.items():
         down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
         R = onto(down, DOWN)
-    angles = checks.array("tilt", tilt, None)
+    angles = checks.floats("tilt", tilt, None)
     if angles.shape != (3,):
         shown = checks.shown(tilt)
         raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
@@ -420,7 +420,7 @@ def drop(
         checks.tolerance(tol),
     )
     motion = {
-        name: checks.array(name, vector, (3,))
+        name: checks.floats(name, vector, (3,))
         for name, vector in (("spin", spin), ("velocity", velocity))
     }
     count = checks.whole("modes", modes, most=MOST_MODES)

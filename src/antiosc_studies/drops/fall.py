@@ -58,7 +58,7 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
     """
     step = checks.positive("step", step, "s")
     checks.choice("filter", name, tuple(CLASSES))
-    x = checks.array("signal", signal, None)
+    x = checks.floats("signal", signal, None)
     cfc = CLASSES[name]
     if x.ndim not in (1, 2):
         raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
@@ -231,7 +231,7 @@ class Fall(Trajectory, Result):
         if at is None:
             return np.zeros(3), rigid
         if body.structure is None or body.basis is None:
-            return checks.array("at", at, (3,)) - body.centre, rigid
+            return checks.floats("at", at, (3,)) - body.centre, rigid
         from antiosc.extension import Reach, source
         from antiosc.reduce.site import point_of
 
@@ -296,7 +296,7 @@ class Fall(Trajectory, Result):
         """
         t, a = self.signal(at, impact, filter=filter)
         strongest = a[np.argmax(np.linalg.norm(a, axis=1))]
-        along = strongest if axis is None else checks.array("axis", axis, (3,))
+        along = strongest if axis is None else checks.floats("axis", axis, (3,))
         size = float(np.linalg.norm(along))
         if size == 0:
             raise InputError("axis must not be the zero vector.")

@@ -177,7 +177,7 @@ def recording(
     if isinstance(signals, str | os.PathLike):
         signals, rate = _read(checks.path("signals", signals), sensors, rate)
     rate = checks.positive("rate", rate, "Hz")
-    values = checks.array("signals", signals, None)
+    values = checks.floats("signals", signals, None)
     if values.ndim == 1 and count == 1:
         values = values[:, None]
     if values.ndim != 2 or values.shape[1] != count:

@@ -216,6 +216,6 @@ def _rule(rule: Any, scale: Array) -> dict[str, Any]:
     function = checks.function("fun of a constraint", rule["fun"], "a function of x", 1)
 
     def scaled(y: Array) -> Array:
-        return np.atleast_1d(checks.array("what a constraint returns", function(y * scale), None))
+        return np.atleast_1d(checks.floats("what a constraint returns", function(y * scale), None))
 
     return {"type": rule["type"], "fun": scaled}

@@ -111,8 +111,8 @@ def compare(
     if isinstance(hit, type) or not isinstance(hit, ForceHistory):
         raise InputError(f"hit must be the History of an impact; got {checks.shown(hit)}.")
     t, F = _history(measured)
-    time = checks.array("hit.time", hit.time, (None,))
-    force = checks.array("hit.force", hit.force, None)
+    time = checks.floats("hit.time", hit.time, (None,))
+    force = checks.floats("hit.force", hit.force, None)
     if not np.any(force > 0) or not np.any(F > 0):
         which = "computed" if not np.any(force > 0) else "measured"
         raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")
@@ -172,8 +172,8 @@ def _history(measured: object) -> tuple[Array, Array]:
         if not {"time", "force"} <= set(columns):
             raise InputError(f"{path.name} needs the columns time [s] and force [N].")
         arrays = {name: columns[name].in_si() for name in ("time", "force")}
-    t = checks.array("the measured times", arrays["time"], (None,))
-    F = checks.array("the measured forces", arrays["force"], (None,))
+    t = checks.floats("the measured times", arrays["time"], (None,))
+    F = checks.floats("the measured forces", arrays["force"], (None,))
     if len(t) != len(F) or len(t) < FEWEST or np.any(np.diff(t) <= 0):
         raise InputError(
             f"a measured force has {FEWEST} times or more, ascending, and one force each; got"

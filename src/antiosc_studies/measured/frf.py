@@ -335,7 +335,7 @@ class FRF(ReprMixin):
 
     def __post_init__(self) -> None:
         checks.choice("quantity", self.quantity, get_args(Quantity))
-        f = checks.array("frequency", self.frequency, (None,))
+        f = checks.floats("frequency", self.frequency, (None,))
         values = checks.spectrum("values", self.values).astype(complex)
         names = _names("sites", self.sites)
         forced = names if self.references is None else _names("references", self.references)
@@ -361,7 +361,7 @@ class FRF(ReprMixin):
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
                 arrays[name] = checks.read_only(
-                    checks.array(name, getattr(self, name), shape)[seen]
+                    checks.floats(name, getattr(self, name), shape)[seen]
                 )
         if self.sigma is not None and np.any(arrays["sigma"] <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
@@ -434,7 +434,7 @@ class FRF(ReprMixin):
         """The lines within a band (low, high) [Hz]; InputError if it holds too few."""
         if band is None:
             return self
-        low, high = checks.array("band", band, (2,))
+        low, high = checks.floats("band", band, (2,))
         if not 0 <= low < high:
             raise InputError(
                 f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}."

@@ -390,7 +390,7 @@ def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
         scale = decibels[1] or "1"
         unit = decibels[2] or ""
         try:
-            values = float(scale) * 10 ** (checks.array("magnitude", values / 20, None))
+            values = float(scale) * 10 ** (checks.floats("magnitude", values / 20, None))
         except ValueError:
             raise unknown_unit(column, "dB, dB re 1 (m/s²)/N") from None
     if plain or not unit:
@@ -414,11 +414,11 @@ def _of_columns(arrays: DataSet, quantity: Quantity | None, factor: float, avera
     if "values" in known:
         values = checks.spectrum("values", arrays["values"]).astype(complex)
     elif {"real", "imag"} <= known:
-        real = checks.array("real", arrays["real"], None)
-        values = real + 1j * checks.array("imag", arrays["imag"], real.shape)
+        real = checks.floats("real", arrays["real"], None)
+        values = real + 1j * checks.floats("imag", arrays["imag"], real.shape)
     elif {"magnitude", "phase"} <= known:
-        phase = checks.array("phase", arrays["phase"], None)
-        magnitude = checks.array("magnitude", arrays["magnitude"], phase.shape)
+        phase = checks.floats("phase", arrays["phase"], None)
+        magnitude = checks.floats("magnitude", arrays["magnitude"], phase.shape)
         in_degrees = arrays.get("degrees", np.abs(phase).max(initial=0.0) > 2 * np.pi)
         values = magnitude * np.exp(1j * (np.radians(phase) if in_degrees else phase))
     else:
@@ -426,7 +426,7 @@ def _of_columns(arrays: DataSet, quantity: Quantity | None, factor: float, avera
     if "frequency" not in known:
         raise _missing("frequencies [Hz]", known)
     optional: dict[str, Any] = {
-        name: checks.array(name, arrays[name], None)
+        name: checks.floats(name, arrays[name], None)
         for name in ("coherence", "sigma")
         if name in known
     }

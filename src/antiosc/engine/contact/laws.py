@@ -693,8 +693,8 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
 
 def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Both arrays, checked to rise strictly together."""
-    xs = checks.array(f"{name} indentation", x, (None,))
-    ys = checks.array(f"{name} force", y, xs.shape)
+    xs = checks.floats(f"{name} indentation", x, (None,))
+    ys = checks.floats(f"{name} force", y, xs.shape)
     if xs.size < 2:
         raise InputError(f"the {name} curve needs at least 2 points; got {xs.size}.")
     for what, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):

@@ -109,7 +109,7 @@ class Surface:
             values = {key: _tuple(value) for key, value in table.items()}
             matter = {key: _tuple(value) for key, value in table["matter"].items()}
             surface = cls(**values | {"matter": Matter(**matter)})
-            checks.array("curvatures", surface.curvatures, (2,))
+            checks.floats("curvatures", surface.curvatures, (2,))
             checks.nonnegative("error", surface.error)
             return replace(surface, matter=_checked(surface.matter))
         except (InputError, KeyError, TypeError, AttributeError) as error:
@@ -194,7 +194,7 @@ def _checked(matter: Matter) -> Matter:
         if value is not None and not checks.is_rigid(value):
             checks.positive(name, value)
     if matter.yield_range is not None:
-        checks.array("yield_range", matter.yield_range, (2,))
+        checks.floats("yield_range", matter.yield_range, (2,))
     return matter
 
 

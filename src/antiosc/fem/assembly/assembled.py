@@ -19,7 +19,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, Box, IntArray, Matrix
-from antiosc.base.checks import array
+from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
@@ -391,7 +391,7 @@ class AssembledMatrices(StructureMatrices):
         return next(iter(self.layout.members.values())).part.constants()
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        direction = array("direction", direction, (3,))
+        direction = floats("direction", direction, (3,))
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
         moving = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction

@@ -19,7 +19,7 @@ import scipy.linalg
 import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import Checked, array, checked_by, point_text, positive, shown, text
+from antiosc.base.checks import Checked, checked_by, floats, point_text, positive, shown, text
 from antiosc.base.errors import InputError, name_list, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
@@ -125,7 +125,7 @@ def checked_end(name: str, end: object) -> End:
     if isinstance(end, str) and end:
         return end
     if isinstance(end, tuple | list) and len(end) in (2, 3) and isinstance(end[0], str) and end[0]:
-        point = array(f"the point of {name}", end[1], None)
+        point = floats(f"the point of {name}", end[1], None)
         if point.shape in ((2,), (3,)):
             part_and_point = end[0], tuple(point.tolist())
             return (

@@ -12,8 +12,8 @@ from antiosc.base._types import Array
 from antiosc.base.checks import (
     ROUNDING,
     Checked,
-    array,
     checked_by,
+    floats,
     instance,
     number,
     poisson,
@@ -32,7 +32,7 @@ def _points(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """The outline as a tuple of points (y, z); InputError if `value` is not a list of points."""
     if isinstance(value, Sequence) and not len(value):
         return ()
-    rows = array(name, value, (None, 2))
+    rows = floats(name, value, (None, 2))
     return tuple((float(y), float(z)) for y, z in rows)
 
 

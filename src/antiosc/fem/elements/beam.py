@@ -12,7 +12,7 @@ import numpy as np
 import ufl
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, checked_by, flag, instance, number, positive
+from antiosc.base.checks import checked_by, flag, floats, instance, number, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Section
 from antiosc.fem.elements.weak_form import (
@@ -280,7 +280,7 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
     directions = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
-    height = array("orientation", np.broadcast_to(directions, axis.shape), (len(axis), 3))
+    height = floats("orientation", np.broadcast_to(directions, axis.shape), (len(axis), 3))
     length = np.linalg.norm(height, axis=1, keepdims=True)
     parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():

@@ -25,7 +25,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import Checked, array, checked_by, number, positive, store
+from antiosc.base.checks import Checked, checked_by, floats, number, positive, store
 from antiosc.base.errors import InputError
 from antiosc.fem.elements import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (
@@ -501,7 +501,7 @@ class Laminate(Sheet):
 
 def _definite(name: str, value: ArrayLike, size: int) -> Array:
     """`value` as a symmetric, positive definite matrix; otherwise InputError."""
-    m = array(name, value, (size, size))
+    m = floats(name, value, (size, size))
     symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
     if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
         raise InputError(
@@ -545,7 +545,7 @@ class GivenSheet(Sheet):
     axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
     top: Direction | None = field(default=None, metadata=DIRECTION)
     offset: float = field(default=0.0, metadata=checked_by(number, "m"))
-    B: ArrayLike = field(default=((0.0,) * 3,) * 3, metadata=checked_by(array, (3, 3)))
+    B: ArrayLike = field(default=((0.0,) * 3,) * 3, metadata=checked_by(floats, (3, 3)))
 
     @cached_property
     def section(self) -> PlateSection:

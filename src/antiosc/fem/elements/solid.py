@@ -12,7 +12,7 @@ import ufl
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box
-from antiosc.base.checks import array, checked_by, choice, positive, read_only, store, within_range
+from antiosc.base.checks import checked_by, choice, floats, positive, read_only, store, within_range
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
 from antiosc.fem.elements.weak_form import (
@@ -294,7 +294,7 @@ class AnisotropicSolid(FieldsRepr):
     axes: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        C = array("stiffness", self.stiffness, (6, 6))
+        C = floats("stiffness", self.stiffness, (6, 6))
         if np.abs(C - C.T).max() > SYMMETRY * np.abs(C).max():
             raise InputError("stiffness must be symmetric.")
         least = float(np.linalg.eigvalsh((C + C.T) / 2).min())
@@ -322,7 +322,7 @@ class AnisotropicSolid(FieldsRepr):
         stress along 1; G : (G12, G13, G23) in Pa.
         """
         moduli, ratios, shear = (
-            array(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
+            floats(name, value, (3,)) for name, value in (("E", E), ("nu", nu), ("G", G))
         )
         for name, values in (("E", moduli), ("G", shear)):
             for value in values:
@@ -383,7 +383,7 @@ def _axes(axes: ArrayLike | None) -> Array:
     """The material axes as orthonormal rows."""
     if axes is None:
         return np.eye(3)
-    rows = array("axes", axes, (None, 3))
+    rows = floats("axes", axes, (None, 3))
     if len(rows) not in (2, 3):
         raise InputError(f"axes must be two or three directions (rows); got {len(rows)}.")
     length = np.linalg.norm(rows, axis=1)

@@ -23,9 +23,9 @@ import ufl
 from antiosc.base._types import Array, BoolArray, Box, IntArray
 from antiosc.base.checks import (
     Checked,
-    array,
     checked_by,
     flag,
+    floats,
     instance,
     nonnegative,
     point_text,
@@ -56,7 +56,7 @@ def checked(name: str, direction: object) -> Direction:
     """`direction` if it is a non-zero vector or a function; otherwise InputError."""
     if callable(direction):
         return direction  # type: ignore[no-any-return]
-    vector = array(name, direction, (3,))
+    vector = floats(name, direction, (3,))
     positive(f"the length of {name}", np.linalg.norm(vector))
     return tuple(vector.tolist())
 
@@ -141,7 +141,7 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
     directions = (
         direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))
     )
-    vectors = array(f"{name}, as a function of x (3, n),", directions, (3, None)).T
+    vectors = floats(f"{name}, as a function of x (3, n),", directions, (3, None)).T
     vectors = np.broadcast_to(vectors, (len(x), 3))
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     _refuse(lengths[:, 0] == 0, x, f"{name} has no length", "give a direction everywhere")
@@ -326,7 +326,7 @@ Parts = Sequence[tuple[Material, IntArray]]
 
 def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
     """Pairs (ratio, relaxation time) > 0."""
-    pairs = array(name, list(value) if isinstance(value, list | tuple) else value, None)
+    pairs = floats(name, list(value) if isinstance(value, list | tuple) else value, None)
     if not pairs.size:
         return ()
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not (pairs > 0).all():
@@ -339,7 +339,7 @@ def _checked_prony(name: str, value: object) -> tuple[tuple[float, float], ...]:
 
 def _checked_pair(name: str, value: object, unit: str = "") -> tuple[float, float]:
     """Two ascending numbers > 0."""
-    low, high = array(name, value, (2,)).tolist()
+    low, high = floats(name, value, (2,)).tolist()
     if positive(f"the lower end of {name}", low, unit) > high:
         raise InputError(f"{name} must ascend; got {low:g} to {high:g}.")
     return low, high

@@ -15,9 +15,9 @@ from mpi4py import MPI
 from antiosc.base import plausible
 from antiosc.base._types import IntArray
 from antiosc.base.checks import (
-    array,
     choice,
     flag,
+    floats,
     instance,
     path as checked_path,
     positive,
@@ -247,7 +247,7 @@ def _check_refinements(refine: Sequence[Refinement]) -> None:
                 "refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; "
                 f"got {shown(refinement)}."
             ) from error
-        array("a point of refine", point, (dim,))
+        floats("a point of refine", point, (dim,))
         positive("a size of refine", local, "m")
 
 
@@ -340,7 +340,7 @@ def box_mesh(
     Mesh
         Its sides are the groups "-x", "+x", "-y", …; all edges of a plate are "rim".
     """
-    sides = array("lengths", lengths, None)
+    sides = floats("lengths", lengths, None)
     if sides.ndim != 1 or len(sides) not in KINDS:
         raise InputError(f"lengths must be one to three, as (0.2, 0.1); got {shown(lengths)}.")
     choice("gdim", gdim, (2, 3))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array, Box, IntArray, Matrix, SolverChoice
-from antiosc.base.checks import Checked, array, checked_by, coordinates, number, shown
+from antiosc.base.checks import Checked, checked_by, coordinates, floats, number, shown
 from antiosc.base.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.fem.linalg import algebra, solver_for
@@ -53,7 +53,7 @@ def _checked_point(name: str, value: object) -> tuple[float, ...]:
 
 def checked_axis(name: str, value: object) -> tuple[float, ...]:
     """The direction of an axis, or InputError."""
-    axis = array(name, value, (3,))
+    axis = floats(name, value, (3,))
     if not np.linalg.norm(axis):
         raise InputError(f"{name} must not be the zero vector.")
     return tuple(axis.tolist())
@@ -516,7 +516,7 @@ class StructureMatrices:
 
         None for matrices, which do not tell where e points.
         """
-        array("direction", direction, (3,))
+        floats("direction", direction, (3,))
         return None
 
     @property
@@ -622,7 +622,7 @@ class NodalMatrices(StructureMatrices):
         return known[0].mass
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        direction = array("direction", direction, (3,))
+        direction = floats("direction", direction, (3,))
         known = self.rigid_inertia
         return None if known is None else np.asarray(known[1][:, :3] @ direction)
 

@@ -21,10 +21,10 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.checks import (
     Checked,
-    array,
     checked_by,
     choice,
     coordinates,
+    floats,
     list_of,
     nonnegative,
     point_text,
@@ -59,7 +59,7 @@ NAME = checked_by(text)
 
 
 def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
-    values = array(name, value, None)
+    values = floats(name, value, None)
     if values.shape not in ((), (3,)) or (values < 0).any():
         raise InputError(
             f"inertia must be >= 0, one number or three (in kg m²); got {shown(value)}."

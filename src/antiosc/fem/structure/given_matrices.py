@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import fem
 from antiosc.base._types import Array, BoolArray, IntArray, Matrix
-from antiosc.base.checks import LARGEST, SMALLEST, array
+from antiosc.base.checks import LARGEST, SMALLEST, floats
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
@@ -169,7 +169,7 @@ def matrices_of_pair(
         fixed = np.union1d(fixed, more)
     given = None
     if rigid_modes is not None:
-        given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
+        given = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
     modes, shift, factor = of_matrices(K, M, given)
     parts = K, M, fixed, modes, shift
     if C is not None:

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from antiosc.base import plausible
 from antiosc.base._types import Array, Box, IntArray, SolverChoice
-from antiosc.base.checks import array, list_of, shown, whole
+from antiosc.base.checks import floats, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
 from antiosc.fem.elements import tetrahedra
@@ -275,7 +275,7 @@ class MeshedStructure(StructureMatrices):
         return self._material.constants()
 
     def uniform_inertia(self, direction: Array) -> Array:
-        direction = array("direction", direction, (3,))
+        direction = floats("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
         own = compat.assemble_functional(load, self.form.space)

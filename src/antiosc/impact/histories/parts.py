@@ -261,7 +261,7 @@ class BodyHistory(ReprMixin):
         if self.placed.inertia is None:
             raise InputError(f"the model of {self.placed.name!r} does not know how it turns.")
         inertia = self.placed.inertia
-        point = checks.array("about", about, (3,))
+        point = checks.floats("about", about, (3,))
         return inertia.moved(self.v @ inertia.momentum, point)[..., 3:]
 
     @property
@@ -273,7 +273,7 @@ class BodyHistory(ReprMixin):
         checks.instance("site", site, str, "the name of a site")
         name = self.placed.name
         _, site_name = find_site(f"{name}:{site}" if site else name, {name: self.placed})
-        line = None if direction is None else checks.array("direction", direction, (3,))
+        line = None if direction is None else checks.floats("direction", direction, (3,))
         if line is None:
             line = self.placed.pushes.get(site_name)
         return site_row(self.placed, site_name, line, f"{name}:{site_name}")

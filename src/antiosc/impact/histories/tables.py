@@ -128,7 +128,7 @@ class Results(ReprMixin):
         try:
             names = list(map(str, header["names"]))
             numbers = dict(header["numbers"])
-            table = dict(zip(names, checks.array("table", arrays["table"], None), strict=True))
+            table = dict(zip(names, checks.floats("table", arrays["table"], None), strict=True))
             return SavedHistory(str(header["kind"]), numbers, table)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None

@@ -126,8 +126,8 @@ class SupportedPlate:
     @checks.within_range
     def wave_number_squared(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """π²(m²/a² + n²/b²), 1/m²."""
-        m = checks.array("m", m, None)
-        n = checks.array("n", n, None)
+        m = checks.floats("m", m, None)
+        n = checks.floats("n", n, None)
         if m.ndim and n.ndim and not checks.can_broadcast(m, n):
             raise InputError(
                 f"m and n must be numbers, or arrays of shapes that fit; got {m.shape}, {n.shape}."
@@ -324,11 +324,11 @@ class SupportedLaminate:
     @checks.within_range
     def __post_init__(self) -> None:
         for name, shape in (("A", (3, 3)), ("B", (3, 3)), ("D", (3, 3)), ("S", (2, 2))):
-            value = checks.read_only(checks.array(name, getattr(self, name), shape))
+            value = checks.read_only(checks.floats(name, getattr(self, name), shape))
             if name != "B" and value.max() <= 0:
                 raise InputError(f"{name} must be positive definite; no entry of it is > 0.")
             checks.store(self, **{name: value})
-        inertia = checks.read_only(checks.array("inertia", self.inertia, (3,)))
+        inertia = checks.read_only(checks.floats("inertia", self.inertia, (3,)))
         if inertia[0] <= 0:
             raise InputError(f"inertia must begin with a mass per area > 0; got {inertia[0]:g}.")
         checks.store(

@@ -90,7 +90,7 @@ class BeamModes(Body):
 
     def field(self, coordinates: ArrayLike) -> Array:
         """The deflections at x (m): the coordinates themselves."""
-        return checks.array("coordinates", coordinates, None)
+        return checks.floats("coordinates", coordinates, None)
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ class StruckBeam:
     @checks.within_range
     def dynamic_stiffness(self, omega: ArrayLike) -> Array:
         """Driving-point dynamic stiffness Z in N/m at `omega` (rad/s, > 0), same shape."""
-        omega = checks.array("omega", omega, None)
+        omega = checks.floats("omega", omega, None)
         if not np.all(omega > 0):
             raise InputError("omega must be finite and > 0 rad/s (static_stiffness is Z at 0).")
         Omega = (omega / self.beam.omega_unit) ** 2
@@ -279,7 +279,7 @@ class StruckBeam:
         return site, site * self._static_shape(x) - omega**-2.0 @ psi / total
 
     def _checked_points(self, x: ArrayLike) -> Array:
-        points = checks.array("x", x, (None,))
+        points = checks.floats("x", x, (None,))
         if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
             raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
         return points

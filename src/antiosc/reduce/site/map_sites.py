@@ -11,7 +11,7 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.checks import array, coordinates, positive
+from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -319,7 +319,7 @@ def points_given(points: object, direction: object) -> Array:
     """Checked points (P, 3) of a map."""
     if direction is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
-    at = array("where, if no group's name, the points,", points, None)
+    at = floats("where, if no group's name, the points,", points, None)
     if not at.size:
         raise InputError("a map needs at least one point.")
     if at.ndim != 2 or at.shape[1] not in (2, 3):

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import (
-    array,
+    floats,
 )
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
@@ -40,7 +40,7 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     if site.radius is not None:
         raise InputError("radius needs a mesh; a site given by dof or vector has none.")
     if site.vector is not None:
-        b = array("vector", site.vector, (n,))[first:last].copy()
+        b = floats("vector", site.vector, (n,))[first:last].copy()
     else:
         if not isinstance(site.dof, int) or not 0 <= site.dof < n:
             raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")

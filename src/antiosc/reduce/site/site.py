@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 from antiosc.base.checks import (
-    array,
     flag,
+    floats,
     is_rigid,
     positive,
     read_only,
@@ -109,7 +109,7 @@ class Site(FieldsRepr):
         elif self.dof is not None:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:
-            store(self, vector=read_only(array("vector", self.vector, (None,))))
+            store(self, vector=read_only(floats("vector", self.vector, (None,))))
         if self.part is not None:
             store(self, part=text("part", self.part))
             if self.point is None:
@@ -122,9 +122,9 @@ class Site(FieldsRepr):
             raise InputError(
                 "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
             )
-        direction = array("direction", self.direction, (None,))
+        direction = floats("direction", self.direction, (None,))
         named = isinstance(self.point, str) or at_node
-        point = direction if named else array("point", self.point, (None,))
+        point = direction if named else floats("point", self.point, (None,))
         if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
                 f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
