@@ -10,6 +10,12 @@ from numpy.typing import NDArray
 import antiosc as ao
 from antiosc.models import driving_point as bands
 from antiosc.models.reduced_modes import MODEL_SHIFT, _lowest
+from antiosc.reduce.extraction.oscillators import (
+    lowest_frequency_at_sites,
+    semidefinite,
+    shares_at_sites,
+    stiffness_at_sites,
+)
 from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
@@ -143,7 +149,7 @@ def test_stiffness_at_sites_is_the_condensed_matrix():
     K = np.block([[k0, np.zeros((p, n))], [np.zeros((n, p)), np.diag(poles)]])
     M = np.block([[m_st, P.T], [P, np.eye(n)]])
     x = np.array([2e4, 3e5 + 1e3j])
-    found = bands.stiffness_at_sites(x, k0, m0, P, poles)
+    found = stiffness_at_sites(x, k0, m0, P, poles)
     for one, Z in zip(x, found, strict=True):
         D = K - one * M
         condensed = D[:p, :p] - D[:p, p:] @ np.linalg.solve(D[p:, p:], D[p:, :p])
@@ -154,7 +160,7 @@ def test_semidefinite_clips_what_is_negative_on_equal_scales():
     rng = np.random.default_rng(5)
     root = rng.normal(size=(4, 3))
     sound = root @ root.T
-    np.testing.assert_allclose(bands.semidefinite(sound), sound, atol=1e-14)
+    np.testing.assert_allclose(semidefinite(sound), sound, atol=1e-14)
     scale = np.array([1.0, 1e4, 1e-3, 0.0])
     vectors = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     unit = (vectors * [1.0, 0.5, 0.2, -1e-6]) @ vectors.T
@@ -162,10 +168,10 @@ def test_semidefinite_clips_what_is_negative_on_equal_scales():
     values, turned = np.linalg.eigh(unit)
     clipped = (turned * np.maximum(values, 0.0)) @ turned.T
     full = np.array([1.0, 1e4, 1e-3, 5.0])
-    found = bands.semidefinite(unit * np.outer(full, full))
+    found = semidefinite(unit * np.outer(full, full))
     np.testing.assert_allclose(found, clipped * np.outer(full, full), rtol=1e-9)
     # a site without mass has no coupling either
-    found = bands.semidefinite(unit * np.outer(scale, scale) + 1e-30)
+    found = semidefinite(unit * np.outer(scale, scale) + 1e-30)
     assert np.abs(found[3]).max() < 1e-14
     assert np.linalg.eigvalsh(found).min() > -1e-12 * np.abs(found).max()
 
@@ -188,13 +194,13 @@ def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
 def test_a_share_at_sites_is_the_radius_of_the_change():
     k0, m0, P, poles = sites()
     poles[1], P[1] = 0.0, 0.0
-    found = bands.shares_at_sites(k0, m0, P, poles)
+    found = shares_at_sites(k0, m0, P, poles)
     for i in (0, 2, 3):
         x = np.array(poles[i] * (1 + 0.01j) ** 2)
         keep = np.arange(len(poles)) != i
         keep[1] = False
-        Z = bands.stiffness_at_sites(x, k0, m0, P[[0, 2, 3]], poles[[0, 2, 3]])
-        without = bands.stiffness_at_sites(x, k0, m0 + np.outer(P[i], P[i]), P[keep], poles[keep])
+        Z = stiffness_at_sites(x, k0, m0, P[[0, 2, 3]], poles[[0, 2, 3]])
+        without = stiffness_at_sites(x, k0, m0 + np.outer(P[i], P[i]), P[keep], poles[keep])
         radius = np.abs(np.linalg.eigvals(np.linalg.solve(Z, without - Z))).max()
         assert found[i] == pytest.approx(radius, rel=1e-8)
     assert found[1] == 0
@@ -203,12 +209,12 @@ def test_a_share_at_sites_is_the_radius_of_the_change():
 def test_the_lowest_frequency_at_sites_is_an_eigenvalue():
     k0 = np.diag([8e4, 3e4])
     m_st = np.diag([2.0, 3.0])
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([1e6])) == pytest.approx(100)
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([2.5e3])) == pytest.approx(50)
-    assert bands.lowest_frequency_at_sites(0 * k0, m_st, np.array([])) == np.inf
+    assert lowest_frequency_at_sites(k0, m_st, np.array([1e6])) == pytest.approx(100)
+    assert lowest_frequency_at_sites(k0, m_st, np.array([2.5e3])) == pytest.approx(50)
+    assert lowest_frequency_at_sites(0 * k0, m_st, np.array([])) == np.inf
     # one site slides: its stiffness is rounding
     k0 = np.diag([8e4, 1e-9])
-    assert bands.lowest_frequency_at_sites(k0, m_st, np.array([])) == pytest.approx(200)
+    assert lowest_frequency_at_sites(k0, m_st, np.array([])) == pytest.approx(200)
 
 
 def test_free_modes_are_orthonormal_in_the_shapes(rng):

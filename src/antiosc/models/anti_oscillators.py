@@ -33,7 +33,6 @@ from antiosc.engine.contact.surfaces import Surface, matter_of
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.models import model_file, parameters, reduced_modes
 from antiosc.models.body import ModelInfo, several_sites_message
-from antiosc.models.driving_point import with_rigid_slide
 from antiosc.models.modal import Damping, ModalBody, SiteModes
 from antiosc.models.model_file import ReducedMatrices, reduced_matrices
 from antiosc.models.parameters import (
@@ -177,7 +176,7 @@ class AntiOscillators(ReprMixin, Parameters):
             hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
         if self.slide is not None:
             x = x[..., np.newaxis, np.newaxis]
-            return with_rigid_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
+            return _with_rigid_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
         return np.asarray(self.k0 - x * (self.m0 + hung))
 
     def truncated(self, n: int) -> AntiOscillators:
@@ -370,3 +369,16 @@ class AntiOscillators(ReprMixin, Parameters):
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise model_file.damaged_file(path, error) from error
+
+
+def _with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
+    """Z (..., p, p) at x = omega^2 of sites that also move rigidly by a = `slide` (p, h).
+
+    That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
+    """
+    if not slide.any():
+        return Z
+    moving = slide[:, slide.any(axis=0)]
+    pushed = Z @ moving
+    small = x * np.eye(moving.shape[1]) - moving.T @ pushed
+    return np.asarray(Z + pushed @ np.linalg.solve(small, np.swapaxes(pushed, -1, -2)))

@@ -10,9 +10,10 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.models.driving_point import samples, stiffness_at_sites
+from antiosc.models.driving_point import samples
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
+from antiosc.reduce.extraction.oscillators import stiffness_at_sites
 from antiosc.reduce.site import functional
 from chains import loose_chains, receptance
 from marks import FREE_ON_PURPOSE

@@ -15,9 +15,9 @@ from antiosc.fem.elements import tetrahedra
 from antiosc.fem.linalg import forecast, multigrid, solver_choice, two_levels
 from antiosc.fem.linalg.multigrid import Levels
 from antiosc.fem.linalg.two_levels import TwoLevels, at_vertices
-from antiosc.models.driving_point import stiffness_at_sites
 from antiosc.reduce.extraction import site_shapes
 from antiosc.reduce.extraction.krylov import Lanczos
+from antiosc.reduce.extraction.oscillators import stiffness_at_sites
 from mpi import START, run_ranks
 
 TIP = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)

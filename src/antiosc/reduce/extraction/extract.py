@@ -46,6 +46,7 @@ from antiosc.reduce.extraction.krylov import (
     by_krylov,
     with_damping,
 )
+from antiosc.reduce.extraction.mode_checks import checked_modes
 from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT,
     ConstraintModes,
@@ -53,7 +54,6 @@ from antiosc.reduce.extraction.oscillators import (
     Selection,
     at_one_site,
     by_modes,
-    checked_modes,
     elastic_count,
     error_bound,
     every_mode,

@@ -55,13 +55,20 @@ from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure import Dissipation, ends, projected
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.driving_point import samples
 from antiosc.models.free_modes import EXHAUSTED
 from antiosc.models.modal import Damping
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.eigenmodes import Modes, polish
-from antiosc.reduce.extraction.oscillators import Remainder
+from antiosc.reduce.extraction.oscillators import (
+    Remainder,
+    lowest_frequency_at_sites,
+    semidefinite,
+    shares_at_sites,
+    spectral_norms,
+    stiffness_at_sites,
+)
 
 #: Share of the damping of the model by which dampers may brake motions that it has not.
 UNBRAKED = 1e-12
@@ -159,8 +166,8 @@ def band_error(
     used = slice(0, p + n)
     theta = np.linalg.eigvalsh(M[p : p + n, p : p + n])
     poles = np.maximum(1 / theta[theta > 0][::-1] - shift, 0.0)
-    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
-    omega = np.conj(driving_point.samples(band, lowest))
+    lowest = lowest_frequency_at_sites(static.k0, static.mass, poles[poles > 0])
+    omega = np.conj(samples(band, lowest))
     load = np.eye(p + k)[:, :p]
     root = np.linalg.cholesky(K + shift * M)
     inverse = np.linalg.inv(root)
@@ -169,8 +176,8 @@ def band_error(
         s = 1j * frequencies
         D = K + s[:, None, None] ** 2 * M + damping.stiffness(frequencies)
         y = np.linalg.solve(D[:, used, used], load[None, used])
-        residual_norms = driving_point.spectral_norms(inverse @ (load - D[:, :, used] @ y))
-        Z = driving_point.spectral_norms(np.linalg.inv(y[:, :p]))
+        residual_norms = spectral_norms(inverse @ (load - D[:, :, used] @ y))
+        Z = spectral_norms(np.linalg.inv(y[:, :p]))
         coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
         worst = max(worst, float(np.max(coercive * residual_norms**2 * Z)))
     return Reached(worst, float(abs(omega[0])))
@@ -350,12 +357,12 @@ class Lanczos:
         theta, eigenvectors = self.resolved(n)
         P = eigenvectors.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
-        return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
+        return semidefinite(self._static.mass - P.T @ P), P, poles
 
     def observable(self, n: int, tol: float) -> int:
         """Number of Ritz pairs of the first n vectors whose share in Z is above `tol`."""
         m0, P, poles = self.parameters(n)
-        return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
+        return int(np.sum(shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
@@ -369,7 +376,7 @@ class Lanczos:
         def bound(x: ComplexArray) -> Array:
             z = x + shift
             X = start / (1 - z[:, None] * theta)[:, :, None]
-            Q = driving_point.spectral_norms(rest + z[:, None, None] * (following @ X))
+            Q = spectral_norms(rest + z[:, None, None] * (following @ X))
             Q += none + beside * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
             return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
 
@@ -386,10 +393,10 @@ class Lanczos:
         k0 = self._static.k0
         P = P[poles > 0]
         poles = poles[poles > 0]
-        lowest = driving_point.lowest_frequency_at_sites(k0, self._static.mass, poles)
-        x = driving_point.samples(band, lowest) ** 2
-        Z = driving_point.stiffness_at_sites(x, k0, m0, P, poles)
-        inverse = driving_point.spectral_norms(np.linalg.inv(Z))
+        lowest = lowest_frequency_at_sites(k0, self._static.mass, poles)
+        x = samples(band, lowest) ** 2
+        Z = stiffness_at_sites(x, k0, m0, P, poles)
+        inverse = spectral_norms(np.linalg.inv(Z))
         return float(np.max(self.remainder(n)(x) * inverse))
 
 

@@ -15,24 +15,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc.base._types import Array, ComplexArray, IntArray, Numbers
-from antiosc.base.errors import AccuracyError, AccuracyWarning
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
-from antiosc.fem.platform import warn
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point
+from antiosc.models.driving_point import DAMPING, samples
 from antiosc.models.free_modes import MASSLESS
 from antiosc.models.motion import with_rigid_mode
 from antiosc.reduce.extraction import SiteShapes
-from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver, residuals
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
+from antiosc.reduce.extraction.eigenmodes import Modes, ModeSolver
 
 #: Least P of a mode at one site over the root of the static mass: dampers move it, the site hardly.
 LEAST_SHARE = 1e-12
@@ -41,10 +34,17 @@ REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
 TOLD_APART = 1e-8
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
-SAMPLE_STEP = driving_point.DAMPING / 4
+SAMPLE_STEP = DAMPING / 4
 SAMPLE_RISE = 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
+
+#: Modes whose products with K and M are in memory together.
+TOGETHER = 8
+#: Frequencies at which Z is computed at once, to limit the memory.
+AT_ONCE = 500
+#: A stiffness of several sites, per unit mass, is rounding below this share of the largest.
+UNSTRAINED = 1e-10
 
 #: Default number of anti-oscillators.
 DEFAULT_COUNT = 20
@@ -88,9 +88,7 @@ class ConstraintModes:
     def stiffness(self, x: ComplexArray) -> Numbers:
         """Z (W, p, p) with all computed modes."""
         real = self.poles > 0
-        return driving_point.stiffness_at_sites(
-            x, self.static.k0, self.m0, self.P[real], self.poles[real]
-        )
+        return stiffness_at_sites(x, self.static.k0, self.m0, self.P[real], self.poles[real])
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
@@ -103,7 +101,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         part = dot(comm, phi, multiply(structure.M, residual))
         P = P + part
         residual = residual - phi @ part
-    m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
+    m0 = semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless] = 0.0
     m0[:, massless] = 0.0
@@ -185,7 +183,7 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
     poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
     # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
-    seen = np.flatnonzero(driving_point.shares_at_sites(static.k0, known.m0, P, poles) > tol)
+    seen = np.flatnonzero(shares_at_sites(static.k0, known.m0, P, poles) > tol)
     modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in seen)}.values())
     order = seen[np.argsort(poles[seen], kind="stable")[:n]]
     turn = np.zeros((len(omega), len(order)))
@@ -193,7 +191,7 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
         turn[mixed[i][0], column] = mixed[i][1]
     lost = known.P - turn @ P[order]  # what is not kept goes back to m0
     return Selection(
-        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
+        m0=semidefinite(known.m0 + lost.T @ lost),
         P=P[order],
         omega=np.sqrt(poles[order]),
         residual=known.residual + known.modes.phi @ lost,
@@ -213,7 +211,7 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
         P = np.where(np.abs(P) < least, least, P)
     lost = np.delete(known.P, order, axis=0)
     return Selection(
-        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
+        m0=semidefinite(known.m0 + lost.T @ lost),
         P=P,
         omega=known.modes.omega[order],
         residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
@@ -331,10 +329,10 @@ def error_bound(
     """
     static = known.static
     poles = (kept.omega if omega is None else omega) ** 2
-    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
-    x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
-    change = driving_point.spectral_norms(known.stiffness(x) - elastic)
+    lowest = lowest_frequency_at_sites(static.k0, static.mass, poles)
+    x = samples(band, lowest, SAMPLE_STEP) ** 2
+    elastic = stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
@@ -345,14 +343,12 @@ def error_bound(
     # with the weak rigid-body modes: H = H_e - a aᵀ/x
     moved = static.weak.T @ static.weak / x[:, None, None]
     whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
-    off = off * driving_point.spectral_norms(whole)
+    off = off * spectral_norms(whole)
     # displacements of the sites in rigid-body motions: their rounding, and what is left out
-    rounding = driving_point.spectral_norms(static.uncertainty[None])
-    largest = static.moved.max(initial=0.0) + driving_point.spectral_norms(static.weak[None])
-    hidden = driving_point.spectral_norms(static.missed[None]) + rounding
-    off = off + driving_point.spectral_norms(elastic @ whole) / np.abs(x) * (
-        hidden**2 + 2 * largest * rounding
-    )
+    rounding = spectral_norms(static.uncertainty[None])
+    largest = static.moved.max(initial=0.0) + spectral_norms(static.weak[None])
+    hidden = spectral_norms(static.missed[None]) + rounding
+    off = off + spectral_norms(elastic @ whole) / np.abs(x) * (hidden**2 + 2 * largest * rounding)
     return float(np.max(off)), float(np.sqrt(x[0]).real)
 
 
@@ -387,127 +383,85 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     parts = []
     for matrix in (structure.K, structure.M):
         gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
-        parts.append(
-            driving_point.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight))
-        )
+        parts.append(spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight)))
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
         bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
         bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
-        energy = driving_point.spectral_norms(known.static.k0 + bent)
+        energy = spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
     # amplitudes of the modes relative to the residual shapes, and to the static ones
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
-    left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    left += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
     for matrix, own, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
         off = np.abs(matrix[np.ix_(real, real)]) @ own
-        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
+        left += times * spectral_norms(own.transpose(0, 2, 1) @ off)
     return left
 
 
-#: Modes whose products with K and M are in memory together.
-TOGETHER = 8
-#: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
-CHECK = 1e-6
-#: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
-USABLE = 100
-#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
-#: strain; the error of ω² is the square of it.
-FORCES = 1e-5
-#: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
-MECHANISM = 1e-9
-#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
-#: then right to about the square of this.
-CONVERGED = 1e-3
+# -- p >= 1 sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
 
 
-def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Accept a measured error, warn of it, or raise AccuracyError, by `limit`."""
-    if value <= limit:
-        return
-    why = (
-        "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
-        "elements or materials: take fewer elements, more even ones, smaller penalties."
-    )
-    if not value <= USABLE * limit:
-        raise AccuracyError(
-            f"the constraint modes fail their own check: {name} {value:.1e}, limit "
-            f"{USABLE * limit:.0e}; {why}"
-        )
-    warn(
-        comm,
-        f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
-        f"{limit:.0e}): {why}",
-        AccuracyWarning,
-    )
+def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
+    """Z (..., p, p) = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) [N/m] at x = omega^2.
 
-
-def checked_modes(
-    structure: Structure, known: ConstraintModes, method: str
-) -> tuple[dict[str, float], int]:
-    """Check constraint modes in their equations; AccuracyError far beyond CHECK.
-
-    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
-
-    Returns
-    -------
-    What was measured, and the number of modes that have converged.
+    k0, m0 : (p, p) [N/m], [kg]. P : (N, p) [kg^1/2]. poles : (N,) omega_i^2 [rad^2/s^2].
     """
-    modes = known.modes
-    static = known.static
-    comm = structure.comm
-    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
-        raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
-            "rigid body: some part is attached by a hinge, a single common point or line; join it "
-            "along a face."
-        )
-    off = known.off
-    scale = np.sqrt(modes.omega**2 + structure.shift)
-    projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
-    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
-    sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    own = {"residual": off} if method == "modes" else {"projection": projection}
-    measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
-        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
-        "constraint": _displacement(comm, static.load, modes.phi),
-        "mass": _excess(static.mass, known.P),
-        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
-    }
-    for name, value in measured.items():
-        check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
-    return measured, int(np.sum(off < CONVERGED))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = poles / (poles - x[..., None])
+    outer = P[:, :, None] * P[:, None, :]
+    return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
-def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
-    """Largest displacement of a site in a mode, relative to the sizes of load and mode."""
-    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
-    sizes = np.sqrt(np.outer(*squares))
-    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
+def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
+    """Spectral radius (N,) of Z^-1 times the change of Z at each damped pole if its mass is added
+    to m0.
+
+    Arguments as for `stiffness_at_sites`; 0 for a pole <= 0. The result does not depend on units
+    and combinations of the sites.
+    """
+    share = np.zeros(len(poles))
+    real = np.flatnonzero(poles > 0)
+    for i in np.split(real, range(AT_ONCE, len(real), AT_ONCE)):
+        x = poles[i] * (1 + 1j * DAMPING) ** 2
+        Z = stiffness_at_sites(x, k0, m0, P[real], poles[real])
+        shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
+        share[i] = np.abs(x**2 / (poles[i] - x) * shares)
+    return share
 
 
-def _excess(mass: Array, P: Array) -> float:
-    """Relative excess of the masses of the modes over those of the shapes."""
-    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
-    left = (mass - P.T @ P) * scale[:, None] * scale
-    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
+    """Frequency [rad/s] at which Z begins to vary: the lowest of k0 on m_st, or the first pole.
+
+    inf for a rigid mass, whose Z has no such frequency.
+    """
+    lowest = [float(x) for x in poles[:1]]
+    scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
+    values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
+    lowest += [float(x) for x in values[values > UNSTRAINED * values.max(initial=0.0)][:1]]
+    return float(np.sqrt(min(lowest, default=np.inf)))
 
 
-def check_modes(structure: Structure, modes: Modes) -> None:
-    """Measure the modes' M-orthogonality and residual; AccuracyError beyond CHECK."""
-    gram = dot(structure.comm, modes.phi, multiply(structure.M, modes.phi))
-    worst = {
-        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
-        "residual": residuals(structure, modes).max(initial=0.0),
-    }
-    for name, value in worst.items():
-        if not value <= CHECK:
-            raise AccuracyError(
-                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
-                " the matrices may be ill-conditioned (very uneven elements or materials)."
-            )
+def spectral_norms(matrices: Numbers) -> Array:
+    """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
+    if 0 in matrices.shape:
+        return np.zeros(len(matrices))
+    if 1 in matrices.shape[1:]:
+        return np.sqrt(np.sum(np.abs(matrices) ** 2, axis=(1, 2)))
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
+
+
+def semidefinite(matrix: Array) -> Array:
+    """The symmetric matrix (p, p) without negative eigenvalues due to rounding."""
+    scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
+    unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
+    unit[scale == 0] = 0.0
+    unit[:, scale == 0] = 0.0
+    values, vectors = np.linalg.eigh((unit + unit.T) / 2)
+    if values.size and values[0] < 0:
+        unit = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray((unit + unit.T) / 2 * scale[:, None] * scale)

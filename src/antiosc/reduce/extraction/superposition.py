@@ -40,7 +40,8 @@ from antiosc.reduce.extraction import (
     weights_of,
 )
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
-from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED, check_modes
+from antiosc.reduce.extraction.mode_checks import check_modes
+from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
 from antiosc.reduce.site import Functional, Site, functional
 
 #: Modes that are searched beyond those asked; of a repeated last one twice as many each time.
