@@ -90,20 +90,22 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     mesh = part.mesh
     count = compat.cell_map(mesh.dolfinx).size_local
     corners = compat.geometry_nodes(mesh.dolfinx)[:, CORNERS_IN_TURN[mesh.cell]]
+    cell_edges = compat.cell_entities(mesh.dolfinx, 1)
+    edge_ends = compat.entity_vertices(mesh.dolfinx, 1)
+    own = part.part_of_cells()
+    axes = SheetAxes(part)
     normals = edge_normals(part)
-    edges, places, cells = neighbours(compat.cell_entities(mesh.dolfinx, 1))
+    edges, places, cells = neighbours(cell_edges)
     edges = edges[cells == 2]
     places = places[:, cells == 2]
     pairs = places // EDGES
     angle = angles(normals, places)
-    own = part.part_of_cells()
-    axes = SheetAxes(part)
     smooth = (own[pairs[0]] == own[pairs[1]]) & (angle < FOLD)
     turn = angles(_tangents(np.repeat(axes.axis, EDGES, axis=0), normals), places)
     smooth &= ~axes.given[pairs[0]] | (turn < FOLD)
     for name in part.stiffeners:
         smooth &= ~np.isin(edges, mesh.groups[name][1])
-    ends = compat.entity_vertices(mesh.dolfinx, 1)[edges[smooth]]
+    ends = edge_ends[edges[smooth]]
     a, b = pairs[:, smooth]
     turned = _ahead(corners[a], ends) == _ahead(corners[b], ends)
     number = _connected(count, a, b)
