@@ -34,8 +34,7 @@ from antiosc.base.errors import NotConvergedError
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE, Inertia
-from antiosc.reduce.site import Functional
+from antiosc.models.motion import HIDDEN_RIGID_SHARE, SMALL_RIGID_SHARE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -307,29 +306,3 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
         f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "
         f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
     )
-
-
-def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """The inertia of a body that can move rigidly; its momenta are those of these shapes."""
-    if structure.rigid_inertia is None:
-        return None
-    inertia, loads = structure.rigid_inertia
-    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
-
-
-def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
-    """M e on the rows of this rank, e a unit uniform motion; None without coordinates."""
-    if target.direction is None:
-        return None
-    return structure.uniform_inertia(target.direction)
-
-
-def weights_of(structure: Structure, shapes: Array) -> Array | None:
-    """Generalised masses (k, 3) of shapes (rows, k) for unit uniform accelerations along x, y, z.
-
-    None for matrices. A plane structure does not move along z.
-    """
-    loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
-    if any(load is None for load in loads):
-        return None
-    return np.asarray(dot(structure.comm, shapes, np.column_stack(loads)))  # type: ignore[arg-type]

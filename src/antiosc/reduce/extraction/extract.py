@@ -7,12 +7,11 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, cast, get_args, overload
+from typing import TYPE_CHECKING, Literal, get_args, overload
 
 import numpy as np
 
 from antiosc.base import checks, process
-from antiosc.base._types import Array
 from antiosc.base.checks import (
     choice,
     flag,
@@ -25,20 +24,13 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
-from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import Band, ModelInfo
+from antiosc.models.body import Band
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
-from antiosc.reduce.extraction import (
-    SiteShapes,
-    inertia_of,
-    shapes_of_models,
-    uniform_inertia,
-    weights_of,
-)
+from antiosc.reduce.extraction import shapes_of_models
 from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
@@ -46,12 +38,15 @@ from antiosc.reduce.extraction.krylov import (
     by_krylov,
     with_damping,
 )
-from antiosc.reduce.extraction.mode_checks import checked_modes
+from antiosc.reduce.extraction.model import (
+    UNNAMED,
+    Columns,
+    info_of_model,
+    model_of_named_sites,
+    model_of_one_site,
+)
 from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT,
-    ConstraintModes,
-    OneSite,
-    Selection,
     at_one_site,
     by_modes,
     elastic_count,
@@ -61,10 +56,9 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import with_stretch
-from antiosc.reduce.site import Functional, Site, functionals, surfaces
+from antiosc.reduce.site import Site, functionals
 
 if TYPE_CHECKING:
-    from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.reduce.error.model_errors import ModelErrors
 
 
@@ -79,11 +73,6 @@ SETTLED_FROM = 10
 
 Method = Literal["krylov", "modes"]
 ErrorOption = Literal["estimate"] | None
-
-#: Load vectors of each site of a model: the normal one first, then the tangential ones.
-Columns = Mapping[str, Sequence[Functional]]
-#: The name of the site of a model of one site without a name.
-UNNAMED = ""
 
 
 @dataclass(frozen=True)
@@ -144,163 +133,25 @@ def models_of(
             omega = kept.omega if one is None else one.omega
             bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
             band = _band(lowest, options.band, bound)
-        firsts = {name: columns[0] for name, columns in group.items()}
-        cells = {name: first.cell for name, first in firsts.items() if first.cell is not None}
-        info = replace(
-            _info(structure, known, kept, options),
-            band=band,
-            seconds={
-                **structure.seconds,
-                "site": spent,
-                "modes": (time.perf_counter() - started) / (len(models) + 1),
-            },
-            cells=cells or None,
-            surfaces=surfaces(structure, firsts),
-        )
+        seconds = {"site": spent, "modes": (time.perf_counter() - started) / (len(models) + 1)}
+        record = info_of_model(structure, group, known, kept, options.method)
+        info = replace(record, band=band, seconds={**structure.seconds, **seconds})
         elastic = len(kept.omega)
         complete = modes.complete
         del known, modes  # as large as the shapes
         if one is None:
-            model = _at_named_sites(structure, group, static, kept, info)
+            model = model_of_named_sites(structure, group, static, kept, info)
         else:
             (target,) = group[UNNAMED]
             del kept
-            model = _at_one_site(structure, target, one, elastic, info)
+            model = model_of_one_site(structure, target, one, elastic, info)
             if errors is not None:
                 model = errors.added_to(model, target)
-        model = with_second_order(structure, model)
         if terms or structure.matrices.lossy:
             model = with_damping(structure, model, static, terms)
         on_root(structure.comm, partial(warn_of_shortfall, model, options, complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
-
-
-def _info(
-    structure: Structure, known: ConstraintModes, kept: Selection, options: ExtractOptions
-) -> ModelInfo:
-    """The record of an extraction."""
-    measured, converged = checked_modes(structure, known, options.method)
-    return ModelInfo(
-        structure=structure.describe(),
-        dofs=structure.dofs,
-        method=options.method,
-        modes_computed=len(known.modes.omega),
-        converged=converged,
-        modes_unobservable=kept.unobservable,
-        modes_merged=kept.merged,
-        rigid_modes=int(structure.rigid_modes.shape[1]),
-        rigid_share=known.static.share,
-        checks=measured,
-        solver=known.static.solver.told,
-        **structure.matrices.plausibility,
-    )
-
-
-def _at_one_site(
-    structure: Structure, target: Functional, parameters: OneSite, elastic: int, info: ModelInfo
-) -> AntiOscillators:
-    """The model of a single unnamed site."""
-    info = replace(
-        info,
-        meshed=structure.matrices.meshed,
-        converged=(info.converged or 0)
-        + len(parameters.m)
-        - elastic,  # the weak rigid-body mode is one
-    )
-    if target.point is not None and target.direction is not None:
-        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
-    weight = uniform_inertia(structure, target)
-    shapes = np.column_stack([parameters.residual + parameters.psi.sum(axis=1), parameters.psi])
-    participation: Array | None = None
-    if weight is not None:
-        weights = (
-            dot(structure.comm, part, weight) for part in (parameters.residual, parameters.psi)
-        )
-        participation = np.hstack(list(weights))
-    return AntiOscillators(
-        m0=parameters.m0,
-        k0=parameters.k0,
-        m=parameters.m,
-        omega=parameters.omega,
-        local_compliance=target.local_compliance,
-        radius=target.radius,
-        participation=participation,
-        shapes=shapes,
-        direction=target.direction,
-        inertia=inertia_of(structure, shapes, parameters.hidden),
-        hidden=parameters.hidden if structure.rigid_inertia is not None else None,
-        info=info,
-    )
-
-
-def _at_named_sites(
-    structure: Structure, sites: Columns, static: SiteShapes, kept: Selection, info: ModelInfo
-) -> AntiOscillators:
-    """The model of several sites, or of one site with a name."""
-    ends = np.cumsum([len(of_site) for of_site in sites.values()])
-    columns = {
-        name: tuple(range(end - len(of_site), end))
-        for (name, of_site), end in zip(sites.items(), ends.tolist(), strict=True)
-    }
-    firsts = [of_site[0] for of_site in sites.values()]
-    directions = [column.direction for of_site in sites.values() for column in of_site]
-    placed = all(direction is not None for direction in directions)
-    info = replace(info, independent=static.kept.tolist())
-    if placed:
-        places = {name: of_site[0].point for name, of_site in sites.items()}
-        points = {name: place.tolist() for name, place in places.items() if place is not None}
-        info = replace(info, points=points)
-    unit = static.phi @ static.W.T
-    shapes = np.hstack([unit, kept.phi])
-    return AntiOscillators(
-        m0=_turned(static.W, kept.m0),
-        k0=_turned(static.W, static.k0),
-        P=static.W @ kept.P.T,
-        omega=kept.omega,
-        sites=tuple(sites),
-        columns=columns,
-        dependence=static.dependence,
-        rigid=static.rigid,
-        slide=static.slide,
-        local_compliance=np.array([first.local_compliance for first in firsts]),
-        radius=tuple(first.radius for first in firsts),
-        participation=weights_of(structure, shapes) if placed else None,
-        shapes=shapes,
-        direction=np.array(directions) if placed else None,
-        inertia=inertia_of(structure, shapes, static.nodal),
-        hidden=static.nodal,
-        info=info,
-    )
-
-
-def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with the second-order change of the force on supported curved sheets."""
-    single_mesh = structure.matrices.meshed and not structure.matrices.assembled
-    supported = structure.rigid_modes.shape[1] == 0
-    sites = model.sites or (UNNAMED,)
-    k0 = np.atleast_2d(model.k0)
-    if model.info.thickness is None or not (single_mesh and supported) or len(sites) != len(k0):
-        return model
-    from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
-
-    assert model.shapes is not None
-    C = np.linalg.inv(k0)
-    deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
-    part = cast("MeshedStructure", structure.matrices)
-    found = {
-        site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
-    }
-    if not any(found.values()):
-        return model
-    return replace(model, info=replace(model.info, second_order=found))
-
-
-def _turned(W: Array, matrix: Array) -> Array:
-    """W matrix Wᵀ, with negative eigenvalues due to rounding removed."""
-    values, vectors = np.linalg.eigh(matrix)
-    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    return np.asarray(factor @ factor.T)
 
 
 def _band(bottom: float, top: float, bound: float) -> Band:

@@ -31,16 +31,10 @@ from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.models.motion import Inertia
 from antiosc.recovery import source
 from antiosc.recovery.series import Frames
-from antiosc.reduce.extraction import (
-    SiteShapes,
-    beside_rigid,
-    inertia_of,
-    site_shapes,
-    uniform_inertia,
-    weights_of,
-)
+from antiosc.reduce.extraction import SiteShapes, beside_rigid, site_shapes
 from antiosc.reduce.extraction.eigenmodes import AS_SITES, DENSE_MANY, Modes, ModeSolver
 from antiosc.reduce.extraction.mode_checks import check_modes
+from antiosc.reduce.extraction.model import inertia_of, uniform_inertia, weights_of
 from antiosc.reduce.extraction.oscillators import DEFAULT_COUNT, REPEATED, SEARCHED
 from antiosc.reduce.site import Functional, Site, functional
 
