@@ -72,7 +72,8 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
-from antiosc.reduce.site.sites import Sites, doubtful_patches
+from antiosc.reduce.site.doubts import doubtful_patches
+from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
 from antiosc.strikes.map_results import ImpactMap, MapInfo, hardest

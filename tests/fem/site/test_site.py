@@ -14,7 +14,8 @@ from antiosc.fem.mesh.closest import closest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.sites import located, warn_of_doubts
+from antiosc.reduce.site.doubts import warn_of_doubts
+from antiosc.reduce.site.sites import located
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 
@@ -228,11 +229,11 @@ def told(part, **facts) -> list[str]:
 
 def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
-    assert "the site at 2 of 3 sites measure 0.06 m, more than the radius 0.045" in text
+    assert "the facets at 2 measure 0.06 m, more than the radius 0.045" in text
     (text,) = told(part, share=[0.89, 1.0, 0.5])
-    assert "cuts the patch at 2 of 3 sites: only 50 % of its load area" in text
+    assert "at 2 of 3 sites: an edge cuts it at 2, down to 50 % of its load area" in text
     (text,) = told(part, moving=[1.0, 0.89, 0.25])
-    assert "supports fix 75 % of the patch at 2 of 3 sites" in text
+    assert "supports fix up to 75 % of it at 2" in text
     (text,) = told(part, radii=[np.nan, 0.04, 0.04])
     assert "the element there measures 0.17 m" in text
 
@@ -255,10 +256,12 @@ def test_a_blow_along_the_surface_is_told(part):
     points = np.tile([0.1, 0.05, 0.1], (2, 1))
     directions = np.array([[0.0, 0.0, -1.0], [0.999, 0.0, -0.0447]])
     places = located(part, points, directions, np.full(2, 0.04))
-    with pytest.warns(ao.AccuracyWarning, match="1 of 2 sites lies along .*, 2.6°") as all_:
+    with pytest.warns(ao.AccuracyWarning, match="at 1 of 2 .* lies along .*, 2.6°") as all_:
         warn_of_doubts(part, replace(places, size=np.full(2, 0.01)))
     assert len(all_) == 1
-    assert "against the normal (0, 0, 1)" in str(all_[0].message)
+    alone = located(part, points[:1], directions[1:], np.full(1, 0.04))
+    with pytest.warns(ao.AccuracyWarning, match=r"against the normal \(0, 0, 1\)"):
+        warn_of_doubts(part, replace(alone, size=np.full(1, 0.01)))
 
 
 @pytest.mark.slow

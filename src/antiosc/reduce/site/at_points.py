@@ -25,6 +25,7 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
+from antiosc.reduce.site.doubts import warn_of_doubts
 from antiosc.reduce.site.names import at_node, middle_of, motion_of, on_face
 from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.reduce.site.sites import (
@@ -34,7 +35,6 @@ from antiosc.reduce.site.sites import (
     on_free_dofs,
     patches,
     sums,
-    warn_of_doubts,
 )
 
 #: Largest distance of a point that counts as on the structure, over the structure's size.

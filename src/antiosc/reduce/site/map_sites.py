@@ -21,8 +21,9 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE, nearest_parts
+from antiosc.reduce.site.doubts import warn_of_doubts
 from antiosc.reduce.site.site import LEAST_FREE_SHARE
-from antiosc.reduce.site.sites import Sites, located, warn_of_doubts
+from antiosc.reduce.site.sites import Sites, located
 
 #: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE_ON_MAP = 0.05

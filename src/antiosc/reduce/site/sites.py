@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import acos, ceil, degrees, floor, log10
 
 import numpy as np
 import scipy.sparse
 
-from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import AccuracyWarning, InputError
-from antiosc.base.texts import percent
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.mesh.closest import ClosestPoints, closest, closest_many, size_at
+from antiosc.fem.mesh.closest import ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import Contact, Faces
-from antiosc.fem.platform import compat, warn
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Rings of a disc's quadrature in addition to those that the size of the cells requires, and most
@@ -200,18 +198,6 @@ def _columns(
 
 #: Largest distance of a point on a sheet from it, over the structure's size.
 ON_SHEET = 1e-6
-#: A patch counts as whole if at least the first share of its load is on the face, and as partly
-#: supported if supports carry more than the second share.
-WHOLE_PATCH = 0.9
-PARTLY = 0.1
-#: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
-SIZE_ROUNDING = 1e-6
-#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low. If
-#: cells exceed the second number times the thickness, bending hides this error.
-COARSE_SHEET = 8.0
-THIN = 4.0
-#: An impact is along the surface if its cosine with the normal is below this.
-ALONG_SURFACE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,97 +320,3 @@ def _points(
     return Points(
         which[on_this_rank], nearest.cell[numbers], nearest.X[numbers], np.ones(len(numbers))
     )
-
-
-def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
-    """Warn, on rank 0, of sites with an uncertain compliance."""
-    mesh = structure.mesh
-    kind = structure.kind
-    if not kind.point_load and np.isnan(sites.radii).any():
-        first = np.flatnonzero(np.isnan(sites.radii))[0]
-        size = size_at(mesh, closest(mesh, sites.points[first]))
-        _warn(
-            structure,
-            "the compliance under a point load on a solid grows without limit as the mesh is "
-            "refined: give the site a radius, here for instance "
-            f"radius={rounded_up(size):g} (the element there measures {size:.2g} m; its radius "
-            "should not be smaller).",
-        )
-    times = 1.0 if kind.outside else COARSE_SHEET
-    coarse = sites.size > (1 + SIZE_ROUNDING) * times * sites.radii
-    if kind.sheet and coarse.any() and sites.contact is not None:
-        thickness = np.array([material.patch_radius for material, _ in structure.parts])
-        coarse &= sites.size < THIN * thickness[sites.contact.label]
-    if coarse.any():
-        i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
-        what, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
-        _warn(
-            structure,
-            f"the {what} at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
-            f"{rule}the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry "
-            f"with refine=[(point, {times * sites.radii[i]:g})] or take "
-            f"radius={rounded_up(sites.size[i] / times):g}.",
-        )
-    if sites.contact is not None and mesh.gdim == 3:  # plane parts are loaded in shear, too
-        cosines = np.abs(np.einsum("pd,pd->p", sites.directions, sites.contact.normals))
-        on_face = np.isfinite(sites.contact.depth) & (sites.share >= WHOLE_PATCH)
-        along = on_face & (cosines < ALONG_SURFACE)
-        if along.any():
-            i = int(np.argmax(along))
-            normal = ", ".join(f"{c:.3g}" for c in sites.contact.normals[i].round(9) + 0.0)
-            _warn(
-                structure,
-                f"the direction of the site{_at(along)} lies along the surface, "
-                f"{90 - degrees(acos(cosines[i])):.2g}° from it: an impactor slides there and does "
-                "not strike; give the direction in which it flies, against the normal "
-                f"({normal}).",
-            )
-    cut = _cut(sites)
-    if cut.any():
-        _warn(
-            structure,
-            f"an edge cuts the patch{_at(cut)}: only {percent(sites.share[cut].min())} of its load "
-            "area lies on the face, so its half-space compliance does not hold; move the site or "
-            "take a smaller radius.",
-        )
-    constrained = _held(sites)
-    if constrained.any():
-        _warn(
-            structure,
-            f"supports fix {percent(1 - sites.moving[constrained].min())} of the "
-            f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
-            "site or take a smaller radius.",
-        )
-
-
-def doubtful_patches(sites: Sites) -> BoolArray:
-    """Mask (P,) of the sites whose patch does not have the half-space compliance."""
-    return _cut(sites) | _held(sites)
-
-
-def _cut(sites: Sites) -> BoolArray:
-    """Mask of the patches that are cut by an edge."""
-    return np.asarray(sites.share < WHOLE_PATCH)
-
-
-def _held(sites: Sites) -> BoolArray:
-    """Mask of the patches that supports hold partly."""
-    return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
-
-
-def rounded_up(value: float) -> float:
-    """A positive value rounded up to two digits."""
-    step = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / step - SIZE_ROUNDING) * step:.2g}")
-
-
-def _at(which: BoolArray) -> str:
-    """ " at 3 of 10 sites" if there are several; otherwise ""."""
-    if len(which) == 1:
-        return ""
-    return f" at {int(which.sum())} of {len(which)} sites"
-
-
-def _warn(structure: MeshedStructure, message: str) -> None:
-    """Warn of doubtful accuracy, on rank 0."""
-    warn(structure.comm, message, AccuracyWarning)

@@ -1,0 +1,164 @@
+"""Sites whose patch does not have the half-space compliance that is taken for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import acos, ceil, degrees, floor, log10
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc.base._types import Array, BoolArray
+from antiosc.base.errors import AccuracyWarning
+from antiosc.base.texts import percent
+from antiosc.fem.mesh.closest import closest, size_at
+from antiosc.fem.platform import warn
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.reduce.site.sites import Sites
+
+#: A patch counts as whole if at least the first share of its load is on the face, and as partly
+#: supported if supports carry more than the second share.
+WHOLE_PATCH = 0.9
+PARTLY = 0.1
+#: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
+SIZE_ROUNDING = 1e-6
+#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low. If
+#: cells exceed the second number times the thickness, bending hides this error.
+COARSE_SHEET = 8.0
+THIN = 4.0
+#: An impact is along the surface if its cosine with the normal is below this.
+ALONG_SURFACE = 0.1
+
+
+class Doubt(NamedTuple):
+    """A reason for which patches are doubtful.
+
+    Attributes
+    ----------
+    which : (P,) mask of the sites.
+    alone : the message if there is one site.
+    among : what is wrong among several sites, "{}" for their number.
+    """
+
+    which: BoolArray
+    alone: str
+    among: str
+
+
+def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
+    """Warn, on rank 0, of sites with an uncertain compliance."""
+    doubts = [one for one in _doubts(structure, sites) if one.which.any()]
+    if not doubts:
+        return
+    count = len(sites.points)
+    if count == 1:
+        for one in doubts:
+            warn(structure.comm, one.alone, AccuracyWarning)
+        return
+    number = int(np.any([one.which for one in doubts], axis=0).sum())
+    reasons = "; ".join(one.among.format(int(one.which.sum())) for one in doubts)
+    message = f"the patch is doubtful at {number} of {count} sites: {reasons}."
+    warn(structure.comm, message, AccuracyWarning)
+
+
+def doubtful_patches(sites: Sites) -> BoolArray:
+    """Mask (P,) of the sites whose patch does not have the half-space compliance."""
+    return _cut(sites) | _supported(sites)
+
+
+def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
+    """The reasons for doubts, with the sites of each."""
+    if not structure.kind.point_load:
+        yield _points_on_solids(structure, sites)
+    yield _coarse(structure, sites)
+    if sites.contact is not None and structure.mesh.gdim == 3:  # plane parts: loaded in shear, too
+        yield _along_surface(sites, sites.contact.normals, sites.contact.depth)
+    cut = _cut(sites)
+    share = percent(sites.share[cut].min(initial=1.0))
+    yield Doubt(
+        cut,
+        f"an edge cuts the patch: only {share} of its load area lies on the face, so its "
+        "half-space compliance does not hold; move the site or take a smaller radius.",
+        f"an edge cuts it at {{}}, down to {share} of its load area (a smaller radius helps)",
+    )
+    supported = _supported(sites)
+    share = percent(1 - sites.moving[supported].min(initial=1.0))
+    yield Doubt(
+        supported,
+        f"supports fix {share} of the patch: its half-space compliance does not hold there; move "
+        "the site or take a smaller radius.",
+        f"supports fix up to {share} of it at {{}}",
+    )
+
+
+def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
+    """Sites of a solid without a radius."""
+    which = np.isnan(sites.radii)
+    if not which.any():
+        return Doubt(which, "", "")
+    size = size_at(structure.mesh, closest(structure.mesh, sites.points[np.argmax(which)]))
+    remedy = f"radius={rounded_up(size):g} (the element there measures {size:.2g} m"
+    reason = "the compliance under a point load on a solid grows without limit as the mesh is"
+    return Doubt(
+        which,
+        f"{reason} refined: give the site a radius, here for instance {remedy}; its radius should "
+        "not be smaller).",
+        f"{reason} refined, at {{}}: give a radius, for instance {remedy})",
+    )
+
+
+def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
+    """Sites whose patch is smaller than the facets or cells there."""
+    kind = structure.kind
+    times = 1.0 if kind.outside else COARSE_SHEET
+    which = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
+    if kind.sheet and sites.contact is not None:
+        usual = [material.patch_radius for material, _ in structure.parts]
+        thickness = np.array(usual, dtype=float)
+        which &= sites.size < THIN * thickness[sites.contact.label]
+    i = int(np.argmax(np.where(which, sites.size / sites.radii, 0.0)))
+    size, radius = sites.size[i], sites.radii[i]
+    what, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
+    if not which.any():
+        return Doubt(which, "", "")
+    larger = f"measure {size:.2g} m, more than {rule}the radius {radius:g} m"
+    remedy = f"radius={rounded_up(size / times):g}"
+    return Doubt(
+        which,
+        f"the {what} at the site {larger}: the patch is not resolved; read the geometry with "
+        f"refine=[(point, {times * radius:g})] or take {remedy}.",
+        f"the {what} at {{}} {larger} (a smaller size helps, or {remedy})",
+    )
+
+
+def _along_surface(sites: Sites, normals: Array, depth: Array) -> Doubt:
+    """Sites that are struck along the surface; `normals` (P, 3), `depth` (P,) of the contact."""
+    cosines = np.abs(np.einsum("pd,pd->p", sites.directions, normals))
+    on_face = np.isfinite(depth) & (sites.share >= WHOLE_PATCH)
+    which = np.asarray(on_face & (cosines < ALONG_SURFACE))
+    i = int(np.argmax(which))
+    angle = f"{90 - degrees(acos(min(cosines[i], 1.0))):.2g}°"
+    normal = ", ".join(f"{c:.3g}" for c in normals[i].round(9) + 0.0)
+    return Doubt(
+        which,
+        f"the direction of the site lies along the surface, {angle} from it: an impactor slides "
+        "there and does not strike; give the direction in which it flies, against the normal "
+        f"({normal}).",
+        f"the direction at {{}} lies along the surface, {angle} from it, where an impactor slides",
+    )
+
+
+def _cut(sites: Sites) -> BoolArray:
+    """Mask of the patches that are cut by an edge."""
+    return np.asarray(sites.share < WHOLE_PATCH)
+
+
+def _supported(sites: Sites) -> BoolArray:
+    """Mask of the patches that supports hold partly."""
+    return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
+
+
+def rounded_up(value: float) -> float:
+    """A positive value rounded up to two digits."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / step - SIZE_ROUNDING) * step:.2g}")
