@@ -29,7 +29,7 @@ from antiosc.base.process import trim_heap
 from antiosc.fem.linalg.forecast import LevelSizes
 from antiosc.fem.linalg.multigrid import Multigrid
 from antiosc.fem.linalg.petsc_algebra import by_cells
-from antiosc.fem.linalg.solver_choice import Linear, Plan, stored
+from antiosc.fem.linalg.solver_choice import Linear, Plan, sizes_of
 
 OUT = Path(__file__).parent / "speed" / "forecasts.md"
 COMPACT, PLATE = (0.2, 0.1, 0.08), (0.2, 0.2, 0.005)
@@ -82,11 +82,11 @@ def memory(name: str) -> int:
     return 1024 * int(next(line.split()[1] for line in lines if line.startswith(name)))
 
 
-def sizes_of(part: ao.Structure) -> LevelSizes:
+def levels_of(part: ao.Structure) -> LevelSizes:
     """The two levels of a part by their sizes."""
     K = part.K
     plan = Linear(K, part.matrices.coarser()) if by_cells(K) else Plan(K)
-    return LevelSizes(stored(K), by_cells(K), plan.entries)
+    return sizes_of(K, plan.entries)
 
 
 def measured(case: str, kind: SolverChoice) -> dict[str, object]:
@@ -94,7 +94,7 @@ def measured(case: str, kind: SolverChoice) -> dict[str, object]:
     part = part_of(case, kind)
     _, size = CASES[case]
     site = ao.Site((0.9 * size[0], 0.3 * size[1], size[2]), (0.1, 0, -1))
-    sizes = sizes_of(part)
+    sizes = levels_of(part)
     trim_heap()
     Path("/proc/self/clear_refs").write_text("5")  # the largest memory begins anew
     before, began = memory("VmRSS"), time.process_time()

@@ -1,6 +1,8 @@
-"""Products with K of a block of quadratic tetrahedra: entries, FFCx's action, csrc/elastic.c.
+"""Products with K of a block of quadratic elements: entries, dolfinx with FFCx's action, the cells.
 
-    benchmarks/products.py [CELLS ALONG X]
+    benchmarks/products.py [CELLS ALONG X [tetrahedron|hexahedron]]
+
+The cells are those of csrc/elastic.c (tetrahedra), or FFCx's action called by csrc/cells.c.
 
 Least milliseconds of ten products on one thread, and the largest difference from the product of the
 entries over its largest number.
@@ -50,10 +52,12 @@ def action(part: ao.Structure, x: np.ndarray) -> Callable[[], np.ndarray]:
     return product
 
 
-def main(along: int) -> None:
+def main(along: int = 24, cell: str = "tetrahedron") -> None:
     """Print the table."""
     corners, cells = [np.zeros(3), np.array([0.2, 0.1, 0.08])], [along, along // 2, along // 2]
-    mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, corners, cells)
+    mesh = dolfinx.mesh.create_box(
+        MPI.COMM_SELF, corners, cells, getattr(dolfinx.mesh.CellType, cell)
+    )
     held = ao.Support(lambda x: np.isclose(x[0], 0.0))
     part = ao.Structure(ao.read_mesh(mesh, comm=MPI.COMM_SELF), STEEL, [held])
     x = np.random.default_rng(0).standard_normal(part.rows)
@@ -70,7 +74,7 @@ def main(along: int) -> None:
     ways = {
         "entries (PETSc AIJ)": entries,
         "FFCx action": action(part, x),
-        "csrc/elastic.c": lambda: multiply(part.K, x),
+        "cells": lambda: multiply(part.K, x),
     }
     exact = entries().copy()[free]
     print(f"{part.rows} dofs")
@@ -81,4 +85,4 @@ def main(along: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 24)
+    main(*map(int, sys.argv[1:2]), *sys.argv[2:3])

@@ -529,7 +529,7 @@ AOM_API int aom_batch_solve(aom_batch *batch, int64_t n, const aom_impact *impac
 typedef void (*aom_kernel)(double *out, const double *w, const double *c, const double *x,
                            const int *entity, const uint8_t *permutation, void *custom);
 
-/* A form with one number a cell, and the vectors that one of its coefficients is in turn. */
+/* A form, and the vectors that one of its coefficients is in turn. */
 typedef struct aom_cells {
     aom_kernel kernel;
     int n_nodes, n_coefficients; /* of a cell */
@@ -539,7 +539,7 @@ typedef struct aom_cells {
     const double *points;        /* [nodes][3] */
     const double *coefficients;  /* [cells][n_coefficients], numbers of dofs in place of the vectors */
     const double *constants;
-    const double *vectors;       /* [dofs][n_vectors] */
+    const double *vectors;       /* [dofs][n_vectors], for aom_cell_sums */
     const double *weights;       /* [n_vectors] */
 } aom_cells;
 
@@ -547,6 +547,15 @@ typedef struct aom_cells {
  * n_coefficients + 3 n_nodes + n_vectors n_dofs numbers. */
 AOM_API void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory,
                            double *out);
+
+/* The kernel is the action of a bilinear form A on a function u with three components a node, the
+ * coefficient of which `coefficients` has the dofs; `memory` holds n_coefficients + 3 n_nodes + n_dofs
+ * numbers. Of the cells begin to end - 1: out += factor A u, and the diagonal blocks of the nodes,
+ * out [dofs][3]. */
+AOM_API void aom_cell_products(const aom_cells *of, int64_t begin, int64_t end, double factor,
+                               double *memory, const double *u, double *out);
+AOM_API void aom_cell_blocks(const aom_cells *of, int64_t begin, int64_t end, double factor,
+                             double *memory, double *out);
 
 /* A Cholesky factor as CHOLMOD holds it, its values in single precision. */
 typedef struct aom_supernodes {

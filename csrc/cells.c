@@ -1,16 +1,21 @@
 /* Integrals over the cells of a mesh by the compiled kernel of a finite-element form. */
 #include "internal.h"
 
+/* points of a cell's nodes, and its coefficients */
+static void gather(const aom_cells *of, int64_t c, double *x, double *w) {
+    memcpy(w, of->coefficients + c * of->n_coefficients, (size_t)of->n_coefficients * sizeof(double));
+    for (int i = 0; i < of->n_nodes; i++)
+        memcpy(x + 3 * i, of->points + 3 * (int64_t)of->nodes[c * of->n_nodes + i],
+               3 * sizeof(double));
+}
+
 void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory, double *out) {
     double *w = memory, *x = w + of->n_coefficients, *own = x + 3 * of->n_nodes;
     double *entries = w + of->first;
     size_t bytes = (size_t)of->n_dofs * sizeof(double);
     for (int64_t c = begin; c < end; c++) {
         const double *given = of->coefficients + c * of->n_coefficients;
-        memcpy(w, given, (size_t)of->n_coefficients * sizeof(double));
-        for (int i = 0; i < of->n_nodes; i++)
-            memcpy(x + 3 * i, of->points + 3 * (int64_t)of->nodes[c * of->n_nodes + i],
-                   3 * sizeof(double));
+        gather(of, c, x, w);
         for (int j = 0; j < of->n_dofs; j++) { /* the vectors lie side by side: each row is read once */
             const double *row = of->vectors + (int64_t)given[of->first + j] * of->n_vectors;
             for (int k = 0; k < of->n_vectors; k++)
@@ -24,5 +29,40 @@ void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memo
             sum += of->weights[k] * value;
         }
         out[c] = sum;
+    }
+}
+
+void aom_cell_products(const aom_cells *of, int64_t begin, int64_t end, double factor, double *memory,
+                       const double *u, double *out) {
+    double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
+    for (int64_t c = begin; c < end; c++) {
+        const double *dofs = of->coefficients + c * of->n_coefficients + of->first;
+        gather(of, c, x, w);
+        for (int j = 0; j < of->n_dofs; j++) {
+            w[of->first + j] = u[(int64_t)dofs[j]];
+            f[j] = 0.0;
+        }
+        of->kernel(f, w, of->constants, x, NULL, NULL, NULL);
+        for (int j = 0; j < of->n_dofs; j++)
+            out[(int64_t)dofs[j]] += factor * f[j];
+    }
+}
+
+void aom_cell_blocks(const aom_cells *of, int64_t begin, int64_t end, double factor, double *memory,
+                     double *out) {
+    double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
+    size_t bytes = (size_t)of->n_dofs * sizeof(double);
+    for (int64_t c = begin; c < end; c++) {
+        const double *dofs = of->coefficients + c * of->n_coefficients + of->first;
+        gather(of, c, x, w);
+        memset(w + of->first, 0, bytes);
+        for (int j = 0; j < of->n_dofs; j++) { /* a unit motion of each dof */
+            memset(f, 0, bytes);
+            w[of->first + j] = 1.0;
+            of->kernel(f, w, of->constants, x, NULL, NULL, NULL);
+            w[of->first + j] = 0.0;
+            for (int i = j - j % 3; i < j - j % 3 + 3; i++)
+                out[3 * (int64_t)dofs[i] + j % 3] += factor * f[i];
+        }
     }
 }

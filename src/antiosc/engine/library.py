@@ -294,6 +294,8 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
     "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
+    "aom_cell_products": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 3),
+    "aom_cell_blocks": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 2),
     "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
     "aom_supernodes_forward": (None, c_void_p, c_void_p, c_void_p),
@@ -303,8 +305,8 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
 #: threads would otherwise pass on several times in each impact.
 _LONG = (
     "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
-    "aom_tetra_product_double", "aom_tetra_product_float",
-    "aom_supernodes_forward", "aom_supernodes_backward",
+    "aom_cell_products", "aom_cell_blocks", "aom_tetra_product_double",
+    "aom_tetra_product_float", "aom_supernodes_forward", "aom_supernodes_backward",
 )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import scipy.sparse
 import antiosc as ao
 import parts
 from antiosc.base import process
-from antiosc.fem.linalg import cholmod, forecast, solver_choice
+from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import Substructures, interface
@@ -110,7 +111,7 @@ def test_iterative_and_direct_agree(supports):
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(process, "free_memory", lambda: 1e6)
     monkeypatch.setattr(solver_choice, "ANALYSIS", 1.0)
-    monkeypatch.setattr(forecast, "AGGREGATED", 1.0)
+    monkeypatch.setattr(solver_choice, "ENTRIES", replace(solver_choice.ENTRIES, aggregated=1.0))
     made = solver_choice.Multigrid
 
     def multigrid(*given):

@@ -11,7 +11,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
 from antiosc.fem.linalg import forecast, multigrid, solver_choice, two_levels
 from antiosc.fem.linalg.multigrid import Levels
 from antiosc.fem.linalg.two_levels import TwoLevels, at_vertices
@@ -31,7 +31,7 @@ MASS = ao.PointMass((0.1, 0.05, 0.04), mass=30.0)
 
 @pytest.fixture(autouse=True)
 def products_from_the_cells(monkeypatch):
-    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(products, "FEWEST_DOFS", 0)
 
 
 def made(solver: str, **given) -> ao.Structure:
@@ -189,9 +189,9 @@ import sys
 sys.path.insert(0, {support!r})
 import antiosc as ao
 import parts
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
 
-tetrahedra.FEWEST_DOFS = 0
+products.FEWEST_DOFS = 0
 mesh = parts.box((6, 3, 2), cell="tetrahedron")
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")], solver="iterative")
 print(type(part.factorize()).__name__, part.K.getType())
@@ -212,7 +212,7 @@ def factors_are_slow(monkeypatch):
     own = solver_choice.seconds_of_factor
 
     def thirty(entries: float, columns: float) -> float:
-        sizes = forecast.LevelSizes(80.0 * made("direct").size, True, entries)
+        sizes = forecast.LevelSizes(80.0 * made("direct").size, forecast.TETRAHEDRA, entries)
         return sizes.cost(30.5, 1.0).seconds if columns < 2 else own(entries, columns)
 
     monkeypatch.setattr(solver_choice, "seconds_of_factor", thirty)
@@ -261,7 +261,7 @@ def test_what_moves_freely_is_told(factors_are_slow):
 
 
 def test_iterations_that_are_forecast_give_the_seconds():
-    sizes = forecast.LevelSizes(1e6, True, 3e7)
+    sizes = forecast.LevelSizes(1e6, forecast.TETRAHEDRA, 3e7)
     for columns in (1.0, 6.0):
         seconds = sizes.cost(13.0, columns).seconds
         assert sizes.iterations_within(1.001 * seconds, columns) == 13
@@ -271,10 +271,10 @@ def test_iterations_that_are_forecast_give_the_seconds():
 
 
 OVER_RANKS = """
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
 from antiosc.fem.linalg import two_levels
 
-tetrahedra.FEWEST_DOFS = 0
+products.FEWEST_DOFS = 0
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for most in (150_000, 0):
@@ -294,10 +294,10 @@ print(json.dumps(found))
 
 
 CHOSEN_OVER_RANKS = """
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
 from antiosc.fem.linalg import forecast, solver_choice
 
-tetrahedra.FEWEST_DOFS, solver_choice.LARGE = 0, 1
+products.FEWEST_DOFS, solver_choice.LARGE = 0, 1
 site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.032)
 found = []
 for slow in (1e-3, 0.0):

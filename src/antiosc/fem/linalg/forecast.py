@@ -8,32 +8,52 @@ the iterations of the loads of a model (benchmarks/forecasts.py, whose table the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 #: Solves in turn that a model of twenty anti-oscillators needs.
 SOLVES = 22
 #: Bytes per entry of a factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
-#: Bytes of two levels for each entry of A, of which there may be none where products are taken from
-#: the cells, and for each entry of the factor of the coarse level.
-LEVELS, LEVELS_BY_CELLS, LEVELS_COARSE = 6.0, 4.5, 10.0
-#: The same where the coarse level is not factored (multigrid 6 to 7, benchmarks/multigrid.py; by
-#: cells about 5, a trace at 2.25 million dofs): with the products while they are made.
-AGGREGATED, AGGREGATED_BY_CELLS = 20.0, 8.0
+#: Bytes of two levels for each entry of the factor of the coarse level.
+COARSE_BYTES = 10.0
 #: Seconds of a factor for each of its entries, and for entries^1.5, by which operations grow.
 ASSEMBLED, FACTORED = 2.2e-8, 3.5e-12
 #: Seconds of a solve for each entry; k right-hand sides at once take k^0.4 times as long.
 SUBSTITUTED, AT_ONCE = 1e-9, 0.4
-#: Seconds of an iteration of two levels for each entry of A, where products are taken from the
-#: cells or from the entries, and for each entry of the factor of the coarse level.
-BY_CELLS, BY_ENTRIES, COARSE = 1.1e-9, 8e-9, 0.5e-9
-#: Seconds of the set-up of two levels for each entry of A, beside the factor of the coarse level.
-SET_UP = 4e-8
-#: Entries of a factor of quadratic elements over those of linear ones on the same cells: 12 to 19
-#: from plates to compact blocks, 43 000 to 340 000 dofs.
-QUADRATIC = 15.0
+#: Seconds of an iteration of two levels for each entry of the factor of the coarse level.
+COARSE = 0.5e-9
 #: Fewest iterations of a solve by two levels: compact blocks of hexahedra take 8, tetrahedra 10.
 FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Products:
+    """What products of two levels take for each entry of A, or that A would have.
+
+    row : entries of a row. bytes : of the levels and, where products are taken from the cells, of
+        what these keep. aggregated : the same where the coarse level is not factored, with the
+        products while they are made. seconds : of an iteration. set_up : seconds of the set-up,
+        beside the factor of the coarse level. finer : entries of a factor of quadratic elements
+        over those of linear ones on the same cells.
+    """
+
+    row: float
+    bytes: float
+    aggregated: float
+    seconds: float
+    set_up: float = 4e-8
+    finer: float = 15.0
+
+
+#: From the entries; their number is that of A (multigrid: benchmarks/multigrid.py).
+ENTRIES = Products(math.nan, 6.0, 20.0, 8e-9)
+#: From straight isotropic tetrahedra (by aggregation a trace at 2.25 million dofs), from
+#: anisotropic ones, from hexahedra. Finer: 12 to 19 from plates to compact blocks of tetrahedra,
+#: 43 000 to 340 000 dofs; 10 to 13 of hexahedra, and 24 of a bar of these.
+TETRAHEDRA = Products(80.0, 4.5, 8.0, 1.1e-9)
+DIRECTED = Products(80.0, 4.5, 8.0, 5.4e-9)
+HEXAHEDRA = Products(180.0, 4.0, 5.0, 4e-9, set_up=6e-8, finer=11.0)
 
 
 @dataclass(frozen=True)
@@ -72,27 +92,30 @@ class LevelSizes:
     """
 
     stored: float
-    by_cells: bool
+    products: Products
     factor: float = 0.0
+
+    @property
+    def coarse(self) -> float:
+        """Entries of the factor of the coarse level."""
+        return self.factor / self.products.finer
 
     @property
     def bytes(self) -> float:
         """Bytes of the levels and work arrays, without A."""
         if not self.factor:
-            return (AGGREGATED_BY_CELLS if self.by_cells else AGGREGATED) * self.stored
-        own = LEVELS_BY_CELLS if self.by_cells else LEVELS
-        return own * self.stored + LEVELS_COARSE * self.factor / QUADRATIC
+            return self.products.aggregated * self.stored
+        return self.products.bytes * self.stored + COARSE_BYTES * self.coarse
 
     @property
     def set_up(self) -> float:
         """Seconds of the set-up."""
-        return SET_UP * self.stored + _factored(self.factor / QUADRATIC)
+        return self.products.set_up * self.stored + _factored(self.coarse)
 
     @property
     def iteration(self) -> float:
         """Seconds of an iteration."""
-        product = BY_CELLS if self.by_cells else BY_ENTRIES
-        return product * self.stored + COARSE * self.factor / QUADRATIC
+        return self.products.seconds * self.stored + COARSE * self.coarse
 
     def cost(self, iterations: float, columns: float) -> Cost:
         """Of a model whose solves take so many iterations."""

@@ -14,6 +14,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
+from antiosc.fem.linalg.forecast import Products
 from antiosc.fem.platform import alike
 
 #: Vectors from which a product of matrices is faster than one by one.
@@ -29,6 +30,7 @@ class Cells(Protocol):
 
     rows: int  # of this rank
     comm: MPI.Comm
+    products: Products
 
     def product(self, x: Array, k: float, m: float) -> Array:
         """(kK + mM) x for a vector or a block of vectors (rows of this rank, columns)."""

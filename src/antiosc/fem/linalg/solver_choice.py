@@ -63,15 +63,17 @@ from antiosc.fem.linalg.cholmod import (
 )
 from antiosc.fem.linalg.forecast import (
     BYTES,
+    ENTRIES,
     FEWEST,
-    QUADRATIC,
     Cost,
     LevelSizes,
+    Products,
     of_factor,
     seconds_of_factor,
 )
 from antiosc.fem.linalg.multigrid import Levels, Multigrid, PetscSolver
 from antiosc.fem.linalg.petsc_algebra import (
+    CELLS,
     PRODUCT,
     by_cells,
     csr,
@@ -438,6 +440,7 @@ def forecast(A: PETSc.Mat) -> float:
     block = A.getBlockSize()
     if block == 1:
         return 0.0
+    A = with_entries(A)
     first, last = A.getOwnershipRange()
     rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
     return block**2 * Distributed(A.createSubMatrix(rows, rows)).entries
@@ -470,8 +473,6 @@ SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 COMPACT = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
 LARGE = 30_000
-#: Entries of a row of quadratic tetrahedra.
-ENTRIES = 80.0
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 
@@ -524,7 +525,7 @@ def _faster(
     A: PETSc.Mat, plan: Plan, entries: float, levels: Levels, columns: float
 ) -> Multigrid | None:
     """Two levels if they take less time than a factor with so many entries, by a trial solve."""
-    sizes = LevelSizes(stored(A), by_cells(A), entries)
+    sizes = sizes_of(A, entries)
     most = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
     if most < FEWEST or levels.coarser() is None:
         return None
@@ -544,7 +545,7 @@ def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
         return "not forecast"
     cost = of_factor(entries, 1.0)
     told = f"{entries:.3g} entries, {cost}"
-    sizes = LevelSizes(stored(A), by_cells(A), entries)
+    sizes = sizes_of(A, entries)
     most = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
     if A.getSize()[0] < LARGE or most < FEWEST or coarser() is None:
         return told
@@ -562,7 +563,7 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     factored = coarser is not None and coarser.getSize()[1] <= FACTORED
     if plan is None and factored and by_cells(A) and A.getComm().getSize() == 1:
         plan = Linear(A, coarser)
-    sizes = LevelSizes(stored(A), by_cells(A), plan.entries if plan and factored else 0.0)
+    sizes = sizes_of(A, plan.entries if plan and factored else 0.0)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(sizes.bytes, what, SMALLER_MESH, free)
     solver: Multigrid
@@ -593,10 +594,21 @@ def preconditioner(A: PETSc.Mat, analysis: Analysis | None = None) -> Callable[[
     return single if near else factor.solve
 
 
+def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
+    """The sizes of two levels of A, from the entries of its factor."""
+    return LevelSizes(stored(A), products_of(A), factor)
+
+
+def products_of(A: PETSc.Mat) -> Products:
+    """How products with A are taken."""
+    found: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
+    return found
+
+
 def stored(A: PETSc.Mat) -> float:
     """Number of entries of A on all ranks; of a cell-by-cell matrix those it would have."""
     if by_cells(A):
-        return ENTRIES * float(A.getSize()[0])
+        return products_of(A).row * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
 
 
@@ -644,7 +656,7 @@ class Linear(Plan):
     @cached_property
     def entries(self) -> float:
         """Forecast of the factor's entries on all ranks; 0 if there is none."""
-        return QUADRATIC * self._own_entries
+        return products_of(self._fine).finer * self._own_entries
 
     def factorize(self) -> Factorization:
         """The factor."""

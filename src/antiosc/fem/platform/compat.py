@@ -605,40 +605,13 @@ def quadratic(
         equal_coefficient | replacements,
     )
     total = np.zeros(cell_map(space.mesh).size_local)
-    # the flags are in the name of what is compiled: another machine on this folder compiles its own
-    vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
-    compiled = _compiled(form, (*SUMS, *vector))
+    kernel = CellKernel(form, x)
     vectors = np.ascontiguousarray(with_ghosts(space, vectors))
     if not total.size:  # only now: all ranks compile and exchange together
         return total
-    ufcx = compiled.ufcx_form
-    in_cpp = getattr(compiled, "_cpp_object", compiled)
-
-    def packed(first: int) -> Array:
-        """Coefficients (cells, n) with the numbers of the dofs, counted from `first`, as the values
-        of x.
-        """
-        x.x.array[:] = np.arange(first, first + x.x.array.size)
-        (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
-        return np.ascontiguousarray(values)
-
-    of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
-    kernel = int(FFI().cast("uintptr_t", of_form[0].tabulate_tensor_float64))
-    nodes = np.ascontiguousarray(geometry_nodes(space.mesh), dtype=np.int32)
-    coefficients = packed(0)
-    count = weights.size
-    entries = np.flatnonzero(coefficients[0] != packed(1)[0])
-    arrays = (
-        nodes,
-        np.ascontiguousarray(space.mesh.geometry.x),
-        coefficients,
-        np.asarray(dolfinx.cpp.fem.pack_constants(in_cpp)),
-        vectors,
-        np.ascontiguousarray(weights),
-    )
-    sizes = nodes.shape[1], coefficients.shape[1], int(entries[0]), entries.size, count
-    cells = library.Cells(kernel, *sizes, *map(library.address, arrays))
-    room = coefficients.shape[1] + 3 * nodes.shape[1] + count * entries.size
+    weights = np.ascontiguousarray(weights)
+    cells = kernel.cells(weights.size, vectors, weights)
+    room = kernel.room + weights.size * kernel.dofs
 
     def summed(begin: int, end: int) -> None:
         memory = np.empty(room)
@@ -649,6 +622,54 @@ def quadratic(
     with ThreadPoolExecutor() as pool:
         list(pool.map(summed, ends, ends[1:]))
     return total
+
+
+class CellKernel:
+    """The kernel of a form with one integral, with what it reads of the cells of this rank.
+
+    Parameters
+    ----------
+    x : the coefficient of which the C library takes the values from vectors, by their dofs
+    """
+
+    def __init__(self, form: ufl.Form, x: fem.Function) -> None:
+        mesh = x.function_space.mesh
+        # the flags are in the name of what is compiled: another machine on this folder compiles
+        # its own
+        vector = [f"-m{name}" for name in VECTOR] if {*VECTOR} <= processor_features() else []
+        self._compiled = _compiled(form, (*SUMS, *vector))
+        in_cpp = getattr(self._compiled, "_cpp_object", self._compiled)
+
+        def packed(first: int) -> Array:
+            """Coefficients (cells, n), those of x the numbers of its dofs, counted from `first`."""
+            x.x.array[:] = np.arange(first, first + x.x.array.size)
+            (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
+            return np.ascontiguousarray(values)
+
+        ufcx = self._compiled.ufcx_form
+        of_form = ufcx.integrals(0) if DOLFINX < (0, 7) else ufcx.form_integrals
+        self._function = int(FFI().cast("uintptr_t", of_form[0].tabulate_tensor_float64))
+        self._points = np.ascontiguousarray(mesh.geometry.x)
+        self._constants = np.asarray(dolfinx.cpp.fem.pack_constants(in_cpp))
+        count = cell_map(mesh).size_local
+        self.nodes = np.ascontiguousarray(geometry_nodes(mesh)[:count], dtype=np.int32)
+        self.coefficients = packed(0)[:count]
+        places = np.flatnonzero((self.coefficients != packed(1)[:count]).any(axis=0))
+        self._first = int(places[0]) if places.size else 0
+        #: dofs of x in a cell; numbers of memory that the C library asks for, without vectors
+        self.dofs = places.size
+        self.room = self.coefficients.shape[1] + 3 * self.nodes.shape[1]
+
+    def take(self, order: IntArray) -> None:
+        """Put the cells into another order."""
+        self.nodes, self.coefficients = self.nodes[order], self.coefficients[order]
+
+    def cells(self, count: int = 0, *vectors: Array) -> library.Cells:
+        """What the C library takes: `count` vectors (dofs, count), and weights."""
+        sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count
+        arrays = self.nodes, self._points, self.coefficients, self._constants
+        places = [library.address(array) for array in (*arrays, *vectors)]
+        return library.Cells(self._function, *sizes, *places)
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:

@@ -18,9 +18,8 @@ from antiosc.base._types import Array, Box, IntArray, SolverChoice
 from antiosc.base.checks import floats, list_of, shown, whole
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
-from antiosc.fem.elements import tetrahedra
 from antiosc.fem.elements.beam import Beam
-from antiosc.fem.elements.tetrahedra import Tetrahedra
+from antiosc.fem.elements.products import cell_by_cell
 from antiosc.fem.elements.weak_form import (
     Family,
     Kind,
@@ -503,9 +502,8 @@ def assembled(
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, held)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        taken = None
-        if tetrahedra.serve(mesh, form, parts):
-            taken = Tetrahedra(mesh, form, parts, conditions)
+        taken = cell_by_cell(mesh, form, parts, conditions)
+        if taken is not None:
             K = of_cells(taken, 1.0, 0.0)
             M = of_cells(taken, 0.0, 1.0)
         else:

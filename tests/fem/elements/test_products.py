@@ -1,6 +1,8 @@
 """Products from the cells against the entries that dolfinx assembles."""
 
 import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import dolfinx
 import numpy as np
@@ -9,7 +11,9 @@ from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
+from antiosc.fem.elements.compiled_cells import CompiledCells
+from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     csr,
@@ -22,6 +26,9 @@ from antiosc.fem.platform import compat
 from mpi import START, run_ranks
 
 STEEL, RUBBER = ao.Solid(**parts.STEEL), ao.Solid(1e9, 0.45, 1100.0)
+ANISOTROPIC = ao.AnisotropicSolid.orthotropic(
+    E=(140e9, 10e9, 9e9), nu=(0.3, 0.25, 0.3), G=(5e9, 6e9, 3e9), rho=1600.0
+)
 HELD = [
     ao.Support(lambda x: np.isclose(x[1], 0.0), ["x", "z"]),
     ao.Support(lambda x: np.isclose(x[0], 0.0), ["x", "y"]),
@@ -30,26 +37,44 @@ HELD = [
 
 @pytest.fixture(autouse=True)
 def of_small_parts(monkeypatch):
-    monkeypatch.setattr(tetrahedra, "FEWEST_DOFS", 0)
+    monkeypatch.setattr(products, "FEWEST_DOFS", 0)
 
 
-def skewed() -> ao.Mesh:
+#: cell and geometric order of a mesh, and the class of its products
+CELLS_OF = {
+    "tetrahedra": ("tetrahedron", 1, Tetrahedra),
+    "hexahedra": ("hexahedron", 1, CompiledCells),
+    "curved hexahedra": ("hexahedron", 2, CompiledCells),
+}
+
+
+def skewed(cell: str = "tetrahedron", order: int = 1) -> ao.Mesh:
     """Cells of two groups that are all different, in number no multiple of the lanes."""
-    corners = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.08]]
-    mesh = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [3, 3, 3])
+    if order == 1:
+        corners = [[0.0, 0.0, 0.0], [0.2, 0.1, 0.08]]
+        kind = getattr(dolfinx.mesh.CellType, cell)
+        mesh = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, [3, 3, 3], kind)
+    else:
+        with TemporaryDirectory() as folder:
+            file = parts.gmsh_cube(Path(folder) / "cube.msh", cell, 2, n=3)
+            mesh = ao.read_mesh(file).dolfinx
+        mesh.geometry.x[:] *= [0.2, 0.1, 0.08]
     x = mesh.geometry.x
     x[:] += 0.005 * np.sin(40 * x[:, [1, 2, 0]]) * (x[:, 1:2] > 0) * (x[:, :1] > 0)
+    count = mesh.topology.index_map(3).size_local
     groups = {}
-    for name, cells in (("soft", range(50)), ("hard", range(50, 162))):
+    for name, cells in (("soft", range(count // 3)), ("hard", range(count // 3, count))):
         cells = np.array(cells, dtype=np.int32)
         groups[name] = dolfinx.mesh.meshtags(mesh, 3, cells, np.ones_like(cells)), 1
     return ao.read_mesh(mesh, groups=groups)
 
 
-def test_products_are_those_of_the_entries():
-    part = ao.Structure(skewed(), {"soft": RUBBER, "hard": STEEL}, HELD)
+@pytest.mark.parametrize("name", CELLS_OF)
+def test_products_are_those_of_the_entries(name):
+    cell, order, kind = CELLS_OF[name]
+    part = ao.Structure(skewed(cell, order), {"soft": RUBBER, "hard": STEEL}, HELD)
     K, M = part.K, part.M
-    assert K.getAttr(CELLS) is not None
+    assert type(K.getAttr(CELLS).cells) is kind
     assert M.getAttr(CELLS) is not None
     A = sum_of(K, 3e9, M)
     vector, result = A.createVecs()
@@ -72,8 +97,13 @@ CARRIED = [
 
 
 @pytest.mark.parametrize("attached", [[], CARRIED], ids=["bare", "attached"])
-def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(attached):
-    part = ao.Structure(skewed(), {"soft": RUBBER, "hard": STEEL}, HELD, attached=attached)
+@pytest.mark.parametrize("hard", [STEEL, ANISOTROPIC], ids=["isotropic", "anisotropic"])
+@pytest.mark.parametrize("name", CELLS_OF)
+def test_what_the_solver_takes_from_the_cells_is_that_of_the_entries(name, hard, attached):
+    cell, order, _ = CELLS_OF[name]
+    part = ao.Structure(
+        skewed(cell, order), {"soft": RUBBER, "hard": hard}, HELD, attached=attached
+    )
     P = part.matrices.coarser()
     x = np.random.default_rng(0).standard_normal(part.rows)
     for matrix in (part.K, part.M, sum_of(part.K, 3e9, part.M)):
@@ -108,29 +138,31 @@ def test_a_node_held_between_corners_holds_its_corners():
     assert fine.norm() > 0
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"order": 1},
-        {"cell": "hexahedron"},
-        {"material": ao.AnisotropicSolid(STEEL.voigt, STEEL.rho)},
-    ],
-    ids=["linear", "hexahedra", "orthotropic"],
-)
-def test_other_parts_have_the_products_of_their_entries(given):
-    mesh = parts.box((2, 2, 2), (0.2, 0.1, 0.08), cell=given.pop("cell", "tetrahedron"))
-    part = ao.Structure(mesh, given.pop("material", STEEL), HELD, **given)
+def test_curved_tetrahedra_have_the_products_of_their_entries():
+    part = ao.Structure(skewed("tetrahedron", 2), STEEL, HELD)
+    assert part.K.getAttr(CELLS) is None
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron", "quadrilateral"])
+def test_other_parts_have_the_products_of_their_entries(cell):
+    """Linear elements, plane parts."""
+    plane = cell == "quadrilateral"
+    mesh = parts.box((2, 2) if plane else (2, 2, 2), (0.2, 0.1, 0.08)[: 3 - plane], cell=cell)
+    material = ao.Solid(**parts.STEEL, plane="stress") if plane else STEEL
+    part = ao.Structure(mesh, material, [ao.Support("left")], order=2 if plane else 1)
     assert part.K.getAttr(CELLS) is None
 
 
 OVER_RANKS = """
-from antiosc.fem.elements import tetrahedra
+from antiosc.fem.elements import products
+from antiosc.fem.elements.compiled_cells import CompiledCells
+from antiosc.fem.elements.tetrahedra import Tetrahedra
 from antiosc.fem.linalg.two_levels import coarse_of, without
 from antiosc.fem.linalg.petsc_algebra import multiply, with_entries
 from mpi4py.MPI import MAX
 
-tetrahedra.FEWEST_DOFS = 0
-mesh = parts.box((6, 3, 2), cell="tetrahedron")
+products.FEWEST_DOFS = 0
+mesh = parts.box((6, 3, 2), cell="CELL")
 part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
 x = np.random.default_rng(part.comm.rank).standard_normal(part.rows)
 differences = []
@@ -147,8 +179,9 @@ print(json.dumps(differences))
 
 
 @pytest.mark.mpi
-def test_over_ranks():
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_over_ranks(cell):
     """A rank between two others has ghosts of both."""
-    lines = run_ranks(3, START + OVER_RANKS, alone=True)
+    lines = run_ranks(3, START + OVER_RANKS.replace("CELL", cell), alone=True)
     for line in lines:
         assert max(json.loads(line)) <= 1e-13
