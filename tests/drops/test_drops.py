@@ -15,12 +15,13 @@ import antiosc as ao
 from antiosc.base.texts import percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
-from antiosc_studies.drops.body import FreeBody, free_body
+from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import tilted
-from antiosc_studies.drops.episode import BODY, episode, handed_over, path_of
+from antiosc_studies.drops.episode import BODY, Touch, episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
-from antiosc_studies.drops.flight import Flight, State, displacement_bounds, free_rotation, ringing
+from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
 from antiosc_studies.drops.floor import law_at, law_of
+from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.trajectory import initial_state
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
@@ -355,8 +356,9 @@ def test_a_hand_over_keeps_the_energy_at_any_tol(
     """That of the flight after it is that of the path at the end of the contact."""
     ends = []
 
-    def kept(body: FreeBody, start: State, history: Any, path: Any, which: Any) -> Any:
-        found = handed_over(body, start, history, path, which)
+    def kept(touch: Touch, history: Any, path: Any, which: Any) -> Any:
+        body, start = touch[:2]
+        found = handed_over(touch, history, path, which)
         scene = history.at(path.times[-1:])[BODY]
         L = path.R[-1].T @ scene.angular_momentum()[0]
         q, v, P = scene.q[0], scene.v[0], scene.momentum[0]
@@ -685,8 +687,8 @@ def test_a_point_that_has_parted_below_the_floor_is_no_contact() -> None:
     run = one.history.run
     parted = np.flatnonzero((run.force[:, 0] == 0) & (run.depth[:, 0] > 1e-7))
     times = np.linspace(0.0, run.time[parted[len(parted) // 2]], 200)
-    path = path_of(body, start, one.history, times)
-    end, held = handed_over(body, start, one.history, path, one.which)
+    path = path_of(one.touch, one.history, times)
+    end, held = handed_over(one.touch, one.history, path, one.which)
     assert end.heights(body, None).min() < -1e-7
     assert not held
 

@@ -153,6 +153,7 @@ def _elastic(
         facing=None if skin.half.any() else skin.normals[hull_points],
         structure=structure,
         basis=phi,
+        skin=skin,
         residual=partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded),
         lines=skin.points[skin.lines] - centre,
     )

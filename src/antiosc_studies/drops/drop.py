@@ -27,10 +27,11 @@ from antiosc.models.body import GRAVITY
 from antiosc.models.motion import unit_vector
 from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile
-from antiosc_studies.drops.body import MODES, MOST_MODES, FreeBody, free_body
+from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.fall import Fall, fall_of
-from antiosc_studies.drops.flight import State, turned
+from antiosc_studies.drops.flight import turned
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
+from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.lines import with_lines
 from antiosc_studies.drops.trajectory import MOST_IMPACTS, initial_state

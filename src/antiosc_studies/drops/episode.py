@@ -25,9 +25,9 @@ from antiosc.engine.system import ContactState, System
 from antiosc.extension import check_range, impulses, integrate_exact, set_initial_forces as begin
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
-from antiosc_studies.drops.body import FreeBody
-from antiosc_studies.drops.flight import State, turned
+from antiosc_studies.drops.flight import turned
 from antiosc_studies.drops.floor import Setting, law_at
+from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer import layer_energy, with_layer_laws
 from antiosc_studies.drops.lines import STATIONS, landing
 
@@ -50,6 +50,20 @@ COARSER = 4.0
 LEFT = 2 / 3
 #: Replaces 0 in denominators.
 TINY = float(np.finfo(float).tiny)
+
+
+class Touch(NamedTuple):
+    """The body at the start of an episode, its rigid modes there, and their momenta."""
+
+    body: FreeBody
+    start: State
+    modes: Array
+    momenta: Array
+
+    @classmethod
+    def of(cls, body: FreeBody, start: State) -> Touch:
+        """The body in a state."""
+        return cls(body, start, *body.rigid_modes(start.R))
 
 
 class OngoingContact(NamedTuple):
@@ -81,8 +95,7 @@ class Path(NamedTuple):
 
 
 def scene_of(
-    body: FreeBody,
-    start: State,
+    touch: Touch,
     setting: Setting,
     which: IntArray,
     held: dict[int, OngoingContact],
@@ -91,10 +104,12 @@ def scene_of(
 
     `which`: numbers of the points that may touch; `held`: the ongoing contacts by point.
     """
+    body = touch.body
+    start = touch.start
     floor = setting.floor
     time_scale = float(np.sqrt(body.extent / setting.gravity))
-    bodies: dict[str, Any] = {BODY: _standing(body, start, which), FLOOR: Obstacle()}
-    rigid = body.rigid_modes(start.R)[0] @ np.append(body.mass * start.velocity, start.momentum)
+    bodies: dict[str, Any] = {BODY: _standing(touch, which), FLOOR: Obstacle()}
+    rigid = touch.modes @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     if floor.ground is not None:
         bodies[FLOOR] = floor.ground.body
@@ -156,9 +171,9 @@ def scene_of(
     return replace(assembly, system=system)
 
 
-def _standing(body: FreeBody, start: State, which: IntArray) -> SiteModes:
+def _standing(touch: Touch, which: IntArray) -> SiteModes:
     """The body in the floor's axes at the start of the episode."""
-    W, momentum = body.rigid_modes(start.R)
+    body, start, W, momentum = touch
     phi, r = body.sites(which)
     rotation = AXES @ start.R
     size = body.omega.size
@@ -267,14 +282,14 @@ def _jam(system: System) -> AccuracyError:
     )
 
 
-def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Path:
+def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     """The path of the body at times (n,) of a run, the first of which is 0.
 
     The spin is linear in time between them.
     """
     displacements, speeds = history.states(t)
     q, v = (each[:, history.assembly.spans[BODY]] for each in (displacements, speeds))
-    W, momentum = body.rigid_modes(start.R)
+    body, start, W, momentum = touch
     L = v[:, :6] @ momentum[:, 3:]
     frozen = v[:, :6] @ W[:, 3:]
     half = np.diff(t)[:, None] / 2
@@ -294,7 +309,7 @@ def path_of(body: FreeBody, start: State, history: SceneHistory, t: Array) -> Pa
 
 
 def on_path(
-    body: FreeBody, start: State, which: IntArray, base: Assembly, history: SceneHistory, path: Path
+    touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
 ) -> tuple[Assembly, float]:
     """The scene `base` with the lever arms of its points on a path, and the relative change.
 
@@ -302,13 +317,14 @@ def on_path(
     motion of the points becomes part of the gaps. The change is relative to the scene that has run:
     of gaps over the largest depth, of loads over the largest contact loads.
     """
+    body = touch.body
     old = base.system
     previous = history.assembly.system
     span = base.spans[BODY]
     R = path.R
     displacement = path.q - path.q[0]
     beta = old.beta[:, span]
-    W = body.rigid_modes(start.R)[0]
+    W = touch.modes
     shapes = body.shapes[which]
     balls = body.balls[which, None]
     arms = body.points[which] + np.einsum("kjd,nj->nkd", shapes, path.q[:, 6:])
@@ -326,7 +342,7 @@ def on_path(
     bending = np.einsum("nkd,kjd->nj", point_forces @ R, shapes)
     gap_change = offsets - (last := interpolated(path.times, previous.breaks, previous.offsets))
     if body.layer_contact is not None:
-        z = _heights(body, start, path)
+        z = _heights(touch, path)
         surface = body.layer_contact
         # the depth is free - gap; the part that is not the body's motion is the floor's
         free = path.whole @ old.beta.T - row_forces @ old.R.T
@@ -384,15 +400,15 @@ def _displaced(R: Array, q: Array, places: Array, shapes: Array) -> Array:
     return np.concatenate((np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)))
 
 
-def _heights(body: FreeBody, start: State, path: Path) -> Array:
+def _heights(touch: Touch, path: Path) -> Array:
     """Heights (n,) [m] of the centre of mass on a path, over the floor's initial position."""
-    assert body.layer_contact is not None
-    moved = (path.q - path.q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 2]
-    return np.asarray(body.layer_contact.height + moved)
+    assert touch.body.layer_contact is not None
+    moved = (path.q - path.q[0])[:, :6] @ touch.modes[:, 2]
+    return np.asarray(touch.body.layer_contact.height + moved)
 
 
 def handed_over(
-    body: FreeBody, start: State, history: SceneHistory, path: Path, which: IntArray
+    touch: Touch, history: SceneHistory, path: Path, which: IntArray
 ) -> tuple[State, dict[int, OngoingContact]]:
     """The state at the end of a path, and the contacts of the points (n,) that go on.
 
@@ -403,7 +419,7 @@ def handed_over(
     a = history.assembly
     run = history.run
     t = float(path.times[-1])
-    W, momentum = body.rigid_modes(start.R)
+    body, start, W, momentum = touch
     moved = (path.q[-1] - path.q[0])[:6] @ W
     P = path.v[-1, :6] @ momentum
     whole = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
@@ -476,21 +492,31 @@ class Episode:
 
     Attributes
     ----------
-    start, end : states of the body; the scene is linear about the start.
-    history : of the scene; its time counts from `start` and continues beyond `end`.
-    body : as it touches; on a layer, pieces of its surface are among its points.
+    touch : the body as it touches; on a layer, pieces of its surface are among its points. The
+        scene is linear about this start.
+    end : state of the body.
+    history : of the scene; its time counts from the start and continues beyond `end`.
     which : (n,) numbers of its points in contact, which are sites "0", "1", … of the scene's body.
     held : number of a point -> its contact, of those that continue after the end.
     layer : energy of the layer under the pieces at the end [J].
     """
 
-    start: State
+    touch: Touch
     end: State
     history: SceneHistory
-    body: FreeBody
     which: IntArray
     held: dict[int, OngoingContact]
     layer: float = 0.0
+
+    @property
+    def start(self) -> State:
+        """The state of the body as it touches."""
+        return self.touch.start
+
+    @property
+    def body(self) -> FreeBody:
+        """The body as it touches."""
+        return self.touch.body
 
     @property
     def duration(self) -> float:
@@ -546,11 +572,11 @@ class Episode:
         times = np.linspace(0.0, last, LOOKS + 1)
         if body.layer_contact is None:
             return float(self.sunk().max())
-        path = path_of(body, self.start, self.history, times)
+        path = path_of(self.touch, self.history, times)
         low = (path.R[:, 2] @ body.points.T - body.balls)[:, : len(body.layer_contact.round)].min(
             axis=1
         )
-        return -float((_heights(body, self.start, path) + low).min())
+        return -float((_heights(self.touch, path) + low).min())
 
     def along_line(self) -> bool:
         """Whether the body lands along a line of its surface that has no law of its own.
@@ -561,7 +587,7 @@ class Episode:
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return False
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), LOOKS + 1)
-        up = path_of(body, self.start, self.history, times).R[:, 2]
+        up = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (up @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
         return bool(((up @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
 
@@ -593,11 +619,11 @@ class Episode:
         """
         times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
         body = self.body
-        path = path_of(body, self.start, self.history, times)
+        path = path_of(self.touch, self.history, times)
         rows = np.searchsorted(times, t)
         R = path.R[rows]
         a = self.history.at(t)[BODY].a
-        momentum = body.rigid_modes(self.start.R)[1]
+        momentum = self.touch.momenta
         spin, turning = (
             np.einsum("na,nab->nb", values[:, :6] @ momentum[:, 3:], R) @ body.inverse
             for values in (path.v[rows], a)
@@ -642,41 +668,42 @@ def episode(
     `before`: how long that lasted [s].
     """
     body = landing(with_layer_laws(body, start, setting), start)
+    touch = Touch.of(body, start)
     tol = setting.tol
     heights = start.heights(body, setting.floor.ground)
     if body.idle is not None:
         heights[body.idle] = np.inf
     which = np.array([np.argmin(heights)])
-    base = scene_of(body, start, setting, which, held)
+    base = scene_of(touch, setting, which, held)
     time = base.contact_time_estimate
     turns = TURNS
     cuts = 0
     longest = min(LONGEST * LONG * time, GROWS * before)
     duration = min(LONG * time, longest)
-    touched = _candidates(body, start, heights, time, [*held])
+    touched = _candidates(touch, heights, time, [*held])
     while True:
         if not np.array_equal(which, touched):
             which = touched
-            base = scene_of(body, start, setting, which, held)
+            base = scene_of(touch, setting, which, held)
         history = run_once(base, duration, SHARE * max(ROUGH, tol), {})
         share = 0.0
         if history.status:
             history, share = run(base, duration, tol)
-        end, touching = _end(body, start, history, turns)
+        end, touching = _end(touch, history, turns)
         if touching and end == history.time[-1] < longest and not history.status:
             duration = min(2 * duration, longest)
             continue
-        arguments = body, start, which, base, duration, turns, tol
+        arguments = touch, which, base, duration, turns, tol
         ended = _followed(*arguments, history, share)
         rough = ended.change > NEAR * tol and cuts < CUTS
-        if not (share or rough or len(_missed(body, start, heights, ended.path, which))):
+        if not (share or rough or len(_missed(touch, heights, ended.path, which))):
             ended = _followed(*arguments, *run(ended.following, duration, tol))
         if ended.change > NEAR * tol and cuts < CUTS:
             turns = turns / 2
             cuts = cuts + 1
             duration = longest = ended.end / 2
             continue
-        sinking = _missed(body, start, heights, ended.path, which)
+        sinking = _missed(touch, heights, ended.path, which)
         if not len(sinking):
             break
         touched = np.append(which, sinking)
@@ -684,9 +711,9 @@ def episode(
     path = ended.path
     end = ended.end
     touching = ended.touching
-    state, below = handed_over(body, start, history, path, which)
+    state, below = handed_over(touch, history, path, which)
     in_layer = layer_energy(body, state, setting) if touching else 0.0
-    return Episode(start, state, history, body, which, below if touching else {}, in_layer)
+    return Episode(touch, state, history, which, below if touching else {}, in_layer)
 
 
 class Followed(NamedTuple):
@@ -701,8 +728,7 @@ class Followed(NamedTuple):
 
 
 def _followed(
-    body: FreeBody,
-    start: State,
+    touch: Touch,
     which: IntArray,
     base: Assembly,
     duration: float,
@@ -719,9 +745,9 @@ def _followed(
     changes: list[float] = []
     close, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))
     while True:
-        end, touching = _end(body, start, history, turns)
-        path = path_of(body, start, history, _times(body, base, history, end, accuracy))
-        following, change = on_path(body, start, which, base, history, path)
+        end, touching = _end(touch, history, turns)
+        path = path_of(touch, history, _times(touch.body, base, history, end, accuracy))
+        following, change = on_path(touch, which, base, history, path)
         changes.append(change)
         if change <= close or _stalls(changes) or (history.status and not share):
             return Followed(history, path, following, change, end, touching)
@@ -756,13 +782,13 @@ def _times(body: FreeBody, base: Assembly, history: SceneHistory, end: float, to
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
-def _candidates(
-    body: FreeBody, start: State, heights: Array, time: float, held: list[int]
-) -> IntArray:
+def _candidates(touch: Touch, heights: Array, time: float, held: list[int]) -> IntArray:
     """The points that may touch: low ones, apart from each other, the lowest first.
 
     time : expected duration of the contact [s].
     """
+    body = touch.body
+    start = touch.start
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
     distance = REACH * float(speeds.max()) * time
@@ -777,7 +803,7 @@ def _candidates(
     return np.array(chosen)
 
 
-def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> tuple[float, bool]:
+def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool]:
     """Time at which the episode ends [s], and whether the body still touches.
 
     It ends when all contacts have parted, except those that follow soon; a longer contact is cut
@@ -787,7 +813,7 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
     times = np.linspace(0.0, last, LOOKS + 1)
     nodes = history.time[::2]
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
-    angle = np.linalg.norm((q - q[0])[:, :6] @ body.rigid_modes(start.R)[0][:, 3:], axis=1)
+    angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
     too_far = nodes[np.searchsorted(nodes, np.append(times[angle > turns], last)[0])]
     end = 0.0
     for first, parting in sorted(s for c in history.contact_histories for s in c.contacts):
@@ -800,11 +826,12 @@ def _end(body: FreeBody, start: State, history: SceneHistory, turns: float) -> t
     return float(too_far if continues else end), bool(continues)
 
 
-def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: IntArray) -> IntArray:
+def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
     """The point that sinks deepest into the floor on a path without being a contact; or none.
 
     On a layer all such points. heights : (V,) of all points at the start [m].
     """
+    body = touch.body
     up = path.R[:, 2]
     rises = np.einsum("nd,vjd,nj->nv", up, body.shapes, path.q[:, 6:], optimize=True)
     rises += path.q[:, 2:3] / np.sqrt(body.mass) + up @ body.points.T
@@ -815,7 +842,7 @@ def _missed(body: FreeBody, start: State, heights: Array, path: Path, which: Int
     lowest = lowest - np.where(pressed, deepest, 0.0)
     lowest[which] = np.inf
     if body.layer_contact is not None:
-        motion = path.R[:, 2], path.q[:, 6:], _heights(body, start, path)
+        motion = path.R[:, 2], path.q[:, 6:], _heights(touch, path)
         other = np.setdiff1d(list(body.laws), which)
         volume, low, _ = body.layer_contact.pressed(other - body.layer_contact.first, *motion)
         lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)

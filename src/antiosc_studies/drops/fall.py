@@ -18,10 +18,10 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import Result
-from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
-from antiosc_studies.drops.flight import Flight, State, ringing, turned
+from antiosc_studies.drops.flight import Flight, ringing, turned
 from antiosc_studies.drops.floor import Setting, SoftLayer
+from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.lines import STATIONS
 from antiosc_studies.drops.trajectory import (
     NO_IMPACT,

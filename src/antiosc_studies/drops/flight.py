@@ -11,19 +11,15 @@ is the motion sampled in steps that resolve the modes, and the touch located.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine import library
 from antiosc_studies.drops.floor import Ground
-from antiosc_studies.drops.free_body import FreeBody
+from antiosc_studies.drops.free_body import FreeBody, State
 
-#: Points by their numbers.
-Which: TypeAlias = "slice | IntArray | Sequence[int]"
 #: A spin that deviates by less than this share from the direction of the angular momentum is
 #: constant.
 SPINNING = 1e-12
@@ -159,63 +155,6 @@ SIDES = 0.01
 TOUCH = 1e-10
 #: Accuracy of the time of a touch [s].
 CLOSE = 1e-14
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """The motion of a free body at one time.
-
-    Attributes
-    ----------
-    time : [s].
-    centre, velocity : (3,) of the centre of mass, in the axes of the floor [m], [m/s].
-    R : (3, 3) rotation from the axes of the body to those of the floor.
-    momentum : (3,) angular momentum about the centre [kg m^2/s].
-    q, p : (J,) elastic modal displacements and velocities.
-    floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
-    """
-
-    time: float
-    centre: Array
-    velocity: Array
-    R: Array
-    momentum: Array
-    q: Array
-    p: Array
-    floor: Array
-
-    def spin(self, body: FreeBody) -> Array:
-        """Angular velocity (3,) in the axes of the floor [rad/s]."""
-        return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
-
-    def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
-        """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
-        bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
-        arms = bent @ self.R.T
-        arms[:, 2] -= body.reach(self.R[2])[which]
-        return np.asarray(arms)
-
-    def heights(
-        self,
-        body: FreeBody,
-        ground: Ground | None,
-        which: Which = slice(None),
-    ) -> Array:
-        """Heights (n,) [m] of points over the floor."""
-        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
-
-    def lowered(self, ground: Ground | None) -> float:
-        """Displacement of the floor downward [m]."""
-        if ground is None:
-            return 0.0
-        return float(np.sum(ground.shape * self.floor))
-
-    def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
-        """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""
-        rigid = 0.5 * body.mass * self.velocity @ self.velocity
-        rigid += 0.5 * self.momentum @ self.spin(body)
-        elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))
-        return float(rigid), float(elastic), float(body.mass * gravity * self.centre[2])
 
 
 def ringing(omega: Array, decay: Array, q: Array, p: Array, t: Array) -> tuple[Array, Array]:

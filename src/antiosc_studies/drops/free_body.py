@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -14,14 +14,18 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
 from antiosc_studies.drops.cylinder import Cylinder
+from antiosc_studies.drops.floor import Ground
 from antiosc_studies.drops.layer_contact import LayerContact
-from antiosc_studies.drops.skin import SMOOTH
+from antiosc_studies.drops.skin import SMOOTH, Skin
 
 if TYPE_CHECKING:
     from antiosc import Structure
 
 #: Points of a solid that are closer together than this share of the extent are one contact.
 APART = 0.04
+
+#: Points by their numbers.
+Which: TypeAlias = "slice | IntArray | Sequence[int]"
 
 Known = tuple[Array, Array, Array]
 
@@ -46,7 +50,7 @@ class FreeBody:
     extent : size of the body [m].
     notes : assumptions that were made.
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
-    structure : the part, with `basis` (rows, J) the shapes of its modes.
+    structure : the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface.
     layer_contact : its surface, if it falls on a layer.
     lines : (N, 3) points of surfaces that are curved in one direction only [m].
     laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
@@ -71,6 +75,7 @@ class FreeBody:
     matters: tuple[Matter, ...] = ()
     structure: Structure | None = None
     basis: Array | None = None
+    skin: Skin | None = None
     residual: Callable[[IntArray], tuple[Array, Array, Array]] | None = None
     layer_contact: LayerContact | None = None
     laws: dict[int, ContactLaw] = field(default_factory=dict)
@@ -172,4 +177,61 @@ class FreeBody:
         processes.
         """
         self.sites(np.arange(len(self.points)))
-        return replace(self, structure=None, basis=None, residual=None)
+        return replace(self, structure=None, basis=None, skin=None, residual=None)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The motion of a free body at one time.
+
+    Attributes
+    ----------
+    time : [s].
+    centre, velocity : (3,) of the centre of mass, in the axes of the floor [m], [m/s].
+    R : (3, 3) rotation from the axes of the body to those of the floor.
+    momentum : (3,) angular momentum about the centre [kg m^2/s].
+    q, p : (J,) elastic modal displacements and velocities.
+    floor : (2, F) displacements and rates of the modes of an elastic floor (`Ground`).
+    """
+
+    time: float
+    centre: Array
+    velocity: Array
+    R: Array
+    momentum: Array
+    q: Array
+    p: Array
+    floor: Array
+
+    def spin(self, body: FreeBody) -> Array:
+        """Angular velocity (3,) in the axes of the floor [rad/s]."""
+        return np.asarray(self.R @ (body.inverse @ (self.R.T @ self.momentum)))
+
+    def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
+        """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
+        bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
+        arms = bent @ self.R.T
+        arms[:, 2] -= body.reach(self.R[2])[which]
+        return np.asarray(arms)
+
+    def heights(
+        self,
+        body: FreeBody,
+        ground: Ground | None,
+        which: Which = slice(None),
+    ) -> Array:
+        """Heights (n,) [m] of points over the floor."""
+        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
+
+    def lowered(self, ground: Ground | None) -> float:
+        """Displacement of the floor downward [m]."""
+        if ground is None:
+            return 0.0
+        return float(np.sum(ground.shape * self.floor))
+
+    def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
+        """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""
+        rigid = 0.5 * body.mass * self.velocity @ self.velocity
+        rigid += 0.5 * self.momentum @ self.spin(body)
+        elastic = 0.5 * (self.p @ self.p + (body.omega * self.q) @ (body.omega * self.q))
+        return float(rigid), float(elastic), float(body.mass * gravity * self.centre[2])

@@ -19,11 +19,9 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc_studies.drops.flight import State
 from antiosc_studies.drops.floor import Setting, layer_law
-from antiosc_studies.drops.free_body import FreeBody
+from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer_contact import LayerContact
-from antiosc_studies.drops.skin import skin_of
 
 #: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
 PIECE = 0.35
@@ -88,7 +86,8 @@ def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
 
     assert body.structure is not None
     assert body.basis is not None
-    skin = skin_of(body.structure)
+    assert body.skin is not None
+    skin = body.skin
     rounded = ~skin.sharp & (skin.curvatures[:, 0] * skin.size > 1)
     x = skin.points - body.centre
     triangles = skin.triangles

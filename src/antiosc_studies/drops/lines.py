@@ -27,9 +27,8 @@ from antiosc.engine.contact.curvature import LINE, Curvature
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.line import line_curve
 from antiosc_studies.drops.cylinder import STATIONS, Cylinder, rule
-from antiosc_studies.drops.flight import State
 from antiosc_studies.drops.floor import Floor
-from antiosc_studies.drops.free_body import FreeBody
+from antiosc_studies.drops.free_body import FreeBody, State
 
 #: Largest deviation of vertices from a cylinder over its radius, for each fit; least share of the
 #: length that the vertices cover; least number of vertices.

@@ -14,8 +14,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.plot.charts import figure_or_path, new_figure
 from antiosc.plot.surfaces import LIGHT
-from antiosc_studies.drops.flight import State
-from antiosc_studies.drops.skin import skin_of
+from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -67,10 +66,9 @@ def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
     from scipy.spatial import ConvexHull, QhullError
 
     body = fall.body
-    if body.structure is not None:
-        skin = skin_of(body.structure)
-        if 0 < len(skin.triangles) < TRIANGLES:
-            return skin.points - body.centre, skin.triangles
+    skin = body.skin
+    if skin is not None and 0 < len(skin.triangles) < TRIANGLES:
+        return skin.points - body.centre, skin.triangles
     points = body.points
     if body.balls.any() and len(points) == 1:  # a ball
         grid = np.array([*product(np.linspace(-1, 1, 9), repeat=3)])

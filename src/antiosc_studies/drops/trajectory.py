@@ -20,10 +20,10 @@ from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, erro
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import HertzContact
 from antiosc.models.body import GRAVITY
-from antiosc_studies.drops.body import FreeBody
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
-from antiosc_studies.drops.flight import SIDES, Flight, State
+from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Floor, Setting, law_at
+from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.lines import yielding
 
 #: A part is at rest if its speed would lift it by at most REST times the height, and points within
