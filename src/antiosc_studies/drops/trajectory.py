@@ -153,20 +153,20 @@ def _rests(
     if state.centre[2] + heights.min() > CARRIES * body.extent:
         return False
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
-    energy = _hindered(body, state, carrying, setting.floor.friction > 0)
-    energy += _pushed(pressed, state, held, setting) + _shaken(body, state, held, setting)
+    W = body.rigid_modes(state.R)[0]
+    energy = _hindered(body, state, W, carrying, setting.floor.friction > 0)
+    energy += _pushed(pressed, state, W, held, setting) + _shaken(body, state, held, setting)
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
     return _around(carrying[:, :2], AROUND * body.extent)
 
 
-def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> float:
+def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: bool) -> float:
     """Kinetic energy [J] of the rigid motions that forces at arms (n, 3) could stop.
 
     The forces act upward, or if `sticking` in any direction: rolling of a ball, and sliding without
-    friction, do not count.
+    friction, do not count. W : (6, 6) rigid modes.
     """
-    W = body.rigid_modes(state.R)[0]
     velocities = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
     across, singular_values, _ = np.linalg.svd(
         velocities.reshape(6, -1) if sticking else velocities[:, :, 2]
@@ -177,7 +177,7 @@ def _hindered(body: FreeBody, state: State, arms: Array, sticking: bool) -> floa
 
 
 def _pushed(
-    body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
+    body: FreeBody, state: State, W: Array, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
     """Elastic energy [J] of the contacts beyond that which carries the weight.
 
@@ -187,7 +187,6 @@ def _pushed(
     held = {i: h for i, h in held.items() if h.force[0] > 0}
     if not held:
         return 0.0
-    W = body.rigid_modes(state.R)[0]
     points = list(held)
     arms = state.arms(body, points)
     approaches = np.diag([-h.height / h.force[0] for h in held.values()])
