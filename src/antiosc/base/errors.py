@@ -199,7 +199,7 @@ def _check_class(kind: Any) -> None:
 def _guarded(function: Callable[P, T], name: str, leading: int) -> Callable[P, T]:
     """Wrap `function` so that wrong arguments raise InputError.
 
-    `own` is the number of leading arguments that the caller does not write, such as self.
+    `leading` is the number of arguments that the caller does not write, such as self.
     """
     # that of a base class tells the name of the base
     inner: Callable[P, T] = getattr(function, "__wrapped__", function)

@@ -633,4 +633,4 @@ def _places(
 ) -> list[Place]:
     """Positions in the thickness or section where the quantity is evaluated; default both sides."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
-    return [place(each, layer, fibre, "global") for each in surfaces]
+    return [place(side, layer, fibre, "global") for side in surfaces]

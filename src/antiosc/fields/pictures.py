@@ -119,8 +119,8 @@ class SavedFields(ReprMixin):
         target = checks.path("path", path)
         kinds = [kind for kind, _ in self.cells]
         header = {"format": FORMAT, "version": model_file.VERSION, "kinds": kinds}
-        own = {"points": self.points, "shapes": self.shapes, "time": self.time}
-        arrays: Arrays = {**own}
+        base = {"points": self.points, "shapes": self.shapes, "time": self.time}
+        arrays: Arrays = {**base}
         arrays |= {f"cells{i}": cells for i, (_, cells) in enumerate(self.cells)}
         model_file.write(target, header, {**arrays, "factors": self.factors})
         return target
@@ -141,10 +141,10 @@ class SavedFields(ReprMixin):
             cells: list[tuple[str, IntArray]] = [
                 (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
             ]
-            own: dict[str, Array] = {
+            base: dict[str, Array] = {
                 name: checks.floats(name, arrays[name], None) for name in sorted(needed)
             }
-            fields = cls(cells=cells, **own)
+            fields = cls(cells=cells, **base)
             len(fields.faces)  # of corners that the cells have
         except (InputError, KeyError, TypeError, ValueError, IndexError) as error:
             raise InputError(f"{os.fspath(path)} is damaged ({error}); write it again.") from None
@@ -177,16 +177,16 @@ class SavedFields(ReprMixin):
         ]
 
 
-def _cells(given: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
+def _cells(blocks_of_cells: Iterable[tuple[str, IntArray]]) -> list[tuple[str, IntArray]]:
     """Checked pairs (kind, cells); InputError for anything else."""
     try:
-        blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
+        blocks = [(str(kind), np.asarray(cells)) for kind, cells in blocks_of_cells]
     except (TypeError, ValueError):
         blocks = []
     if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
         raise InputError(
             "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "
-            f"{checks.shown(given)}."
+            f"{checks.shown(blocks_of_cells)}."
         )
     return blocks
 
@@ -256,7 +256,7 @@ class SurfaceMap(Protocol):
 
 
 def plot_map(
-    found: SurfaceMap,
+    impact_map: SurfaceMap,
     path: str | os.PathLike[str] | None = None,
     quantity: str = "peak_force",
 ) -> Figure | Path:
@@ -264,32 +264,32 @@ def plot_map(
 
     Parameters
     ----------
-    found : ImpactMap
+    impact_map : ImpactMap
         Faces of which two corners or more are doubtful are grey.
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
         One of `found.quantities()`.
     """
-    if not callable(getattr(found, "quantities", None)) or isinstance(found, type):
-        raise InputError(f"found must be an ImpactMap; got {checks.shown(found)}.")
-    known = found.quantities()
+    if not callable(getattr(impact_map, "quantities", None)) or isinstance(impact_map, type):
+        raise InputError(f"impact_map must be an ImpactMap; got {checks.shown(impact_map)}.")
+    known = impact_map.quantities()
     if not isinstance(quantity, str) or quantity not in known:
         raise InputError(
             f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
         )
-    grey = found.doubtful & ~found.doubtful.all()
+    grey = impact_map.doubtful & ~impact_map.doubtful.all()
     value = np.where(grey, np.nan, known[quantity])
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
     label += f" ({unit})" if unit else ""
-    triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
-    figure, axes, scale, unit = surfaces.axes_in_space(found.points, shown=path is None)
-    x = scale * found.points
+    triangles = len(impact_map.elements) > 0 and impact_map.elements.shape[1] == 3
+    figure, axes, scale, unit = surfaces.axes_in_space(impact_map.points, shown=path is None)
+    x = scale * impact_map.points
     if triangles:
-        seen = _front_faces(found, axes)
-        faces = found.elements[seen]
+        seen = _front_faces(impact_map, axes)
+        faces = impact_map.elements[seen]
         values = _on_faces(value[faces])
-        alone = found.alone
+        alone = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
         surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
         if len(alone):
@@ -311,18 +311,18 @@ def _on_faces(value: Array) -> Array:
     return np.where(count > 1, mean, np.nan)
 
 
-def _front_faces(found: SurfaceMap, axes: Axes3D) -> BoolArray:
+def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
     """Mask (T,) of the faces to draw: the front faces of a solid that is struck against its
     surface.
 
     matplotlib sorts faces by their centres; back faces would show through openings.
     """
-    corners = found.points[found.elements]
+    corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    into = found.directions[found.elements].mean(axis=1)
+    into = impact_map.directions[impact_map.elements].mean(axis=1)
     across = np.einsum("td,td->t", normal, into)
     steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
-    if found.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
+    if impact_map.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
         return np.ones(len(corners), dtype=bool)
     up = np.radians(axes.elev)
     around = np.radians(axes.azim)

@@ -155,8 +155,8 @@ def probe(
     if end is None:
         places = _on_outline(structure, part, there) if quantity == "von_mises" else [there]
         columns = [
-            _columns(structure, history, body, shapes, x[None], quantity, part, one, reach)[0]
-            for one in places
+            _columns(structure, history, body, shapes, x[None], quantity, part, tensors, reach)[0]
+            for tensors in places
         ]
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
@@ -165,7 +165,7 @@ def probe(
     else:
         factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
     if quantity == "von_mises":
-        return np.max([von_mises(_over_time(one, factors)) for one in columns], axis=0)
+        return np.max([von_mises(_over_time(tensors, factors)) for tensors in columns], axis=0)
     return _over_time(columns[0], factors)
 
 
@@ -260,9 +260,9 @@ def _columns(
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
         return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
-    asked = points, part, recovered, there, reach
+    selection = points, part, recovered, there, reach
 
     def at(columns: Array, whole: bool) -> Array:
-        return cast(Array, where.recovered(structure, columns, *asked, whole=whole))
+        return cast(Array, where.recovered(structure, columns, *selection, whole=whole))
 
     return with_pairs(at, structure, history, body, shapes)

@@ -40,8 +40,8 @@ def _of_state(at: Columns, structure: Structure, shapes: Array) -> Array:
     if preload is None or not structure.comm.allreduce(preload.q.any()):
         return np.zeros(shapes.shape[1])
     q = preload.q[:, None]
-    own = np.abs(np.hstack([q, shapes])).max(axis=0, initial=0.0)
-    largest = np.max(structure.comm.allgather(own), axis=0)
+    largest_of_rank = np.abs(np.hstack([q, shapes])).max(axis=0, initial=0.0)
+    largest = np.max(structure.comm.allgather(largest_of_rank), axis=0)
     scale = largest[0] / np.where(largest[1:] > 0, largest[1:], 1.0)
     small = shapes * scale
     return np.asarray((at(q + small, True) - at(q, True) - at(small, True)) / scale)
@@ -91,16 +91,16 @@ def work_on(
 
 
 def tensors_at_nodes(
-    structure: Structure, history: AnyHistory, body: str, shapes: Array, *asked: Any
+    structure: Structure, history: AnyHistory, body: str, shapes: Array, *selection: Any
 ) -> tuple[Any, Any, NodeTensors]:
     """`mesh_fields.tensors_at_nodes` for the motion of a body."""
-    found: list[Any] = []
+    results: list[Any] = []
 
     def at(columns: Array, whole: bool) -> Array:
-        one = source(structure).tensors_at_nodes(structure, columns, *asked, whole=whole)
-        found.append(one)
-        return np.asarray(one[2].columns)
+        result = source(structure).tensors_at_nodes(structure, columns, *selection, whole=whole)
+        results.append(result)
+        return np.asarray(result[2].columns)
 
     columns = with_pairs(at, structure, history, body, shapes)
-    points, cells, tensors = found[0]
+    points, cells, tensors = results[0]
     return points, cells, tensors._replace(columns=columns)

@@ -195,24 +195,24 @@ def srs(
     f = _frequencies(t, frequencies, resolved)
     if signal == "acceleration":
         _warn_if_rough(t, a)
-    responses = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
+    responses = np.array([_extremes(t, a, float(frequency), Q, parts, signal) for frequency in f])
     return ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
 
 
-def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> Array:
+def _frequencies(t: Array, frequencies: ArrayLike | None, resolved: float | None) -> Array:
     """The frequencies of a spectrum, Hz; AccuracyWarning above the resolution of the signal."""
     span = float(t[-1] - t[0])
     known = np.inf
     if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
         known = checks.nonnegative("resolved", resolved, "Hz")
-    if given is None:
+    if frequencies is None:
         # one period after the signal must not take more samples than there may be
         low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
         top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
         top = max(min(top, known), 2 / span, 2 * low)
         decades = np.log10(top / low)
         return np.geomspace(low, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
-    f = checks.column("frequencies", given)
+    f = checks.column("frequencies", frequencies)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
     if f.max() > known:
@@ -299,12 +299,14 @@ def _even_step(t: Array) -> tuple[float, bool]:
 
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     """The signal at equal steps of at most `step`, linear between its samples."""
-    own, even = _even_step(t)
+    sample_step, even = _even_step(t)
     span = float(t[-1] - t[0])
     if even:
-        count = _checked_samples((t.size - 1) * max(1.0, np.ceil(own / step * (1 - UNEVEN))))
+        count = _checked_samples(
+            (t.size - 1) * max(1.0, np.ceil(sample_step / step * (1 - UNEVEN)))
+        )
     else:
-        count = _checked_samples(np.ceil(span / min(step, own)))
+        count = _checked_samples(np.ceil(span / min(step, sample_step)))
     times = np.linspace(t[0], t[-1], round(count) + 1)
     return times, np.interp(times, t, x)
 

@@ -131,7 +131,7 @@ class AntiOscillators(ReprMixin, Parameters):
         if self.stretch is not None:
             checks.instance("stretch", self.stretch, Stretch, "a Stretch, as extract makes it")
         checks.store(self, info=ModelInfo.of(self.info))
-        given = self.omega
+        as_passed = self.omega
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
             for name in ("strain_error", "strain_misfit"):
                 if getattr(self, name) is not None:
@@ -140,7 +140,7 @@ class AntiOscillators(ReprMixin, Parameters):
         else:
             checks.store(self, **checked_at_one_site(self))
         if isinstance(self.damping, DampingMatrix):
-            checks.store(self, damping=checked_size(self, self.damping, given))
+            checks.store(self, damping=checked_size(self, self.damping, as_passed))
 
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
@@ -193,8 +193,8 @@ class AntiOscillators(ReprMixin, Parameters):
                 " stretch=False."
             )
         if isinstance(damping, DampingMatrix):
-            kept = np.delete(np.arange(damping.n), left_out)
-            damping = in_coordinates(damping, np.eye(damping.n)[:, kept])
+            remaining = np.delete(np.arange(damping.n), left_out)
+            damping = in_coordinates(damping, np.eye(damping.n)[:, remaining])
         p = self.participation
         shapes = self.shapes
         inertia = self.inertia

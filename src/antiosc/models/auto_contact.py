@@ -34,8 +34,8 @@ def chosen(first: object, second: object, sites: tuple[str, str] = ("", "")) -> 
 def _surface(body: object, site: str) -> Surface:
     """The surface of a body at a site; InputError if it is unknown."""
     known = body if isinstance(body, Body) else checked_body("a body in contact", body)
-    found = known.surface(site)
-    if found is None:
+    surface = known.surface(site)
+    if surface is None:
         reason = info_of(known).unknown_surface(site)
         if reason:
             raise InputError(
@@ -48,20 +48,20 @@ def _surface(body: object, site: str) -> Surface:
             "model.with_surface(material), give the striker material= and tip_radius=, or give the "
             "law, as Hertz(stiffness)."
         )
-    return found
+    return surface
 
 
-def law_of(contact: object, one: object, other: object) -> ContactLaw:
+def law_of(contact: object, first: object, second: object) -> ContactLaw:
     """The given law, or for "auto" the law that the surfaces of two bodies require."""
     if is_auto(contact):
-        return chosen(one, other).law
+        return chosen(first, second).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 
 
-def choice_of(law: ContactLaw, one: object, other: object) -> Choice | None:
+def choice_of(law: ContactLaw, first: object, second: object) -> Choice | None:
     """The choice that led to this law; None for a law that the user gave."""
     try:
-        found = chosen(one, other)
+        choice = chosen(first, second)
     except InputError:
         return None
-    return found if found.law == law else None
+    return choice if choice.law == law else None

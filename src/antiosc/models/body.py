@@ -167,13 +167,13 @@ class ModelInfo(ReprMixin):
     notes: Mapping[str, object] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, given: ModelInfo | Mapping[str, Any]) -> ModelInfo:
+    def of(cls, record: ModelInfo | Mapping[str, Any]) -> ModelInfo:
         """A record, or a mapping as a record: unknown names become `notes`; else InputError."""
-        if isinstance(given, ModelInfo):
-            return given
-        checks.instance("info", given, Mapping, "a ModelInfo, or a dict of facts")
-        known = {name: value for name, value in given.items() if name in _NAMES}
-        notes = {name: value for name, value in given.items() if name not in _NAMES}
+        if isinstance(record, ModelInfo):
+            return record
+        checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
+        known = {name: value for name, value in record.items() if name in _NAMES}
+        notes = {name: value for name, value in record.items() if name not in _NAMES}
         return cls(**known, notes=notes)
 
     def __post_init__(self) -> None:
@@ -205,7 +205,7 @@ class ModelInfo(ReprMixin):
     def known_surfaces(self) -> dict[str, Surface]:
         """The surfaces of sites with known material and curvature."""
         surfaces = (self.surfaces or {}).items()
-        return {name: Surface.of(one) for name, one in surfaces if NOT_KNOWN not in one}
+        return {name: Surface.of(table) for name, table in surfaces if NOT_KNOWN not in table}
 
     def unknown_surface(self, site: str) -> str:
         """Reason why the surface of a site is unknown; "" if it is known or was not requested."""

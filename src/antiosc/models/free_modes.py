@@ -180,18 +180,20 @@ def site_models(
     return result
 
 
-def _with_rigid_modes(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
+def _with_rigid_modes(elastic: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
     """Parameters of sites with a rigid-body mode that hardly moves them, joined with the elastic
     ones.
     """
-    k0, m0, _, omega, m = found
+    k0, m0, _, omega, m = elastic
     wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     masses_left = np.zeros_like(m0)
     for i, a in enumerate(along):
         real = m[i] > 0
-        masses_left[i], own, w, _, _ = with_rigid_mode(k0[i], m0[i], m[i, real], omega[i, real], a)
+        masses_left[i], masses, w, _, _ = with_rigid_mode(
+            k0[i], m0[i], m[i, real], omega[i, real], a
+        )
         wide[0][i, : len(w)] = w
-        wide[1][i, : len(w)] = own
+        wide[1][i, : len(w)] = masses
     return np.zeros_like(k0), masses_left, 1 / along**2, *wide
 
 
@@ -259,11 +261,11 @@ def error_bound(
     reduction = np.zeros(len(b))
     for i in range(0, len(b), SITES_AT_ONCE):
         part = slice(i, i + SITES_AT_ONCE)
-        one = r[part] / (1 - z * theta[part])
+        response = r[part] / (1 - z * theta[part])
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
-        H = b[part] ** 2 @ modal + one
+        H = b[part] ** 2 @ modal + response
         Z = models.dynamic_stiffness(at, part)
-        change = np.abs(chord - one) + (lost[part] + slow[part] * np.abs(z)) / far
+        change = np.abs(chord - response) + (lost[part] + slow[part] * np.abs(z)) / far
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
@@ -279,8 +281,8 @@ def bodies(
             yield ModalBody(omega, columns, r)
             continue
         above = r / s
-        one = np.sqrt(above - shift), np.sqrt(r * above)
-        yield ModalBody(np.append(omega, one[0]), np.append(columns, one[1]))
+        remainder = np.sqrt(above - shift), np.sqrt(r * above)
+        yield ModalBody(np.append(omega, remainder[0]), np.append(columns, remainder[1]))
 
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.

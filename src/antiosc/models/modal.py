@@ -495,7 +495,7 @@ class SiteModes(FreeModes):
             checks.store(self, weight=checks.floats("weight", self.weight, (modes, 3)))
         elif self.inertia is not None:
             checks.store(self, weight=self.inertia.momentum[:, :3])
-        if self.basis is not None and sum(each.shape[1] for each in self.basis) != self._size:
+        if self.basis is not None and sum(shapes.shape[1] for shapes in self.basis) != self._size:
             raise InputError(f"basis needs one column for each of the {self._size} coordinates.")
         local = self.local_compliance
         checks.instance("local_compliance", local, Mapping, "a dict {name of a site: m/N}")

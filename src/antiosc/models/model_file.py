@@ -233,20 +233,20 @@ def damaged_file(path: str | os.PathLike[str], error: Exception) -> InputError:
     )
 
 
-def _damping(given: Named | None) -> Damping | DampingMatrix | None:
+def _damping(values: Named | None) -> Damping | DampingMatrix | None:
     """The damping of a model file."""
-    if given is None:
+    if values is None:
         return None
-    if "factor" not in given:
+    if "factor" not in values:
         with without_warnings():  # a file has what was told before
-            return Damping(**given)
-    size = int(given["n"])
+            return Damping(**values)
+    size = int(values["n"])
 
     def factor(rows: ArrayLike) -> Array:
         return checks.floats("factor", np.reshape(rows, (-1, size)), (None, size))
 
-    branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in given["branches"]]
-    return from_factors(factor(given["factor"]), branches)
+    branches = [(factor(L), checks.positive("tau", tau, "s")) for L, tau in values["branches"]]
+    return from_factors(factor(values["factor"]), branches)
 
 
 def _plain(value: object) -> object:
@@ -314,7 +314,7 @@ class ReducedMatrices(FieldsRepr):
         target = checks.path("path", path)
         ending = target.suffix.lower()
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        formats = {one: form for form in matrix_formats() for one in form.endings}
+        formats = {file: form for form in matrix_formats() for file in form.endings}
         if (form := formats.get(ending)) and form.write:
             with files.atomic_file(target, "the matrices") as part:
                 form.write(part, matrices, self.labels)
@@ -327,10 +327,10 @@ class ReducedMatrices(FieldsRepr):
             )
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
-            one = target.with_name(f"{target.stem}_{letter}.mtx")
-            with files.atomic_file(one, "the matrices") as part, part.open("w") as out:
+            file = target.with_name(f"{target.stem}_{letter}.mtx")
+            with files.atomic_file(file, "the matrices") as part, part.open("w") as out:
                 write_matrix_market(out, matrix)
-            written.append(one)
+            written.append(file)
         return [*written, self._map(target)]
 
     def _map(self, target: Path) -> Path:
@@ -376,14 +376,14 @@ def _labels(
     dofs: int | str | Sequence[int | str],
     first: int | None,
 ) -> IntArray:
-    given = list(range(1, sites + 1)) if nodes is None else _as_list(nodes)
-    numbers = [checks.whole("nodes", node, least=1) for node in given]
-    each = _as_list(dofs)
-    each = each * sites if len(each) == 1 else each
-    if len(numbers) != sites or len(each) != sites:
+    of_sites = list(range(1, sites + 1)) if nodes is None else _as_list(nodes)
+    numbers = [checks.whole("nodes", node, least=1) for node in of_sites]
+    of_columns = _as_list(dofs)
+    of_columns = of_columns * sites if len(of_columns) == 1 else of_columns
+    if len(numbers) != sites or len(of_columns) != sites:
         raise InputError(
             f"nodes and dofs must name the {sites} site dofs; got {len(numbers)} nodes and "
-            f"{len(each)} dofs."
+            f"{len(of_columns)} dofs."
         )
     start = max(numbers) + 1 if first is None else checks.whole("first", first, least=1)
     scalars = range(start, start + size - sites)
@@ -391,7 +391,7 @@ def _labels(
         raise InputError(f"numbers of nodes must be below 2^31; got {max(numbers)} and {start}.")
     if set(scalars) & set(numbers):
         raise InputError(f"the scalar points from first = {start} on meet the nodes of the sites.")
-    rows = [(n, component_of(d)) for n, d in zip(numbers, each, strict=True)]
+    rows = [(n, component_of(d)) for n, d in zip(numbers, of_columns, strict=True)]
     labels = np.array([*rows, *((number, 0) for number in scalars)], dtype=np.int64)
     if len(np.unique(labels, axis=0)) < size:
         raise InputError("nodes and dofs name one dof twice.")

@@ -144,10 +144,10 @@ class Motion(FieldsRepr):
         massless = (inertia.matrix.diagonal() == 0) & (motion != 0)
         if np.any(massless):
             names = ("along x", "along y", "along z", "about x", "about y", "about z")
-            asked = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
+            impossible = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
             raise InputError(
-                f"the body has no motion {asked} (a plane body moves only along x and y and about "
-                "z); leave it out of the Motion."
+                f"the body has no motion {impossible} (a plane body moves only along x and y and"
+                " about z); leave it out of the Motion."
             )
         return motion
 
@@ -217,10 +217,10 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
             return np.zeros(0), np.zeros((1, 0))
         return np.array([k0 / m0]), np.array([[1 / np.sqrt(m0)]])
     size = n + (m0 > 0)
-    given = np.array([m, poles], dtype=float)
+    parameters = np.array([m, poles], dtype=float)
     x = np.empty(size)
     shape = np.empty((n + 1, size))
-    at, to_x, to_shape = map(library.address, (given, x, shape))
+    at, to_x, to_shape = map(library.address, (parameters, x, shape))
     lost = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
     if lost or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(

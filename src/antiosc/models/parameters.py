@@ -176,8 +176,8 @@ def checked_at_one_site(model: Parameters) -> Stored:
     if model.radius is not None:
         checked["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
-        own = checked_energies("strain_error", model.strain_error, columns.size)
-        checked["strain_error"] = checks.read_only(own[np.ix_(columns, columns)])
+        energies = checked_energies("strain_error", model.strain_error, columns.size)
+        checked["strain_error"] = checks.read_only(energies[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
@@ -188,9 +188,9 @@ def checked_at_one_site(model: Parameters) -> Stored:
     )
 
 
-def checked_energies(name: str, given: Array, size: int, semidefinite: bool = True) -> Array:
-    """`given` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
-    E = checks.floats(name, given, (size, size))
+def checked_energies(name: str, energies: Array, size: int, semidefinite: bool = True) -> Array:
+    """`energies` (size, size), symmetric, and positive semidefinite if asked; else InputError."""
+    E = checks.floats(name, energies, (size, size))
     if semidefinite:
         unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
         least = np.linalg.eigvalsh(unit).min(initial=0.0)
@@ -350,7 +350,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
     return stored
 
 
-def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) -> DampingMatrix:
+def checked_size(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
     """The damping of a model in the order of its sorted frequencies."""
     n_sites = model.n_sites
     hidden = model.hidden_count
@@ -365,7 +365,7 @@ def checked_size(model: Parameters, damping: DampingMatrix, given: ArrayLike) ->
             "a model without mass has no motions that a DampingMatrix could brake: give it a mass,"
             " m0 or m."
         )
-    order = np.argsort(np.asarray(given, dtype=float), kind="stable")
+    order = np.argsort(np.asarray(omega, dtype=float), kind="stable")
     if np.array_equal(order, np.arange(order.size)):
         return damping
     rows = np.concatenate(
@@ -406,22 +406,22 @@ def corrected(model: ModelType) -> ModelType:
     transform[0, 0] = 1.0
     transform[1:, 0] = static - 1
     transform[1:, 1:] = unit * c
-    kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
-    transform = transform[:, np.append(True, kept)]
+    massive = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
+    transform = transform[:, np.append(True, massive)]
     p = model.participation
     inertia = model.inertia
     if p is not None:  # psi_0 is what moves with m0 and all psi_i
         p = transform.T @ np.append(p.sum(), p[1:])
         p[0] -= p[1:].sum()
     if inertia is not None:
-        own, hidden = np.split(inertia.momentum, [model.n + 1])
-        inertia = inertia.along(np.vstack((transform.T @ own, hidden)))
+        of_model, hidden = np.split(inertia.momentum, [model.n + 1])
+        inertia = inertia.along(np.vstack((transform.T @ of_model, hidden)))
     return replace(
         model,
-        m0=model.m0 + float(np.sum(c[~kept] ** 2)),
+        m0=model.m0 + float(np.sum(c[~massive] ** 2)),
         k0=k0,
-        m=c[kept] ** 2,
-        omega=omega[kept],
+        m=c[massive] ** 2,
+        omega=omega[massive],
         participation=p,
         shapes=None if model.shapes is None else model.shapes @ transform,
         inertia=inertia,
@@ -444,13 +444,13 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
     grown = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
     F = scale[:, None] * (np.eye(len(scale)) + grown) * scale
     static = np.zeros(len(m))
-    held = F[1:, 1:]
+    constrained = F[1:, 1:]
     if k0 > 0:
         static = F[1:, 0] / F[0, 0]
-        held = held - np.outer(F[1:, 0], static)
+        constrained = constrained - np.outer(F[1:, 0], static)
         k0 = 1 / float(F[0, 0])
     root = np.sqrt(m)
-    theta, Q = np.linalg.eigh(root[:, None] * held * root)
+    theta, Q = np.linalg.eigh(root[:, None] * constrained * root)
     return k0, 1 + static, theta[::-1] ** -0.5, Q[:, ::-1]
 
 

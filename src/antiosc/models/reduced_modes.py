@@ -95,12 +95,12 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
     hidden = model.hidden_count
     if hidden:
         none = np.zeros(hidden)
-        own = np.eye(hidden)
+        identity = np.eye(hidden)
         omega = np.concatenate((none, omega))
         b = np.concatenate((none, b))
         residual = np.concatenate((residual, none))
-        shape = np.roll(block_diag(shape, own), hidden, axis=1)
-        amplitude = block_diag(amplitude, own)
+        shape = np.roll(block_diag(shape, identity), hidden, axis=1)
+        amplitude = block_diag(amplitude, identity)
     inertia = model.inertia
     if inertia is not None:
         inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
@@ -247,12 +247,12 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     vectors = vectors[:, ::-1]
     heavy = theta > INERTIALESS * theta.max(initial=0.0)
     shape = transformed @ vectors
-    own = np.sqrt(theta[heavy])
+    omega_of_shapes = np.sqrt(theta[heavy])
     residual = shape[:, ~heavy] @ shape[:p, ~heavy].T
     elastic = np.sqrt(np.maximum(1 / theta[heavy] - shift, 0.0))
     return ReducedModes(
         omega=np.append(np.zeros(q), elastic),
-        shape=np.hstack([rigid_shapes, shape[:, heavy] / own]),
+        shape=np.hstack([rigid_shapes, shape[:, heavy] / omega_of_shapes]),
         residual=residual,
     )
 

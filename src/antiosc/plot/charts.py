@@ -194,8 +194,8 @@ def check_drawn(name: str, drawn: object, kind: type, noun: str) -> None:
             raise
         fits = False
     if not fits:
-        given = "" if drawn is None else f"{type(drawn).__name__} "
-        raise InputError(f"{name} must be {noun}; got {given}{checks.shown(drawn)}.")
+        type_name = "" if drawn is None else f"{type(drawn).__name__} "
+        raise InputError(f"{name} must be {noun}; got {type_name}{checks.shown(drawn)}.")
 
 
 def widths(named: Mapping[str, object]) -> Array:
@@ -335,10 +335,10 @@ def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None =
     shown = np.concatenate(seen)
     long, length = prefixed(float(np.abs(shown).max(initial=0.0)) or 1e-3, "m")
     for (name, hit), beside, width in zip(named.items(), besides, widths(named), strict=True):
-        own, other = (name, None) if name else _names(hit)
-        (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=own)
+        label, other_label = (name, None) if name else _names(hit)
+        (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=label)
         dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
-        ax.plot(factor * hit.time, long * beside, label=other, **dashes)
+        ax.plot(factor * hit.time, long * beside, label=other_label, **dashes)
         if len(named) == 1 and hit.contacts:
             spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
             whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
@@ -398,8 +398,8 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 def _names(hit: HistoryLike) -> tuple[str, str]:
     """The names of the bodies at the two ends of the contact."""
     contacts = getattr(hit, "contact_histories", ())
-    own, other = contacts[0].ends if contacts else ("structure", "impactor")
-    return f"{own}, at the site", str(other)
+    first, second = contacts[0].ends if contacts else ("structure", "impactor")
+    return f"{first}, at the site", str(second)
 
 
 def _contact_span(hit: HistoryLike) -> tuple[float, float]:
@@ -407,10 +407,10 @@ def _contact_span(hit: HistoryLike) -> tuple[float, float]:
     remains.
     """
     contacts = np.reshape(hit.contacts, (-1, 2))
-    given = hit.cumulative_impulse
-    if not contacts.size or given[-1] <= 0:
+    impulse = hit.cumulative_impulse
+    if not contacts.size or impulse[-1] <= 0:
         return float(hit.time[0]), float(hit.time[-1])
-    so_far = np.interp(contacts[:, 1], hit.time, given) / given[-1]
+    so_far = np.interp(contacts[:, 1], hit.time, impulse) / impulse[-1]
     return float(contacts[0, 0]), float(contacts[int(np.argmax(so_far >= 1 - LATE_IMPULSE)), 1])
 
 
@@ -509,9 +509,9 @@ def plot_model(model: ModelLike, path: str | os.PathLike[str] | None = None) -> 
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     ends = LOWEST * model.omega[0], 1.1 * model.omega[-1]
     edges = np.unique(np.concatenate((ends, model.omega)))
-    each = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
+    count = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
     # denser near the ends, where the poles are
-    share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
+    share = (1 - np.cos(np.pi * np.arange(1, count) / count)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
     plot_dynamic_stiffness(model, omega, axes[0, 0])
     axes[0, 0].set(xscale="log", xlim=(omega[0] / (2 * np.pi), omega[-1] / (2 * np.pi)))

@@ -154,7 +154,7 @@ def magnification(points: Array, largest: float) -> float:
 
 
 def deformed_figure(
-    found: Deformed,
+    surface: Deformed,
     *,
     arrow: tuple[Array, Array] | None = None,
     view: Array | None = None,
@@ -169,25 +169,25 @@ def deformed_figure(
     whole_scale : colours to the largest of all times, in the box of the part at rest.
     mark : number of a point that gets a ring and its value.
     """
-    figure, axes, scale, _ = axes_in_space(found.points, shown)
-    corners = scale * found.moved[found.faces]
-    values = found.values[found.faces].mean(axis=1)
-    top = found.largest if whole_scale or mark is not None else values
+    figure, axes, scale, _ = axes_in_space(surface.points, shown)
+    corners = scale * surface.moved[surface.faces]
+    values = surface.values[surface.faces].mean(axis=1)
+    top = surface.largest if whole_scale or mark is not None else values
     colours = colour_scale(np.append(0.0, top))
-    if found.faces.shape[1] > 2:
-        draw_faces(figure, axes, corners, values, found.label, colours)
+    if surface.faces.shape[1] > 2:
+        draw_faces(figure, axes, corners, values, surface.label, colours)
     else:
-        draw_lines(figure, axes, corners, values, found.label, colours)
-    rest = scale * found.points[np.unique(found.faces)]
+        draw_lines(figure, axes, corners, values, surface.label, colours)
+    rest = scale * surface.points[np.unique(surface.faces)]
     framed = [rest if whole_scale else corners.reshape(-1, 3)]
     if arrow is not None:
-        tail, tip = scale * found.arrow(*arrow)
+        tail, tip = scale * surface.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
     if mark is not None:
-        x = scale * found.moved[mark]
+        x = scale * surface.moved[mark]
         axes.plot(*x[:, None], "o", ms=9, mfc="none", mec="C3", mew=2, zorder=9)
-        axes.text(*x, f"  {found.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
+        axes.text(*x, f"  {surface.values[mark]:.3g}", color="C3", weight="bold", zorder=10)
     if view is not None:
         axes.view_init(elev=view[0], azim=view[1])
     fit_limits(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)

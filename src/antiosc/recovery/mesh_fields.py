@@ -369,19 +369,19 @@ def tensors_at_nodes(
     origins = list[Origin]()
     start = 0
     for member, shapes_of_part in parts:
-        found: list[tuple[IntArray, IntArray, Array]] = []
+        of_parts: list[tuple[IntArray, IntArray, Array]] = []
         shares = None if shapes is None else shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
             there = place.within(member.at.rotation)
-            asked = shapes_of_part, quantity, there, numbers, shares
-            nodes, kind, columns = tensors_of_part(member.part, *asked)
-            found.append((nodes, kind + len(origins), columns))
+            arguments = shapes_of_part, quantity, there, numbers, shares
+            nodes, kind, columns = tensors_of_part(member.part, *arguments)
+            of_parts.append((nodes, kind + len(origins), columns))
             origins += [
                 Origin(strength_of(material, place) if n in numbers else None, place)
                 for n, (material, _) in enumerate(member.part.parts)
             ]
         here = len(member.part.mesh.dolfinx.geometry.x)
-        pieces = member.part.mesh.comm.gather((here, found), root=0) or []
+        pieces = member.part.mesh.comm.gather((here, of_parts), root=0) or []
         for size, several in pieces:
             for nodes, kind, columns in several:
                 node.append(nodes + start)

@@ -36,14 +36,14 @@ class FreeSites:
 
     Attributes
     ----------
-    found : the sites.
+    map_sites : the sites, with their points and directions.
     omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
     b : (P, J) displacement of each site in each mode [kg^-1/2].
     compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
     seconds : step -> its time [s].
     """
 
-    found: MapSites
+    map_sites: MapSites
     omega: Array
     phi: Array
     b: Array

@@ -208,7 +208,7 @@ def impact_map(
         math.inf if excited is None else MOST_MODES,
         FREE_MODES if stretch is False else STRETCH_MODES,
     )
-    map_sites = seen.found
+    map_sites = seen.map_sites
     omega = seen.omega
     sites = map_sites.sites
     moved = time.perf_counter()

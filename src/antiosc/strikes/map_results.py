@@ -232,7 +232,7 @@ class ImpactMap(Completed):
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
-    """Numbers of the reliable sites among `own` (all if None); if none is reliable, all of
+    """Numbers of the reliable sites among `sites` (all if None); if none is reliable, all of
     these.
     """
     sites = np.arange(len(impact_map)) if sites is None else sites
@@ -243,10 +243,10 @@ def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
 def hardest(
     impact_map: ImpactMap, sites: IntArray | None = None, values: Array | None = None
 ) -> int:
-    """Number of the reliable site with the largest peak force among `own` (all if None).
+    """Number of the reliable site with the largest peak force among `sites` (all if None).
 
-    If none is reliable, among all of these. The map must have impacts. `of` (P,): a quantity used
-    instead of the force.
+    If none is reliable, among all of these. The map must have impacts. `values` (P,): a quantity
+    used instead of the force.
     """
     values = impact_map.peak_force if values is None else values
     assert values is not None

@@ -63,7 +63,7 @@ def largest_stresses(
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)
-            y = structure.factorize().solve_block(seen.found.sites.loads[:, span].toarray())
+            y = structure.factorize().solve_block(seen.map_sites.sites.loads[:, span].toarray())
             rest = _recovered(structure, y - seen.phi @ slow[span].T, places)
 
             def work(span: slice = span, rest: _Sought = rest) -> list[tuple[float, Array, float]]:

@@ -371,12 +371,12 @@ def found_in(
 ) -> FoundImpact:
     """The impact in one record."""
     seen = monitored.seen
-    sites = monitored.seen.found.sites
+    sites = monitored.seen.map_sites.sites
     if "place" not in unknown and len(sites) > 1:
         raise InputError(f"the place is not unknown: where gives {len(sites)} sites, not one.")
     omega = seen.omega
     decay = np.zeros(len(omega)) if damping is None else damping.decay(omega)
-    elements = seen.found.elements if "place" in unknown else seen.found.elements[:0]
+    elements = seen.map_sites.elements if "place" in unknown else seen.map_sites.elements[:0]
     model = Struck(
         data,
         Surface(sites.points, sites.directions, elements),

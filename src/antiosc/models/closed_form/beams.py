@@ -464,14 +464,14 @@ class UnitBeam:
 
     def spectra(self, n: int) -> tuple[Array, Array]:
         """The first n observable poles and zeros of Z, as Ω: two spectra without common values."""
-        asked = 2 * n + 4
+        count = 2 * n + 4
         while True:
-            poles, zeros = (self.eigenvalues(asked, constrained=p) for p in (True, False))
+            poles, zeros = (self.eigenvalues(count, constrained=p) for p in (True, False))
             top = min(poles[-1], zeros[-1]) * (1 + SAME_ROOT)
             poles, zeros = _unmatched(poles[poles <= top], zeros[zeros <= top])
             if min(len(poles), len(zeros)) >= n:
                 return poles[:n], zeros[:n]
-            asked *= 2
+            count *= 2
 
 
 def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:

@@ -203,10 +203,10 @@ class SupportedPlate:
     def receptance(self, x: float, y: float, omega2: complex) -> complex:
         """H = displacement/force of the thin plate at (x, y), m/N, at ω² = `omega2` ≠ 0."""
         x, y = self._checked_point(x, y)
-        given = checks.spectrum("omega2", omega2)
-        if given.ndim or given == 0:
+        squares = checks.spectrum("omega2", omega2)
+        if squares.ndim or squares == 0:
             raise InputError(f"omega2 must be one number, not 0; got {checks.shown(omega2)}.")
-        omega2 = complex(given)
+        omega2 = complex(squares)
         alpha = np.arange(1, TERMS + 1) * np.pi / self.a
         k2 = np.sqrt(omega2 * self.surface_density / self.D + 0j)
         terms = (self._levy_term(alpha**2 - k2, y) - self._levy_term(alpha**2 + k2, y)) / (2 * k2)
