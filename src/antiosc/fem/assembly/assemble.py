@@ -216,7 +216,7 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
 
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """Each row of C solved for its pivot dof: the functional that equals this dof."""
+    """Functionals equal to the pivot dofs: each row of C solved for its own."""
     row = row_numbers(C)
     own = C.indices == pivots[row]
     at = np.zeros(C.shape[0])

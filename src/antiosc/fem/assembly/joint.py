@@ -283,7 +283,7 @@ def _of_point(
 
 
 def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
-    """Points within a ball on the surface of a solid, or of a sheet or beam."""
+    """Quadrature points within a ball on a part's surface, its faces, sheets or lines."""
     faces = member.part.faces
     own = member.at.own(place[None])[0]
     close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
@@ -431,7 +431,7 @@ class Stiffness:
     def strains(self) -> Array:
         """Unit combinations of the functionals that vanish in strain-free motions.
 
-        Functionals that are zero, as motions out of a plane, are in none of them.
+        Functionals without entries, such as motions out of a plane, take no part.
         """
         if self.rigid is not None:
             whole, _ = np.linalg.qr(self.rigid, mode="complete")
@@ -576,7 +576,7 @@ def superelement(layout: Layout, one: Condensed) -> Stiffness:
 
 
 def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
-    """The points at which an attachment acts."""
+    """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:
             raise InputError(

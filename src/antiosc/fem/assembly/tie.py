@@ -224,10 +224,9 @@ class _Projection:
     load: Sparse  # (nodes, points) φ times the weights of the points
 
     def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
-        """Functionals that give one component of the free nodes by the motion of the leader.
+        """One component of the free nodes as functionals of the leader's motion.
 
-        `motion` (points, n): that component of the leader. The nodes that are not free keep their
-        own dofs `dofs`.
+        `motion` (points, n): that component of the leader. The other nodes keep `dofs`, their dofs.
         """
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
@@ -285,7 +284,7 @@ def _led(
 
 
 def _whole(side: Facets, nodes: IntArray) -> Array:
-    """∫ φ² over all faces of a side, for the shape functions of some nodes."""
+    """∫ φ² over all faces of a side, for the shape function φ of each of `nodes`."""
     face, xi, weight = side.rule()
     phi = side.basis(face, xi)[:, nodes]
     return np.asarray(phi.multiply(phi).T @ weight).ravel()

@@ -20,8 +20,8 @@ def solver_for(
     """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
     `motions` gives rigid-body motions (rows of this rank, r) and `coarser` an interpolation from a
-    coarse space for a multigrid; `columns` is the number of right-hand sides at once, inf where a
-    factor serves more than its solves. A SciPy matrix is always solved directly.
+    coarse space for a multigrid. `columns` is the number of right-hand sides of one call; inf
+    requires a direct factor. A SciPy matrix is always solved directly.
     """
     if by_scipy(A):
         return scipy_factors.factorize(A)

@@ -328,7 +328,7 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid(K: Matrix) -> float:
-    """Tolerance on strain energy relative to K's entries of a rigid motion; squared by strains."""
+    """Largest strain energy of a rigid motion relative to K's entries; smaller for K by strains."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
@@ -467,10 +467,9 @@ class StructureMatrices:
         return None
 
     def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
-        """(solver of K + sM, s): first with an estimate of s, then with s near the first elastic
-        ω².
+        """(solver of K + sM, s); the shift s is improved until it is near the first elastic ω².
 
-        `columns`: right-hand sides at once, inf where a factor serves more than its solves.
+        `columns`: number of right-hand sides of one call; inf requires a direct factor.
         """
         shift = self.first_shift
         if self.solver_of_K is not None:
@@ -523,8 +522,8 @@ class StructureMatrices:
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
         """The body's inertia, and M r of its rigid motions r (rows, 6).
 
-        With them any shape's momentum is its product with M r. None for matrices, which have no
-        coordinates, and where no rigid-body mode is left.
+        The momentum of any shape is its product with M r. None for matrices without coordinates,
+        and for a structure without rigid-body modes.
         """
         return None
 

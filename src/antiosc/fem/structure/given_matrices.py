@@ -158,7 +158,7 @@ def matrices_of_pair(
 ) -> tuple[StructureMatrices, Solver | None]:
     """Checked matrices with their supports and null vectors, and the solver of a regular K.
 
-    C is their damping. `rows`, `supports` and `rigid_modes` as `map` and the others of
+    C is the damping matrix; `rows` is the `map`, and `supports` and `rigid_modes` are those of
     `Structure.from_matrices`.
     """
     K, M, fixed = supported(K, M)
@@ -167,10 +167,10 @@ def matrices_of_pair(
         K = algebra.hold(K, more, 1.0)
         M = algebra.hold(M, more, 0.0)
         fixed = np.union1d(fixed, more)
-    given = None
+    null_vectors = None
     if rigid_modes is not None:
-        given = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
-    modes, shift, factor = of_matrices(K, M, given)
+        null_vectors = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
+    modes, shift, factor = of_matrices(K, M, null_vectors)
     parts = K, M, fixed, modes, shift
     if C is not None:
         C = _damping(C, K, fixed)

@@ -285,9 +285,9 @@ class Structure(ReprMixin):
     def factorize(self, columns: float = 1.0) -> Solver:
         """The one solver of K + shift·M that every site and every mode of this structure uses.
 
-        The first call makes it and spends the time; later calls return the same. Calls for more
-        right-hand sides at once than it was chosen for choose anew (`columns`, inf where a factor
-        serves more than its solves).
+        The first call makes it, and later calls return it. `columns` is the number of right-hand
+        sides of one call; inf requires a direct factor. If a call asks for more columns than the
+        solver was chosen for, a solver is chosen anew.
         """
         columns = columns if checks.is_rigid(columns) else checks.positive("columns", columns)
         if self._factored is not None and self._factored[0].columns < columns:
