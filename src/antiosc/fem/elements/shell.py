@@ -274,13 +274,13 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
         cubic = cubic / (factorial(p) * factorial(q))
         for axis, spread in zip(axes, fields, strict=True):
             size = ufl.dot(ufl.cross(cubic, n), axis)
-            for own, factors in zip(terms, spread.tolist(), strict=True):
+            for term, factors in zip(terms, spread.tolist(), strict=True):
                 for power, factor in zip((*QUADRATIC, (p, q)), factors, strict=True):
                     if factor:
-                        own[power] = own.get(power, 0) + factor * size
+                        term[power] = term.get(power, 0) + factor * size
     covariant = [
-        sum(prod([X[0]] * r + [X[1]] * s) * factor for (r, s), factor in own.items())
-        for own in terms
+        sum(prod([X[0]] * r + [X[1]] * s) * factor for (r, s), factor in term.items())
+        for term in terms
     ]
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 

@@ -68,7 +68,7 @@ class Tetrahedra(CellByCell):
         """The groups of cells, with the data in one precision."""
         return [
             library.Tetra(
-                end - begin, *(library.address(one[begin:end]) for one in (self._nodes, data))
+                end - begin, *(library.address(array[begin:end]) for array in (self._nodes, data))
             )
             for begin, end in self._groups
         ]

@@ -435,7 +435,12 @@ def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[u
     inside = compat.cellwise(mesh.dolfinx, 0)
     inside.x.array[cells] = 1.0
     return [
-        ufl.Form([one.reconstruct(integrand=inside * one.integrand()) for one in form.integrals()])
+        ufl.Form(
+            [
+                integral.reconstruct(integrand=inside * integral.integrand())
+                for integral in form.integrals()
+            ]
+        )
         for form in forms
     ]
 

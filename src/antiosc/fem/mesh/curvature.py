@@ -234,11 +234,13 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
     corner = tensor[around]
     sides = (corner + np.roll(corner, -1, axis=0)) / 2
     looks = [faces.across(chosen, np.tile(side, (len(chosen), 1))) for side in sides]
-    middles, normals = (np.stack(each, axis=1) for each in zip(*looks, strict=True))
+    middles, normals = (np.stack(arrays, axis=1) for arrays in zip(*looks, strict=True))
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
     numbers = numbers[faces.vertices[chosen][:, around]]
     rows_here = numbers, faces.corners[chosen][:, around], middles, normals, weights, gap
-    rows_of_all = (np.concatenate(each) for each in zip(*comm.allgather(rows_here), strict=True))
+    rows_of_all = (
+        np.concatenate(arrays) for arrays in zip(*comm.allgather(rows_here), strict=True)
+    )
     patch = Patch(*rows_of_all)
     once = np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1]
     return patch.only(once)
@@ -306,7 +308,7 @@ def _on_cad(mesh: Mesh, at: Patch) -> OnCad | None:
         if not rows_found:
             return None
         # of several the surface that faces as the face does
-        cosine, row = max(rows_found, key=lambda one: abs(one[0]))
+        cosine, row = max(rows_found, key=lambda candidate: abs(candidate[0]))
         rows.append(row)
         signs.append(np.sign(cosine))
     return OnCad(cad, np.array(rows), np.array(signs))

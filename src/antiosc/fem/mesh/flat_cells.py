@@ -49,8 +49,8 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
         if 3 in parts:
             parts[3] = parts[3][~np.isin(keys(parts[3]), gone)]
     sentence = f"{name}: flat cells that gmsh left at the surface are not read: {removed}."
-    told = [*raw.told, sentence]
-    return compact(replace(raw, cells=raw.cells[left], groups=groups, told=told))
+    notes = [*raw.told, sentence]
+    return compact(replace(raw, cells=raw.cells[left], groups=groups, told=notes))
 
 
 def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: IntArray) -> None:

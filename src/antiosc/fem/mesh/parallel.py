@@ -35,16 +35,16 @@ def grids(file: Path) -> Grids | None:
     if not file.is_file():
         return None
     try:
-        found = ElementTree.parse(file).findall("./Domain/Grid")
+        elements = ElementTree.parse(file).findall("./Domain/Grid")
     except (OSError, ElementTree.ParseError) as error:
         raise MeshError(f"{file.name} cannot be read as XDMF ({error}).") from error
-    if not found or found[0].find("Attribute") is not None:
+    if not elements or elements[0].find("Attribute") is not None:
         return None
-    if any(one.get("Format") != "HDF" for one in found[0].iter("DataItem")):
+    if any(element.get("Format") != "HDF" for element in elements[0].iter("DataItem")):
         return None
-    name, *others = (one.get("Name", "") for one in found)
+    name, *others = (element.get("Name", "") for element in elements)
     tags = []
-    for tagged, grid in zip(others, found[1:], strict=True):
+    for tagged, grid in zip(others, elements[1:], strict=True):
         topology = grid.find("Topology")
         attribute = grid.find("Attribute")
         if topology is not None and attribute is not None:

@@ -182,7 +182,7 @@ def read_mesh(
         shared = parallel.read(file, comm, 1.0 if units is None else units.length)
         if shared is not None:
             others = size, gdim, order, cells, merge, piece, elements
-            if any(one is not None for one in others) or refine or solid or fragments:
+            if any(option is not None for option in others) or refine or solid or fragments:
                 raise InputError(
                     f"{file.name} is read by all ranks as it is (trust=True): only unit= applies."
                 )

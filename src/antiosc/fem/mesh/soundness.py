@@ -81,9 +81,9 @@ def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) ->
     node = np.concatenate([cells[:, inside] for _, inside in between])
     corners = np.unique(cells[:, sorted({v for vertices, _ in between for v in vertices})])
     wrong = np.isin(node, corners)
-    for one, other in ((side, node), (node, side)):
-        order = np.lexsort((other, one))
-        apart = (one[order][1:] == one[order][:-1]) & (other[order][1:] != other[order][:-1])
+    for first, second in ((side, node), (node, side)):
+        order = np.lexsort((second, first))
+        apart = (first[order][1:] == first[order][:-1]) & (second[order][1:] != second[order][:-1])
         wrong[order[1:][apart]] = True
     return np.unique(np.flatnonzero(wrong) % len(cells))
 
@@ -176,7 +176,7 @@ def _inner_points(points: Array, rows: IntArray) -> Array:
 
 def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[IntArray, IntArray]:
     """Pairs (point of x, side) where the point lies on the side."""
-    found = []
+    pairs_found = []
     for simplex in _SIMPLICES.get(shape, [tuple(range(sides.shape[1]))]):
         corners = points[sides[:, list(simplex)]]
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
@@ -189,8 +189,10 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
             side = side[flat]
             b, off = _barycentric(corners[side], x[at])
             on = (b.min(axis=1) > -ON) & (off <= ON * size[side])
-            found.append(np.stack([at[on], side[on]]))
-    pairs = np.unique(np.concatenate([np.zeros((2, 0), dtype=np.int64), *found], axis=1), axis=1)
+            pairs_found.append(np.stack([at[on], side[on]]))
+    pairs = np.unique(
+        np.concatenate([np.zeros((2, 0), dtype=np.int64), *pairs_found], axis=1), axis=1
+    )
     return pairs[0], pairs[1]
 
 

@@ -96,7 +96,9 @@ def with_prestress(
     for name in layout.condensed:
         raise InputError(f"a prestress of an assembly needs meshes; {name!r} is a superelement.")
     bolts = {
-        one.name or one.label(k + 1): one for k, one in enumerate(joints) if isinstance(one, Bolt)
+        joint.name or joint.label(k + 1): joint
+        for k, joint in enumerate(joints)
+        if isinstance(joint, Bolt)
     }
     _check_names(layout, loads, bolts)
     with doing("static step of the prestress", base.comm.rank):

@@ -51,9 +51,9 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
     return replace(base, K=K, again=again, preload=preload, unloaded=base, solver_of_K=solver_of_K)
 
 
-def checked(base: StructureMatrices, given: object) -> Prestress:
-    """`given` as a checked Prestress of a supported structure."""
-    loads = instance("prestress", given, Prestress, "a Prestress(spin=…, tension=…, …)")
+def checked(base: StructureMatrices, prestress: object) -> Prestress:
+    """`prestress` as a checked Prestress of a supported structure."""
+    loads = instance("prestress", prestress, Prestress, "a Prestress(spin=…, tension=…, …)")
     if base.rigid_modes.shape[1]:
         raise InputError(
             f"a prestress needs supports that hold the part: {base.rigid_modes.shape[1]} rigid-body"

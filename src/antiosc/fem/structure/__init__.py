@@ -144,12 +144,14 @@ class DofPlaces:
     @classmethod
     def joined(cls, several: Sequence[DofPlaces]) -> DofPlaces:
         """The dofs of several bodies, concatenated."""
-        starts = np.cumsum([0, *(len(one.nodes) for one in several)])
+        starts = np.cumsum([0, *(len(places.nodes) for places in several)])
         return cls(
-            np.vstack([one.nodes for one in several]),
-            np.concatenate([one.node + k for one, k in zip(several, starts[:-1], strict=True)]),
-            np.vstack([one.axes for one in several]),
-            np.concatenate([one.kind for one in several]),
+            np.vstack([places.nodes for places in several]),
+            np.concatenate(
+                [places.node + k for places, k in zip(several, starts[:-1], strict=True)]
+            ),
+            np.vstack([places.axes for places in several]),
+            np.concatenate([places.kind for places in several]),
         )
 
     @property
@@ -175,23 +177,23 @@ class DofPlaces:
         """A field of the coordinates (x − centre)/size, evaluated at all dofs (n,)."""
         displacement, rotation = field((self.nodes - centre) / size)
         turns = self.kind == TURN
-        own = np.where(turns, rotation[:, self.node], displacement[:, self.node])
-        result = np.einsum("nc,cn->n", self.axes, own)
+        field_at_dofs = np.where(turns, rotation[:, self.node], displacement[:, self.node])
+        result = np.einsum("nc,cn->n", self.axes, field_at_dofs)
         result[turns] /= size  # the displacement is given per unit of the scaled coordinates
         return np.asarray(result)
 
 
-def placement(name: str, given: Placement | Sequence[float] | None) -> Placement:
-    """`given` as a Placement; 2 or 3 numbers are a translation."""
-    if given is None:
+def placement(name: str, at: Placement | Sequence[float] | None) -> Placement:
+    """`at` as a Placement; 2 or 3 numbers are a translation."""
+    if at is None:
         return Placement()
-    if isinstance(given, Placement):
-        return given
+    if isinstance(at, Placement):
+        return at
     try:
-        return Placement(shift=given)
+        return Placement(shift=at)
     except InputError as error:
         raise InputError(
-            f"at[{name!r}] must be a translation (x, y, z) in m or a Placement; got {shown(given)}."
+            f"at[{name!r}] must be a translation (x, y, z) in m or a Placement; got {shown(at)}."
         ) from error
 
 
@@ -241,9 +243,9 @@ def ends(terms: Sequence[Dissipation]) -> Array | None:
 def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
     """The damping matrix of the motions V (rows of this rank, k)."""
     none = np.zeros((0, V.shape[1]))
-    found = [(term.projected(comm, V), term.tau) for term in terms]
-    viscous = np.vstack([none, *(L for L, tau in found if tau is None)])
-    return from_factors(viscous, [(L, tau) for L, tau in found if tau is not None])
+    factors = [(term.projected(comm, V), term.tau) for term in terms]
+    viscous = np.vstack([none, *(L for L, tau in factors if tau is None)])
+    return from_factors(viscous, [(L, tau) for L, tau in factors if tau is not None])
 
 
 #: Force or energy of r over that of the entries (`antiosc.fem.linalg.algebra`) below which r counts
@@ -266,14 +268,16 @@ REFINEMENTS = 4
 FAR = 0.1
 
 
-def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float, Solver | None]:
+def of_matrices(
+    K: Matrix, M: Matrix, null_vectors: Array | None
+) -> tuple[Array, float, Solver | None]:
     """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).
 
-    The solver is None for a singular K. `given` is a basis of K's null space, if known.
+    The solver is None for a singular K. `null_vectors` is a basis of K's null space, if known.
     """
     comm = communicator(K)
     n = algebra.rows(K)
-    regular = _regular(comm, K) if given is None else None
+    regular = _regular(comm, K) if null_vectors is None else None
     if regular is not None:
         return np.zeros((n, 0)), 0.0, regular
     # Block inverse iteration, first far below the top of the spectrum; then again from the
@@ -282,8 +286,8 @@ def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float
     rng = np.random.default_rng(comm.rank)
     block = (
         rng.standard_normal((n, 12))
-        if given is None
-        else np.hstack([given, rng.standard_normal((n, 6))])
+        if null_vectors is None
+        else np.hstack([null_vectors, rng.standard_normal((n, 6))])
     )
     values = np.zeros(0)
     for _ in range(2):
@@ -303,14 +307,15 @@ def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float
         if lowest <= np.finfo(float).eps * values[-1]:
             raise InputError(INDEFINITE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x"))
         shift = SHIFT * lowest
-    found = block[:, zero]
-    if given is not None and given.shape[1] != found.shape[1]:
+    null_space = block[:, zero]
+    if null_vectors is not None and null_vectors.shape[1] != null_space.shape[1]:
         raise InputError(
-            f"rigid_modes has {given.shape[1]} columns but K has {found.shape[1]} null vectors."
+            f"rigid_modes has {null_vectors.shape[1]} columns but K has {null_space.shape[1]} null"
+            " vectors."
         )
     for _ in range(REFINEMENTS):
-        found = found - factor.solve_block(multiply(K, found))
-    return orthonormal(comm, M, found), shift, None
+        null_space = null_space - factor.solve_block(multiply(K, null_space))
+    return orthonormal(comm, M, null_space), shift, None
 
 
 def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
@@ -570,12 +575,12 @@ class NodalMatrices(StructureMatrices):
         """
         known = np.isfinite(self.map.points).all(axis=1)
         _, first, index = np.unique(self.map.node[known], return_index=True, return_inverse=True)
-        own = np.flatnonzero(known)
+        located = np.flatnonzero(known)
         rows = np.full((len(first), 3), -1)
         for axis in range(3):
-            along = self.map.component[own] == axis + 1
-            rows[index.ravel()[along], axis] = own[along]
-        return self.map.points[own[first]], rows
+            along = self.map.component[located] == axis + 1
+            rows[index.ravel()[along], axis] = located[along]
+        return self.map.points[located[first]], rows
 
     @property
     def places(self) -> DofPlaces:

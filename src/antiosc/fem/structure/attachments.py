@@ -70,27 +70,27 @@ def _checked_inertia(name: str, value: object) -> float | tuple[float, ...]:
 
 
 def by_components(
-    name: str, given: object, kind: str, allowed: Sequence[str] = COMPONENTS
+    name: str, values: object, kind: str, allowed: Sequence[str] = COMPONENTS
 ) -> dict[str, float]:
     """Checked values > 0 by component: the stiffness or damping of a `kind`."""
-    if not isinstance(given, Mapping):
-        raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(given)}.")
-    for component in given:
+    if not isinstance(values, Mapping):
+        raise InputError(f"the {name} of a {kind} is a dict, as {{'z': 1e6}}; got {shown(values)}.")
+    for component in values:
         if component not in allowed:
             raise InputError(
                 f"a {kind} acts on {', '.join(allowed)}; {shown(component)} is not one of them."
             )
     return {
         component: positive(f"the {name} along {component}", value)
-        for component, value in given.items()
+        for component, value in values.items()
     }
 
 
-def _some_components(name: str, given: object, kind: str) -> dict[str, float]:
-    found = by_components(name, given, kind)
-    if not found:
+def _some_components(name: str, values: object, kind: str) -> dict[str, float]:
+    checked = by_components(name, values, kind)
+    if not checked:
         raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
-    return found
+    return checked
 
 
 @dataclass(frozen=True)
@@ -235,40 +235,45 @@ class Footing:
 Attachment = PointMass | Spring | Damper | Footing
 
 
-def attachments_of(given: object) -> list[PointMass | Spring | Damper]:
+def attachments_of(attached: object) -> list[PointMass | Spring | Damper]:
     """Checked attachments: footings divided into their elements; names for springs and dampers."""
     known = (PointMass, Spring, Damper, Footing)
     what = "PointMass, Spring, Damper and Footing objects"
-    found: list[Any] = list(list_of("attached", given, known, what))
+    checked: list[Any] = list(list_of("attached", attached, known, what))
     parts: list[PointMass | Spring | Damper] = []
     for kind in (Spring, Damper, Footing):
-        for number, k in enumerate(np.flatnonzero([type(one) is kind for one in found]), start=1):
-            if found[k].name is None:
-                found[k] = replace(found[k], name=f"{kind.__name__.lower()} {number}")
-    for one in found:
-        parts += one._parts(one.name) if isinstance(one, Footing) else [one]
+        of_kind = np.flatnonzero([type(attachment) is kind for attachment in checked])
+        for number, k in enumerate(of_kind, start=1):
+            if checked[k].name is None:
+                checked[k] = replace(checked[k], name=f"{kind.__name__.lower()} {number}")
+    for attachment in checked:
+        if isinstance(attachment, Footing):
+            parts += attachment._parts(attachment.name)
+        else:
+            parts.append(attachment)
     return parts
 
 
-def damper_to_itself(one: Damper) -> str:
+def damper_to_itself(damper: Damper) -> str:
     """Message for a damper between two coincident points."""
     return (
-        f"the Damper at {shown(one.where)} ends at the point where it begins, {shown(one.to)}: it"
-        " brakes nothing; name another point, or leave to= out for the ground."
+        f"the Damper at {shown(damper.where)} ends at the point where it begins,"
+        f" {shown(damper.to)}: it brakes nothing; name another point, or leave to= out for the"
+        " ground."
     )
 
 
-def values_of(one: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
+def values_of(attachment: PointMass | Spring | Damper, plane: bool) -> dict[str, float]:
     """Component -> mass, stiffness or damping; stiffness for a damper that relaxes.
 
     A mass on a `plane` structure has none along z, nor about x and y.
     """
-    if isinstance(one, Spring):
-        return dict(one.stiffness)
-    if isinstance(one, Damper):
-        return one.values
+    if isinstance(attachment, Spring):
+        return dict(attachment.stiffness)
+    if isinstance(attachment, Damper):
+        return attachment.values
     names = ("x", "y", "rz") if plane else COMPONENTS
-    return {name: value for name, value in one.values().items() if value and name in names}
+    return {name: value for name, value in attachment.values().items() if value and name in names}
 
 
 @dataclass(frozen=True)
@@ -295,47 +300,53 @@ class Added:
     dampers: Sequence[Dissipation] = ()
 
 
-def add_at_points(to: Matrices, one: PointMass | Spring | Damper) -> Added:
+def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> Added:
     """Add a mass or a spring at its points to K and M, or a damper to the damping terms."""
-    values = values_of(one, plane="z" not in to.form.components)
+    values = values_of(attachment, plane="z" not in to.form.components)
     foreign = [component for component in values if component not in to.form.components]
     if foreign:
         raise InputError(
-            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
-            f"components of this structure are {', '.join(to.form.components)}."
+            f"{type(attachment).__name__} at {attachment.where!r} acts on {', '.join(foreign)}, but"
+            f" the components of this structure are {', '.join(to.form.components)}."
         )
-    matrix = to.M if isinstance(one, PointMass) else to.K if isinstance(one, Spring) else None
-    points = _attachment_points(to.mesh, one.where)
+    matrix = None
+    if isinstance(attachment, PointMass):
+        matrix = to.M
+    elif isinstance(attachment, Spring):
+        matrix = to.K
+    points = _attachment_points(to.mesh, attachment.where)
     rows = compat.local_size(to.form.space)
     mass = 0.0
     inertia = np.zeros((rows, 3))
     centre = np.mean([nearest.x for nearest in points], axis=0)
-    found = [
+    terms = [
         (component, value, _add_component(to, matrix, component, nearest, value))
         for nearest in points
         for component, value in values.items()
     ]
     if matrix is not None:
         matrix.assemble()
-    diagonal = np.diag([value for _, value, _ in found])
-    if isinstance(one, Damper):
-        ground = [] if one.to is None else _attachment_points(to.mesh, one.to)
+    diagonal = np.diag([value for _, value, _ in terms])
+    if isinstance(attachment, Damper):
+        ground = [] if attachment.to is None else _attachment_points(to.mesh, attachment.to)
         if ground and any(np.allclose(ground[0].x, nearest.x) for nearest in points):
-            raise InputError(damper_to_itself(one))
+            raise InputError(damper_to_itself(attachment))
         ends = {c: _add_component(to, None, c, end, 0.0) for end in ground for c in values}
-        G = [b - ends[c] if ends else b for c, _, b in found]
-        name = "" if ends else str(one.name)
-        damper = Dissipation(_functionals(G, rows), diagonal, one.tau, name=name, point=centre)
+        G = [b - ends[c] if ends else b for c, _, b in terms]
+        name = "" if ends else str(attachment.name)
+        damper = Dissipation(
+            _functionals(G, rows), diagonal, attachment.tau, name=name, point=centre
+        )
         return Added(mass, inertia, dampers=[damper])
-    if isinstance(one, Spring):
-        G = [b for _, _, b in found]
-        name = str(one.name)
+    if isinstance(attachment, Spring):
+        G = [b for _, _, b in terms]
+        name = str(attachment.name)
         spring = Dissipation(_functionals(G, rows), diagonal, name=name, point=centre)
         return Added(mass, inertia, [spring])
-    for component, value, b in found:
+    for component, value, b in terms:
         if component in "xyz":
             inertia[:, "xyz".index(component)] += value * b
-    return Added(one.mass * len(points), inertia)
+    return Added(attachment.mass * len(points), inertia)
 
 
 def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
@@ -430,17 +441,19 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
     form = on_lines(line, parts, 3 if to.mesh.cell == "triangle" else 2, on_sheet=True)
     T = _shared_dofs(to, edges, form, line)
-    own = [compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)]
-    for matrix, one in zip((to.K, to.M), own, strict=True):
-        matrix.axpy(1.0, one.ptap(T), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    matrices = [
+        compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)
+    ]
+    for matrix, added in zip((to.K, to.M), matrices, strict=True):
+        matrix.axpy(1.0, added.ptap(T), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     moving = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])
         moving[dofs[dofs < len(moving)], axis] = 1.0
-    inertia = multiply(own[1], moving)
+    inertia = multiply(matrices[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
     on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
-    return Added(mass, on_sheet), Stiffener(line, form, parts, own[0], own[1], T)
+    return Added(mass, on_sheet), Stiffener(line, form, parts, matrices[0], matrices[1], T)
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
@@ -498,8 +511,8 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         x = all_x[order[np.searchsorted(all_dofs, there, sorter=order)]]
         numbers = compat.global_dofs(to.form.space, there)
         fixed = np.isin(there, to.fixed)
-        found = to.mesh.comm.allgather((x, numbers, fixed))
-        x, numbers, fixed = (np.concatenate([one[k] for one in found]) for k in range(3))
+        of_ranks = to.mesh.comm.allgather((x, numbers, fixed))
+        x, numbers, fixed = (np.concatenate([of_rank[k] for of_rank in of_ranks]) for k in range(3))
         mine, points = compat.dof_coordinates(form.space, path)
         points = points[mine < rows]
         mine = mine[mine < rows]

@@ -55,11 +55,11 @@ NEGATIVE_STEPS = 30
 
 def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     """A checked copy of a square matrix (SciPy, dense or PETSc) in the chosen library."""
-    given = of_petsc(matrix)
-    if backend == "petsc" or (backend == "auto" and (given or fem.missing is None)):
+    is_petsc = of_petsc(matrix)
+    if backend == "petsc" or (backend == "auto" and (is_petsc or fem.missing is None)):
         copy = as_petsc(name, matrix)
     else:
-        copy = _of_petsc(name, matrix) if given else _of_arrays(name, matrix)
+        copy = _of_petsc(name, matrix) if is_petsc else _of_arrays(name, matrix)
         _check_square(name, copy.shape)
         _check_values(name, copy.data)
     return copy
@@ -109,10 +109,12 @@ def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     if entries.dtype.kind not in "iuf":
         entries = _real(name, entries.tocsr() if sparse else entries)
     with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
-        own = scipy.sparse.csr_matrix(entries, dtype=float, copy=True)  # it is sorted in place
-    own.sum_duplicates()
-    own.sort_indices()
-    return own
+        sorted_copy = scipy.sparse.csr_matrix(
+            entries, dtype=float, copy=True
+        )  # it is sorted in place
+    sorted_copy.sum_duplicates()
+    sorted_copy.sort_indices()
+    return sorted_copy
 
 
 def _real(name: str, entries: Matrix) -> Matrix:
@@ -241,11 +243,11 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
         )
     _check_couplings(comm, of_K, constrained)
     first, last = algebra.row_range(K)
-    own = constrained[(constrained >= first) & (constrained < last)]
+    of_rank = constrained[(constrained >= first) & (constrained < last)]
     if len(constrained):
-        K = algebra.hold(K, own, 1.0)
-        M = algebra.hold(M, own, 0.0)
-    return K, M, own - first
+        K = algebra.hold(K, of_rank, 1.0)
+        M = algebra.hold(M, of_rank, 0.0)
+    return K, M, of_rank - first
 
 
 def _checked(name: str, matrix: Matrix) -> _Entries:
@@ -346,8 +348,8 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M")
     """InputError for a matrix with negative eigenvalues, found by a few Lanczos steps."""
     first, last = algebra.row_range(M)
     weights = np.zeros(last - first)
-    own = diagonal[first:last]
-    weights[own > 0] = 1 / np.sqrt(own[own > 0])
+    diagonal_here = diagonal[first:last]
+    weights[diagonal_here > 0] = 1 / np.sqrt(diagonal_here[diagonal_here > 0])
     v = np.random.default_rng(comm.rank).standard_normal(last - first) * (weights > 0)
     before = np.zeros_like(v)
     beta = 0.0

@@ -82,13 +82,13 @@ class Support(FieldsRepr):
     nodes: InitVar[Sequence[int] | None] = None
 
     def __post_init__(self, near: object, box: object, plane: object, nodes: object) -> None:
-        given = {"where": self.where, "near": near, "box": box, "plane": plane, "nodes": nodes}
-        named = [name for name, value in given.items() if value is not None]
+        places = {"where": self.where, "near": near, "box": box, "plane": plane, "nodes": nodes}
+        named = [name for name, value in places.items() if value is not None]
         if len(named) > 1:
-            raise InputError(f"a Support takes one of {', '.join(given)}; got {named}.")
+            raise InputError(f"a Support takes one of {', '.join(places)}; got {named}.")
         make = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
         if named and named[0] in make:
-            store(self, where=make[named[0]](given[named[0]]))
+            store(self, where=make[named[0]](places[named[0]]))
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
                 "where must be the name of a group or a function of coordinates x (3, n), or near, "
@@ -176,11 +176,11 @@ def dofs_of_entities(
 ) -> IntArray:
     """Dofs of one component on entities, given by dimension; of this rank, ghosts included."""
     component = compat.subspace(form.space, path)
-    found = [NO_DOFS]
+    dofs = [NO_DOFS]
     for dim in sorted(parts):
         mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
-        found.append(dolfinx.fem.locate_dofs_topological(component, dim, parts[dim]))
-    return np.unique(np.concatenate(found))
+        dofs.append(dolfinx.fem.locate_dofs_topological(component, dim, parts[dim]))
+    return np.unique(np.concatenate(dofs))
 
 
 @dataclass(frozen=True)
@@ -190,12 +190,14 @@ class NumberedNodes:
     numbers: tuple[int, ...]
 
     @classmethod
-    def of(cls, given: object) -> NumberedNodes:
+    def of(cls, numbers: object) -> NumberedNodes:
         """The selection of these node numbers; InputError unless they are whole numbers."""
-        several = isinstance(given, list | tuple | range | np.ndarray) and len(given) > 0
+        several = isinstance(numbers, list | tuple | range | np.ndarray) and len(numbers) > 0
         if not several:
-            raise InputError(f"nodes must be a list of numbers of nodes; got {shown(given)}.")
-        return cls(tuple(whole("a number of nodes", one) for one in cast("list[int]", given)))
+            raise InputError(f"nodes must be a list of numbers of nodes; got {shown(numbers)}.")
+        return cls(
+            tuple(whole("a number of nodes", number) for number in cast("list[int]", numbers))
+        )
 
     @property
     def words(self) -> str:
@@ -210,11 +212,11 @@ class NumberedNodes:
     def entities(self, mesh: Mesh) -> dict[int, IntArray]:
         """Vertices, edges and faces of this rank all of whose nodes are selected."""
         marked = mesh.numbered(self.numbers)
-        found: dict[int, IntArray] = {}
+        entities: dict[int, IntArray] = {}
         for dim in range(mesh.tdim):
             inside = marked[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
-            found[dim] = np.flatnonzero(inside).astype(np.int32)
-        return found
+            entities[dim] = np.flatnonzero(inside).astype(np.int32)
+        return entities
 
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.
@@ -235,9 +237,9 @@ class Region:
         return np.asarray(self.outside(x) <= AT_FACE * size)
 
 
-def ball(given: object) -> Region:
+def ball(value: object) -> Region:
     """The region near=(point, radius)."""
-    point, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
+    point, radius = _pair("near", value, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
     return Region(
@@ -249,9 +251,9 @@ def _off_ball(centre: Array, radius: float, x: Array) -> Array:
     return np.asarray(np.linalg.norm(x - centre[:, None], axis=0) - radius)
 
 
-def _box(given: object) -> Region:
+def _box(value: object) -> Region:
     """The region box=(lower, upper)."""
-    pair = _pair("box", given, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
+    pair = _pair("box", value, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
     if (lower > upper).any():
         raise InputError(
@@ -266,12 +268,12 @@ def _off_box(lower: Array, upper: Array, x: Array) -> Array:
     return np.asarray(np.maximum(lower[:, None] - x, x - upper[:, None]).max(axis=0))
 
 
-def _plane(given: object) -> Region:
+def _plane(value: object) -> Region:
     """The region plane=(point, normal)."""
-    pair = _pair("plane", given, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
+    pair = _pair("plane", value, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
     point, normal = (
-        in_space(coordinates(f"the {name} of plane", one))
-        for name, one in zip(("point", "normal"), pair, strict=True)
+        in_space(coordinates(f"the {name} of plane", entry))
+        for name, entry in zip(("point", "normal"), pair, strict=True)
     )
     length = float(np.linalg.norm(normal))
     if length == 0:
@@ -285,10 +287,10 @@ def _off_plane(point: Array, normal: Array, x: Array) -> Array:
     return np.asarray(np.abs(normal @ (x - point[:, None])))
 
 
-def _pair(name: str, given: object, form: str) -> tuple[object, object]:
-    if not isinstance(given, list | tuple) or len(given) != 2:
-        raise InputError(f"{name} must be a pair {form}; got {shown(given)}.")
-    return given[0], given[1]
+def _pair(name: str, value: object, form: str) -> tuple[object, object]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise InputError(f"{name} must be a pair {form}; got {shown(value)}.")
+    return value[0], value[1]
 
 
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
@@ -381,11 +383,11 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
     """Polynomial fields at the dofs of this rank (rows, k), or only the `rigid` ones."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     every = polynomials(3 if "z" in form.components else 2)
-    kept = [field for moves, field in every if moves or not rigid]
+    chosen = [field for moves, field in every if moves or not rigid]
     size = float((high - low).max())
     places = places_of(form)
-    result = np.empty((compat.local_size(form.space), len(kept)), order="F")
-    for column, field in zip(result.T, kept, strict=True):
+    result = np.empty((compat.local_size(form.space), len(chosen)), order="F")
+    for column, field in zip(result.T, chosen, strict=True):
         column[:] = places.values(field, (low + high) / 2, size)
     return result
 

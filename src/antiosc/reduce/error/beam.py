@@ -119,12 +119,20 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
         reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], along)
         X = reach / np.einsum("cd,cd->c", along, along)[:, None]
         table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
-        own = np.repeat(compat.cell_dofs(part.form.space, path, parent), dofs.shape[1], axis=0)
+        parent_dofs = np.repeat(
+            compat.cell_dofs(part.form.space, path, parent), dofs.shape[1], axis=0
+        )
         rows, first = np.unique(dofs.ravel(), return_index=True)
-        done.append((table[first], np.repeat(rows[:, None], own.shape[1], axis=1), own[first]))
-    values, rows, columns = (np.concatenate([each[k] for each in done]) for k in range(3))
+        done.append(
+            (
+                table[first],
+                np.repeat(rows[:, None], parent_dofs.shape[1], axis=1),
+                parent_dofs[first],
+            )
+        )
+    values, rows, columns = (np.concatenate([entry[k] for entry in done]) for k in range(3))
     entries = values.ravel(), (rows.ravel(), columns.ravel())
-    shape = tuple(compat.local_size(each.form.space) for each in (fine, part))
+    shape = tuple(compat.local_size(entry.form.space) for entry in (fine, part))
     return scipy.sparse.csr_matrix(entries, shape=shape)
 
 
@@ -246,6 +254,6 @@ def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.
     between = middle[which]
     pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)
     pairs[between < 0, 0] = ends[between < 0]
-    kept = np.ones((len(which), 2), dtype=bool)
-    kept[between < 0, 1] = False
-    return pairs[kept].astype(np.int64)
+    existing = np.ones((len(which), 2), dtype=bool)
+    existing[between < 0, 1] = False
+    return pairs[existing].astype(np.int64)

@@ -77,8 +77,8 @@ def edge_lengths(mesh: Mesh) -> Array:
     nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
     corners = mesh.dolfinx.geometry.x[nodes[:, : len(mesh.geometry.corners)]]
     count = corners.shape[1]
-    one, other = np.triu_indices(count, 1)  # of a simplex all pairs of corners are edges
-    return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
+    first, second = np.triu_indices(count, 1)  # of a simplex all pairs of corners are edges
+    return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
 #: A cell is divided if the ratio of its sizes is below DIVIDED; most rounds of division.
@@ -131,8 +131,8 @@ def refined(mesh: Mesh, ratio: Array) -> Mesh:
 def gathered(mesh: Mesh, values: Array) -> Pieces | None:
     """The mesh and `values` of its cells on rank 0; None on other ranks."""
     geometry = mesh.dolfinx.geometry
-    own = np.arange(len(geometry.x), dtype=np.int32)
-    number = np.asarray(geometry.index_map().local_to_global(own))
+    nodes_here = np.arange(len(geometry.x), dtype=np.int32)
+    number = np.asarray(geometry.index_map().local_to_global(nodes_here))
     count = compat.cell_map(mesh.dolfinx).size_local
     cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
     groups = {
@@ -142,24 +142,24 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
         }
         for name, parts in mesh.groups.items()
     }
-    found = mesh.comm.gather((number, geometry.x[:, : mesh.gdim], cells, values, groups))
-    if found is None:
+    of_ranks = mesh.comm.gather((number, geometry.x[:, : mesh.gdim], cells, values, groups))
+    if of_ranks is None:
         return None
     points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
     whole: dict[str, dict[int, list[IntArray]]] = {}
-    for numbers, x, _, _, own_groups in found:
+    for numbers, x, _, _, own_groups in of_ranks:
         points[numbers] = x
         for name, parts in own_groups.items():
             for dim, rows in parts.items():
                 whole.setdefault(name, {}).setdefault(dim, []).append(np.sort(rows, axis=1))
     return Pieces(
         points,
-        np.vstack([each[2] for each in found]).astype(np.int64),
+        np.vstack([of_rank[2] for of_rank in of_ranks]).astype(np.int64),
         {
             name: {dim: np.unique(np.vstack(rows), axis=0) for dim, rows in parts.items()}
             for name, parts in whole.items()
         },
-        np.concatenate([each[3] for each in found]),
+        np.concatenate([of_rank[3] for of_rank in of_ranks]),
     )
 
 
@@ -204,21 +204,21 @@ def _normals(corners: Array) -> Array:
 def _sizes(pieces: Pieces) -> Array:
     """Mean edge length of each cell."""
     corners = _corners(pieces)
-    one, other = np.triu_indices(corners.shape[1], 1)
-    return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
+    first, second = np.triu_indices(corners.shape[1], 1)
+    return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
     """For each new point the two old points (n, 2) between which it lies; an old point is listed
     twice.
     """
-    one, other = np.triu_indices(pieces.cells.shape[1], 1)
-    edges = np.stack([pieces.cells[:, one].ravel(), pieces.cells[:, other].ravel()], axis=1)
+    first, second = np.triu_indices(pieces.cells.shape[1], 1)
+    edges = np.stack([pieces.cells[:, first].ravel(), pieces.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
     alone = np.repeat(np.arange(len(pieces.points))[:, None], 2, axis=1)
     pairs = np.vstack([alone, edges])
-    _, found = cKDTree(pieces.points[pairs].mean(axis=1)).query(x)
-    return np.asarray(pairs[found])
+    _, nearest = cKDTree(pieces.points[pairs].mean(axis=1)).query(x)
+    return np.asarray(pairs[nearest])
 
 
 def _carriers(support: IntArray, entities: IntArray) -> IntArray:
@@ -231,20 +231,20 @@ def _carriers(support: IntArray, entities: IntArray) -> IntArray:
     first = np.ones(rows.shape, dtype=bool)
     first[:, 1:] = np.diff(rows, axis=1) > 0
     fit = first.sum(axis=1) == k
-    found = np.full((len(entities), k), -1, dtype=np.int64)
-    found[fit] = rows[fit][first[fit]].reshape(-1, k)
-    return found
+    carriers = np.full((len(entities), k), -1, dtype=np.int64)
+    carriers[fit] = rows[fit][first[fit]].reshape(-1, k)
+    return carriers
 
 
 def _positions(rows: IntArray, among: IntArray) -> IntArray:
     """Index of each row among others, in any order of its entries; -1 if absent."""
     code = keys(among.astype(np.int64))
     order = np.argsort(code)
-    asked = keys(rows.astype(np.int64))
-    at = np.minimum(np.searchsorted(code[order], asked), max(len(code) - 1, 0))
+    wanted = keys(rows.astype(np.int64))
+    at = np.minimum(np.searchsorted(code[order], wanted), max(len(code) - 1, 0))
     if not len(code):
         return np.full(len(rows), -1)
-    return np.where(code[order][at] == asked, order[at], -1)
+    return np.where(code[order][at] == wanted, order[at], -1)
 
 
 def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:

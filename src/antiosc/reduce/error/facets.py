@@ -66,9 +66,9 @@ def _angles(x: Array, corners: IntArray) -> Array:
     facet = np.tile(np.arange(len(corners)), len(places))
     order = np.lexsort(sides.T)
     same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
-    one = facet[order[:-1][same]]
-    other = facet[order[1:][same]]
-    cosine = np.abs(np.einsum("nd,nd->n", normals[one], normals[other]))
+    first = facet[order[:-1][same]]
+    second = facet[order[1:][same]]
+    cosine = np.abs(np.einsum("nd,nd->n", normals[first], normals[second]))
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
 
@@ -84,8 +84,8 @@ def mean_gaps(faces: Faces) -> tuple[Array, Array]:
     mesh = faces.mesh
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
     every = mesh.comm.allgather((numbers, faces.corners, faces.normals))
-    first = sum(len(each[0]) for each in every[: mesh.comm.rank])
-    vertices, x, normals = (np.concatenate(each) for each in zip(*every, strict=True))
+    first = sum(len(arrays[0]) for arrays in every[: mesh.comm.rank])
+    vertices, x, normals = (np.concatenate(arrays) for arrays in zip(*every, strict=True))
     around = AROUND[vertices.shape[1]]
     gap = _gaps(vertices[:, around], x[:, around], normals)
     area = _areas(faces.corners[:, around])
@@ -125,12 +125,12 @@ def _areas(x: Array) -> Array:
     """Areas of faces (F, v, 3); lengths of segments."""
     if x.shape[1] == 2:
         return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
-    one = x[:, 1] - x[:, 0]
-    other = x[:, -1] - x[:, 0]
+    first = x[:, 1] - x[:, 0]
+    second = x[:, -1] - x[:, 0]
     if x.shape[1] == 4:
-        one = x[:, 2] - x[:, 0]
-        other = x[:, 3] - x[:, 1]
-    return np.asarray(np.linalg.norm(np.cross(one, other), axis=1) / 2)
+        first = x[:, 2] - x[:, 0]
+        second = x[:, 3] - x[:, 1]
+    return np.asarray(np.linalg.norm(np.cross(first, second), axis=1) / 2)
 
 
 def layers(part: MeshedStructure) -> tuple[Array, float]:

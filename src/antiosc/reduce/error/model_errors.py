@@ -65,12 +65,14 @@ class ModelErrors:
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`; `info` gets the further data of the budget."""
         started = time.perf_counter()
-        found = self._errors.estimate(self._structure, model, site)
+        estimate = self._errors.estimate(self._structure, model, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - started}
         info = replace(
             model.info,
             not_included=self._errors.not_included or None,
             seconds=seconds,
-            **found.facts,
+            **estimate.facts,
         )
-        return replace(model, strain_error=found.energies, strain_misfit=found.misfit, info=info)
+        return replace(
+            model, strain_error=estimate.energies, strain_misfit=estimate.misfit, info=info
+        )

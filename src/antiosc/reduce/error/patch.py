@@ -34,15 +34,15 @@ def patch_of(structure: Structure, site: Functional) -> Patch | None:
     assert site.direction is not None  # where there is a patch
     for factor in RADII:
         place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
-        found = located(on_mesh(structure), *place)
-        facts: Patch = {"faces": float(found.size[0])}
-        if found.share[0] >= WHOLE_LOAD:
+        sites = located(on_mesh(structure), *place)
+        facts: Patch = {"faces": float(sites.size[0])}
+        if sites.share[0] >= WHOLE_LOAD:
             break
-    if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:
+    if not site.local_compliance or sites.share[0] < WHOLE_LOAD or not sites.local[0]:
         return facts
-    b = found.loads[:, 0].toarray().ravel()
+    b = sites.loads[:, 0].toarray().ravel()
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, apart, b + site.b))
-    change -= float(found.local[0]) - site.local_compliance
-    return {**facts, "radius": float(found.radii[0]), "compliance": change}
+    change -= float(sites.local[0]) - site.local_compliance
+    return {**facts, "radius": float(sites.radii[0]), "compliance": change}

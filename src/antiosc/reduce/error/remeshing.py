@@ -167,10 +167,10 @@ class OfGeometry(Source):
         """
         if self._divided is not None:
             return self._divided.finer(mesh, ratio)
-        asked = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
+        wanted = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         wished = wished_sizes(mesh, ratio)
         if wished is not None:
-            sizes = np.array(wished.sizes) * (wished.expected() / asked) ** (1 / mesh.tdim)
+            sizes = np.array(wished.sizes) * (wished.expected() / wanted) ** (1 / mesh.tdim)
             wished = replace(wished, sizes=sizes.tolist())
         return self._meshed(mesh, wished, GRADING)
 

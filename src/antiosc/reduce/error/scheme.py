@@ -87,8 +87,8 @@ class StrainErrors(MeshErrors):
         added = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
         off = float(self.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
         least = np.finfo(float).tiny
-        own = np.diag(energies) / np.maximum(np.diag(stiffness), least)
-        share = (off * np.clip(own, off, 1.0)) ** 0.25
+        ratios = np.diag(energies) / np.maximum(np.diag(stiffness), least)
+        share = (off * np.clip(ratios, off, 1.0)) ** 0.25
         values, vectors = np.linalg.eigh((added + added.T) / 2)
         return np.asarray(share[:, None] * ((vectors * np.abs(values)) @ vectors.T) * share)
 

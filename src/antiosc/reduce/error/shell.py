@@ -149,9 +149,9 @@ def _tangents(axis: Array, normals: Array) -> Array:
 
 def angles(vectors: Array, places: IntArray) -> Array:
     """Angles (edges,) in degrees, up to 90, between unit vectors (n, 3) with indices (2, edges)."""
-    one, other = vectors[places]
-    cosine = np.abs(np.einsum("ec,ec->e", one, other))
-    sine = np.linalg.norm(np.cross(one, other), axis=1)
+    first, second = vectors[places]
+    cosine = np.abs(np.einsum("ec,ec->e", first, second))
+    sine = np.linalg.norm(np.cross(first, second), axis=1)
     return np.asarray(np.degrees(np.arctan2(sine, cosine)))
 
 
@@ -294,8 +294,8 @@ class StrainsOfSheets:
         """Dof values (cells, functions, components · k)."""
         form = self._part.form
         numbers = [compat.cell_dofs(form.space, form.components[name], cells) for name in names]
-        found = np.stack([self._shapes[each] for each in numbers], axis=2)
-        return found.reshape(*found.shape[:2], -1)
+        dofs = np.stack([self._shapes[of_component] for of_component in numbers], axis=2)
+        return dofs.reshape(*dofs.shape[:2], -1)
 
 
 #: Numbers of the strains of a block of cells.
@@ -338,8 +338,8 @@ class SheetRecovery:
         loads = np.zeros((len(known), STRAINS * self.count))
         for first in range(0, len(every), width):
             some = slice(first, min(first + width, len(every)))
-            own = strains.at(every[some])
-            rows = len(own.weights)
+            strains_here = strains.at(every[some])
+            rows = len(strains_here.weights)
             columns = np.repeat(self._dofs[some], self._points, axis=0)
             values = np.tile(table, (rows // self._points, 1))
             starts = np.arange(rows + 1) * columns.shape[1]
@@ -347,9 +347,9 @@ class SheetRecovery:
                 (values.ravel(), columns.ravel(), starts), shape=(rows, len(known))
             )
             self._blocks.append((some, at))
-            weighted = at.T @ scipy.sparse.diags(own.weights)
+            weighted = at.T @ scipy.sparse.diags(strains_here.weights)
             mass = mass + weighted @ at
-            loads += weighted @ own.own.reshape(rows, -1)
+            loads += weighted @ strains_here.own.reshape(rows, -1)
         options = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
         solver = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix(mass), **options)
         used = np.flatnonzero(loads.any(axis=0))  # a plate that bends is not stretched
@@ -362,29 +362,29 @@ class SheetRecovery:
         number = self._part.part_of_cells()
         every = np.arange(len(number))
         for some, at in self._blocks:
-            own = self._strains.at(every[some])
-            recovered = (at @ self._values).reshape(own.own.shape)
-            yield Block(some, own, recovered, self._D[np.repeat(number[some], self._points)])
+            strains = self._strains.at(every[some])
+            recovered = (at @ self._values).reshape(strains.own.shape)
+            yield Block(some, strains, recovered, self._D[np.repeat(number[some], self._points)])
 
     def at(self, cells: IntArray, X: Array) -> tuple[Array, Array]:
         """(recovered strains (P, 9, k), D (P, 9, 9)) at X (P, 2) in cells (P,)."""
         table = compat.tabulate(self._space, (), X)
         values = self._values[self._dofs[cells]]
-        found = np.einsum("pf,pfc->pc", table, values).reshape(len(cells), STRAINS, self.count)
-        return found, self._D[self._part.part_of_cells()[cells]]
+        values_at = np.einsum("pf,pfc->pc", table, values).reshape(len(cells), STRAINS, self.count)
+        return values_at, self._D[self._part.part_of_cells()[cells]]
 
 
 def section_forces(part: MeshedStructure) -> Array:
     """Section forces of unit strains (parts, 9, 9), in the axes of each sheet."""
     D = np.zeros((len(part.parts), STRAINS, STRAINS))
-    for own, (material, _) in zip(D, part.parts, strict=True):
+    for stiffness, (material, _) in zip(D, part.parts, strict=True):
         s = material.section
-        own[MEMBRANE, MEMBRANE] = s.A
-        own[SHEAR, SHEAR] = s.S
-        own[MEMBRANE, BENDING] = s.B
-        own[BENDING, MEMBRANE] = s.B.T
-        own[BENDING, BENDING] = s.bending + s.B.T @ np.linalg.solve(s.A, s.B)
-        own[DRILLING, DRILLING] = s.drilling
+        stiffness[MEMBRANE, MEMBRANE] = s.A
+        stiffness[SHEAR, SHEAR] = s.S
+        stiffness[MEMBRANE, BENDING] = s.B
+        stiffness[BENDING, MEMBRANE] = s.B.T
+        stiffness[BENDING, BENDING] = s.bending + s.B.T @ np.linalg.solve(s.A, s.B)
+        stiffness[DRILLING, DRILLING] = s.drilling
     return D
 
 
@@ -423,21 +423,21 @@ class Layers(NamedTuple):
         return np.asarray(self.m.T @ (self.weights[:, None] * self.m))
 
 
-def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Layers:
+def layers_of(part: MeshedStructure, pieces: SmoothPieces, recovery: SheetRecovery) -> Layers:
     """The layers along all free edges, and along changes of section."""
     exterior, changes = _edges(part, pieces)
-    m = [np.zeros((0, found.count))]
+    m = [np.zeros((0, recovery.count))]
     weights = [np.zeros(0)]
     if exterior.size:
-        one = _side(part, pieces, found, exterior)
-        free = np.repeat(_free(part, exterior, one.outward[:: len(POINTS)]), len(POINTS))
-        m.append(one.m)
-        weights.append(free * one.weights * one.c)
+        side = _side(part, pieces, recovery, exterior)
+        free = np.repeat(_free(part, exterior, side.outward[:: len(POINTS)]), len(POINTS))
+        m.append(side.m)
+        weights.append(free * side.weights * side.c)
     if changes.size:
-        one, other = (_side(part, pieces, found, places) for places in changes)
-        same = np.sign(np.einsum("pc,pc->p", one.n, other.n))
-        m.append(one.m - same[:, None] * other.m)
-        weights.append(one.weights * one.c * other.c / (one.c + other.c))
+        side, other_side = (_side(part, pieces, recovery, places) for places in changes)
+        same = np.sign(np.einsum("pc,pc->p", side.n, other_side.n))
+        m.append(side.m - same[:, None] * other_side.m)
+        weights.append(side.weights * side.c * other_side.c / (side.c + other_side.c))
     cells = np.append(exterior, changes[:1]) // EDGES
     return Layers(np.vstack(m), np.concatenate(weights), np.repeat(cells, len(POINTS)))
 
@@ -458,7 +458,7 @@ def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntAr
 
 
 def _side(
-    part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery, places: IntArray
+    part: MeshedStructure, pieces: SmoothPieces, recovery: SheetRecovery, places: IntArray
 ) -> _Side:
     """Gauss points of edges, in the order of the numbers of their corners."""
     cells = places // EDGES
@@ -476,7 +476,7 @@ def _side(
     tangent /= length[:, None]
     frame = pieces.axes.frame(at)
     c, s = (np.einsum("pc,pc->p", tangent, axis) for axis in (frame.e1, frame.e2))
-    strains, D = found.at(where, X)
+    strains, D = recovery.at(where, X)
     moments = D[:, BENDING, MEMBRANE] @ strains[:, MEMBRANE]
     moments += D[:, BENDING, BENDING] @ strains[:, BENDING]
     # M_ns of M1, M2, M12, the normal being (s, -c)
@@ -497,13 +497,13 @@ def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
     """Mask of edges that may rotate about their normals (n, 3)."""
     form = part.form
     cells = places // EDGES
-    held = np.zeros(normal.shape, dtype=bool)
+    fixed = np.zeros(normal.shape, dtype=bool)
     for axis, name in enumerate(("rx", "ry", "rz")):
         dofs = compat.cell_dofs(form.space, form.components[name], cells)
         # two nodes of a cubic triangle lie on each edge between its corners, in the edges' order
         inside = 3 + 2 * (places % EDGES)
-        held[:, axis] = np.isin(dofs[np.arange(len(cells)), inside], part.fixed)
-    return np.asarray(np.any(~held & (np.abs(normal) > ALONG), axis=1))
+        fixed[:, axis] = np.isin(dofs[np.arange(len(cells)), inside], part.fixed)
+    return np.asarray(np.any(~fixed & (np.abs(normal) > ALONG), axis=1))
 
 
 class ShellErrors(StrainErrors):
@@ -542,10 +542,10 @@ class ShellErrors(StrainErrors):
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
         """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each: errors e, misfits d."""
-        found = SheetRecovery(self.part, shapes, self._pieces)
-        E = layers_of(self.part, self._pieces, found).energies()
+        recovery = SheetRecovery(self.part, shapes, self._pieces)
+        E = layers_of(self.part, self._pieces, recovery).energies()
         work = np.zeros_like(E)
-        for block in found.blocks():
+        for block in recovery.blocks():
             strains = block.strains
             recovered = block.recovered
             left = recovered - strains.own
@@ -560,16 +560,16 @@ class ShellErrors(StrainErrors):
 
     def of_cells(self, shapes: Array) -> Array:
         """Σ_j ∫ e_j:C:e_j over each cell (cells,)."""
-        found = SheetRecovery(self.part, shapes, self._pieces)
-        layers = layers_of(self.part, self._pieces, found)
+        recovery = SheetRecovery(self.part, shapes, self._pieces)
+        layers = layers_of(self.part, self._pieces, recovery)
         along = layers.weights * (layers.m**2).sum(axis=1)
         count = compat.cell_map(self.part.mesh.dolfinx).size_local
         energies = np.asarray(np.bincount(layers.cells, along, minlength=count), dtype=float)
-        for block in found.blocks():
+        for block in recovery.blocks():
             left = block.recovered - block.strains.own
             at_points = np.einsum("pik,pik->p", left, block.D @ left) * block.strains.weights
-            own = energies[block.cells]
-            own += at_points.reshape(len(own), -1).sum(axis=1)
+            energies_here = energies[block.cells]
+            energies_here += at_points.reshape(len(energies_here), -1).sum(axis=1)
         return energies
 
 

@@ -153,9 +153,9 @@ class Projection:
         self._weighted = self._values * weight.reshape(-1, 1)
         every = slice(0, len(cells))
         self._mass = self._at(self._weighted, every).T.tocsr() @ self._at(self._values, every)
-        own = compat.ghosts_added(self._space, self._mass.diagonal()[:, None])[:, 0]
+        mass = compat.ghosts_added(self._space, self._mass.diagonal()[:, None])[:, 0]
         # corners of other cells have no function here
-        self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)[:, None]
+        self._inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)[:, None]
 
     def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
         """The sparse matrix that evaluates corner values at the points of the cells `some`."""
@@ -304,10 +304,10 @@ class SolidErrors(StrainErrors):
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))
-            for some, own, weights in _scaled(strains, root, cells):
-                projection.add_loads(loads, some, own)
-                own *= np.sqrt(weights)[:, None]
-                flat = own.reshape(-1, count)
+            for some, strains_here, weights in _scaled(strains, root, cells):
+                projection.add_loads(loads, some, strains_here)
+                strains_here *= np.sqrt(weights)[:, None]
+                flat = strains_here.reshape(-1, count)
                 total += flat.T @ flat
             flat = projection.owned(loads.reshape(len(loads), -1))
             recovered = projection.solve(flat)
@@ -335,13 +335,13 @@ class SolidErrors(StrainErrors):
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, strains.count))
-            for some, own, _ in _scaled(strains, root, cells):
-                projection.add_loads(loads, some, own)
+            for some, strains_here, _ in _scaled(strains, root, cells):
+                projection.add_loads(loads, some, strains_here)
             flat = projection.owned(loads.reshape(len(loads), -1))
             recovered = projection.with_ghosts(projection.solve(flat))
-            for some, own, weights in _scaled(strains, root, cells):
-                found = projection.at_points(some, recovered)
-                left = found.reshape(-1, *loads.shape[1:]) - np.swapaxes(own, 0, 1)
+            for some, strains_here, weights in _scaled(strains, root, cells):
+                smooth = projection.at_points(some, recovered)
+                left = smooth.reshape(-1, *loads.shape[1:]) - np.swapaxes(strains_here, 0, 1)
                 at_points = np.einsum("pmk,pmk,p->p", left, left, weights)
                 energies[cells[some]] = at_points.reshape(len(cells[some]), -1).sum(axis=1)
         return energies
@@ -353,11 +353,11 @@ class SolidErrors(StrainErrors):
         """(root R of the stiffness RᵀR, cells of this rank) of each stiffness."""
         mesh = self.part.mesh
         owned = compat.cell_map(mesh.dolfinx).size_local
-        found: dict[bytes, tuple[Array, list[IntArray]]] = {}
+        regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
         for material, cells in self.part.parts:
             root = np.linalg.cholesky(stiffness(material, mesh.gdim)).T
-            found.setdefault(root.tobytes(), (root, []))[1].append(cells)
-        for root, groups in found.values():
+            regions.setdefault(root.tobytes(), (root, []))[1].append(cells)
+        for root, groups in regions.values():
             cells = np.concatenate(groups)
             yield root, cells[cells < owned]
 
@@ -367,8 +367,8 @@ def _scaled(
 ) -> Iterator[tuple[slice, Array, Array]]:
     """(some of the cells, strains (components, points, k) times R, weights (points,))."""
     for some in strains.quadrature.slices(cells):
-        own, weights = strains.at(cells[some])
-        yield some, (root @ own.reshape(len(own), -1)).reshape(own.shape), weights
+        values, weights = strains.at(cells[some])
+        yield some, (root @ values.reshape(len(values), -1)).reshape(values.shape), weights
 
 
 def stiffness(material: Material, dim: int) -> Array:
@@ -376,8 +376,8 @@ def stiffness(material: Material, dim: int) -> Array:
     C = np.asarray(material.voigt)
     if dim == 3:
         return C
-    kept = [0, 1, 5]
-    plane = C[np.ix_(kept, kept)]
+    in_plane = [0, 1, 5]
+    plane = C[np.ix_(in_plane, in_plane)]
     if material.plane == "stress":  # the normal stress across the plane is zero
-        plane = plane - np.outer(C[kept, 2], C[2, kept]) / C[2, 2]
+        plane = plane - np.outer(C[in_plane, 2], C[2, in_plane]) / C[2, 2]
     return np.asarray(material.thickness * plane)

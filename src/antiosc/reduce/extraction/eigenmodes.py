@@ -156,16 +156,16 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
             "motions have little mass the search finds no further shapes; ask for other modes, or "
             "give the parts slightly different sections."
         ) from None
-    found = eps.getConverged()
-    if found < search.wanted:
+    count = eps.getConverged()
+    if count < search.wanted:
         raise NotConvergedError(
-            f"SLEPc found {found} of {search.wanted} modes within {eps.getIterationNumber()} "
+            f"SLEPc found {count} of {search.wanted} modes within {eps.getIterationNumber()} "
             f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
         )
     x = structure.K.createVecRight()
-    values = np.zeros(found)
-    shapes = np.zeros((structure.rows, found))
-    for k in range(found):
+    values = np.zeros(count)
+    shapes = np.zeros((structure.rows, count))
+    for k in range(count):
         values[k] = eps.getEigenpair(k, x).real
         shapes[:, k] = x.array_r
     eps.destroy()
@@ -280,16 +280,18 @@ class ModeSolver:
         shapes = np.column_stack([self._rigid, known.phi])
         search = Search(structure, self._held, shapes, count - before, self.limit - before)
         with doing(f"search of {search.computed} modes of {structure.dofs} dofs"):
-            values, found = lowest(search)
+            values, vectors = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
         # others
         massive = values > -structure.shift
         values = values[massive]
-        found = found[:, massive]
+        vectors = vectors[:, massive]
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
         # the solve amplifies the rigid-body modes in their rounding
-        found = found - self._rigid @ dot(structure.comm, multiply(structure.M, self._rigid), found)
-        phi = _normalised(structure, np.column_stack([known.phi, found]))
+        vectors = vectors - self._rigid @ dot(
+            structure.comm, multiply(structure.M, self._rigid), vectors
+        )
+        phi = _normalised(structure, np.column_stack([known.phi, vectors]))
         order = np.argsort(omega, kind="stable")[:count]
         complete = len(omega) >= self.limit or not massive.all()
         modes = Modes(omega[order], phi[:, order], complete)

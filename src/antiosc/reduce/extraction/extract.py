@@ -154,6 +154,133 @@ def models_of(
     return models
 
 
+def _info(
+    structure: Structure, known: ConstraintModes, kept: Selection, options: ExtractOptions
+) -> ModelInfo:
+    """The record of an extraction."""
+    measured, converged = checked_modes(structure, known, options.method)
+    return ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        method=options.method,
+        modes_computed=len(known.modes.omega),
+        converged=converged,
+        modes_unobservable=kept.unobservable,
+        modes_merged=kept.merged,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
+        rigid_share=known.static.share,
+        checks=measured,
+        solver=known.static.solver.told,
+        **structure.matrices.plausibility,
+    )
+
+
+def _at_one_site(
+    structure: Structure, target: Functional, parameters: OneSite, elastic: int, info: ModelInfo
+) -> AntiOscillators:
+    """The model of a single unnamed site."""
+    info = replace(
+        info,
+        meshed=structure.matrices.meshed,
+        converged=(info.converged or 0)
+        + len(parameters.m)
+        - elastic,  # the weak rigid-body mode is one
+    )
+    if target.point is not None and target.direction is not None:
+        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
+    weight = uniform_inertia(structure, target)
+    shapes = np.column_stack([parameters.residual + parameters.psi.sum(axis=1), parameters.psi])
+    participation: Array | None = None
+    if weight is not None:
+        weights = (
+            dot(structure.comm, part, weight) for part in (parameters.residual, parameters.psi)
+        )
+        participation = np.hstack(list(weights))
+    return AntiOscillators(
+        m0=parameters.m0,
+        k0=parameters.k0,
+        m=parameters.m,
+        omega=parameters.omega,
+        local_compliance=target.local_compliance,
+        radius=target.radius,
+        participation=participation,
+        shapes=shapes,
+        direction=target.direction,
+        inertia=inertia_of(structure, shapes, parameters.hidden),
+        hidden=parameters.hidden if structure.rigid_inertia is not None else None,
+        info=info,
+    )
+
+
+def _at_named_sites(
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Selection, info: ModelInfo
+) -> AntiOscillators:
+    """The model of several sites, or of one site with a name."""
+    ends = np.cumsum([len(of_site) for of_site in sites.values()])
+    columns = {
+        name: tuple(range(end - len(of_site), end))
+        for (name, of_site), end in zip(sites.items(), ends.tolist(), strict=True)
+    }
+    firsts = [of_site[0] for of_site in sites.values()]
+    directions = [column.direction for of_site in sites.values() for column in of_site]
+    placed = all(direction is not None for direction in directions)
+    info = replace(info, independent=static.kept.tolist())
+    if placed:
+        places = {name: of_site[0].point for name, of_site in sites.items()}
+        points = {name: place.tolist() for name, place in places.items() if place is not None}
+        info = replace(info, points=points)
+    unit = static.phi @ static.W.T
+    shapes = np.hstack([unit, kept.phi])
+    return AntiOscillators(
+        m0=_turned(static.W, kept.m0),
+        k0=_turned(static.W, static.k0),
+        P=static.W @ kept.P.T,
+        omega=kept.omega,
+        sites=tuple(sites),
+        columns=columns,
+        dependence=static.dependence,
+        rigid=static.rigid,
+        slide=static.slide,
+        local_compliance=np.array([first.local_compliance for first in firsts]),
+        radius=tuple(first.radius for first in firsts),
+        participation=weights_of(structure, shapes) if placed else None,
+        shapes=shapes,
+        direction=np.array(directions) if placed else None,
+        inertia=inertia_of(structure, shapes, static.nodal),
+        hidden=static.nodal,
+        info=info,
+    )
+
+
+def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with the second-order change of the force on supported curved sheets."""
+    single_mesh = structure.matrices.meshed and not structure.matrices.assembled
+    supported = structure.rigid_modes.shape[1] == 0
+    sites = model.sites or (UNNAMED,)
+    k0 = np.atleast_2d(model.k0)
+    if model.info.thickness is None or not (single_mesh and supported) or len(sites) != len(k0):
+        return model
+    from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
+
+    assert model.shapes is not None
+    C = np.linalg.inv(k0)
+    deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
+    part = cast("MeshedStructure", structure.matrices)
+    changes = {
+        site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
+    }
+    if not any(changes.values()):
+        return model
+    return replace(model, info=replace(model.info, second_order=changes))
+
+
+def _turned(W: Array, matrix: Array) -> Array:
+    """W matrix Wᵀ, with negative eigenvalues due to rounding removed."""
+    values, vectors = np.linalg.eigh(matrix)
+    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(factor @ factor.T)
+
+
 def _band(bottom: float, top: float, bound: float) -> Band:
     """The record of a band whose ends are given in rad/s."""
     return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
@@ -409,8 +536,8 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
             if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
     sites: list[Site] = []
-    for one in site if isinstance(site, list | tuple) else [site]:
-        sites.append(instance("site", one, Site, "a Site(point, direction)"))
+    for entry in site if isinstance(site, list | tuple) else [site]:
+        sites.append(instance("site", entry, Site, "a Site(point, direction)"))
         if sites[-1].tangential and not names:
             raise InputError(
                 "tangential directions belong to a model of named sites: "

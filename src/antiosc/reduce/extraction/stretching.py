@@ -124,18 +124,18 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     if not elastic.any():
         raise InputError("stretch= needs a model with elastic modes: raise n.")
     flexible = np.where(elastic, 1 / np.where(elastic, omega, 1.0) ** 2, 0.0)[:, None]
-    found = np.zeros((len(omega), 0))
+    basis = np.zeros((len(omega), 0))
     block = flexible * B
-    while block.shape[1] and found.shape[1] < count:
+    while block.shape[1] and basis.shape[1] < count:
         for _ in range(2):
             size = np.linalg.norm(block, axis=0)
-            block = block - found @ (found.T @ block)
+            block = block - basis @ (basis.T @ block)
             block = block[:, np.linalg.norm(block, axis=0) > EXHAUSTED * size]
         left, sizes, _ = np.linalg.svd(block / np.linalg.norm(block, axis=0), full_matrices=False)
         block = left[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
-        found = np.hstack([found, block])
+        basis = np.hstack([basis, block])
         block = flexible * block
-    return found[:, :count]
+    return basis[:, :count]
 
 
 def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Array, Array]:
@@ -198,38 +198,38 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
     k_phi = multiply(structure.K, phi)
     m_rigid = multiply(structure.M, rigid)
     g = g - m_rigid @ (rigid.T @ g)
-    found = np.zeros_like(g)
+    displacement = np.zeros_like(g)
     for _ in range(SOLVES_OF_FREE if rigid.shape[1] else 1):
-        left = g if not found.any() else g - multiply(structure.K, found)
-        found = found + factor.solve_block(left)
-        found = found - rigid @ (m_rigid.T @ found)
-    return np.asarray(found - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ found))
+        left = g if not displacement.any() else g - multiply(structure.K, displacement)
+        displacement = displacement + factor.solve_block(left)
+        displacement = displacement - rigid @ (m_rigid.T @ displacement)
+    return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
 def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """⅛ ∫η:C:η for all pairs of pairs of motions."""
     total = np.zeros((len(pairs), len(pairs)))
     for begin in range(0, points.weight.size, AT_ONCE):
-        own = slice(begin, begin + AT_ONCE)
-        part = [each[own] for each in slopes]
+        span = slice(begin, begin + AT_ONCE)
+        part = [slope[span] for slope in slopes]
         eta = np.stack([points.second(part[i], part[j]) for i, j in pairs], axis=1)
-        stress = eta @ (points.stiffness[own] * points.weight[own, None, None])
+        stress = eta @ (points.stiffness[span] * points.weight[span, None, None])
         total += np.tensordot(stress, eta, axes=([0, 2], [0, 2]))
     return total / 8
 
 
-def _cubic_form(found: Array, pairs: list[tuple[int, int]], m: int) -> Array:
+def _cubic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
     """H (m, m, m) from φ_kᵀg_ij (m, pairs), exactly symmetric."""
     H = np.zeros((m, m, m))
     for n, (i, j) in enumerate(pairs):
-        H[:, i, j] = H[:, j, i] = found[:, n]
+        H[:, i, j] = H[:, j, i] = values[:, n]
     return np.asarray(sum(H.transpose(order) for order in permutations(range(3)))) / 6
 
 
-def _quartic_form(found: Array, pairs: list[tuple[int, int]], m: int) -> Array:
+def _quartic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
     """The symmetric part (m, m, m, m) of Q_(ij)(kl) (pairs, pairs)."""
     place = np.zeros((m, m), dtype=int)
     for n, (i, j) in enumerate(pairs):
         place[i, j] = place[j, i] = n
-    Q = found[place[:, :, None, None], place[None, None]]
+    Q = values[place[:, :, None, None], place[None, None]]
     return np.asarray(sum(Q.transpose(order) for order in permutations(range(4)))) / 24

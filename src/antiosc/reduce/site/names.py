@@ -44,8 +44,8 @@ def point_of(
     if part is not None:
         checks.text("part", part)
     if node is not None:
-        member, own = node_of(with_parts(structure), whole("node", node), part)
-        return member.at.placed(own[None])[0], member.name or None, None
+        member, point_in_part = node_of(with_parts(structure), whole("node", node), part)
+        return member.at.placed(point_in_part[None])[0], member.name or None, None
     if not isinstance(point, str):
         return in_space(checks.coordinates("point", point)), part, None
     checks.text("point", point)
@@ -61,8 +61,8 @@ def point_of(
         return without_mesh.point, None, without_mesh
 
     def work() -> tuple[Array, str | None]:
-        member, own = middle_of(matrices, point)
-        return member.at.placed(own[None])[0], member.name or None
+        member, point_in_part = middle_of(matrices, point)
+        return member.at.placed(point_in_part[None])[0], member.name or None
 
     return *matrices.decided(work), None
 
@@ -84,8 +84,8 @@ def on_face(matrices: MeshedParts, site: Site) -> Site:
 
     assert site.face is not None
     member, group = _group_of(matrices, site.face)
-    own, inward = struck_point(member.part.mesh, group)
-    point = member.at.placed(own[None])[0]
+    point_in_part, inward = struck_point(member.part.mesh, group)
+    point = member.at.placed(point_in_part[None])[0]
     along = member.at.rotation @ inward
     direction = along.tolist() if site.direction is None else site.direction
     part = member.name if matrices.assembled else None
@@ -96,8 +96,8 @@ def on_face(matrices: MeshedParts, site: Site) -> Site:
 def at_node(matrices: MeshedParts, site: Site) -> Site:
     """A site at a node number as a site at a point."""
     assert site.node is not None
-    member, own = node_of(matrices, site.node, site.part)
-    point = member.at.placed(own[None])[0][: len(site.direction or (0, 0, 0))]
+    member, point_in_part = node_of(matrices, site.node, site.part)
+    point = member.at.placed(point_in_part[None])[0][: len(site.direction or (0, 0, 0))]
     part = member.name if matrices.assembled else None
     return replace(site, point=point.tolist(), node=None, snap=True, part=part)
 
@@ -137,14 +137,14 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
     from antiosc.fem.assembly.joint import motion_without_mesh
 
     layout = cast("AssembledMatrices", matrices).layout
-    found = motion_without_mesh(layout, name, allow_partial=True)
-    if found is None and ":" not in name:
+    motion = motion_without_mesh(layout, name, allow_partial=True)
+    if motion is None and ":" not in name:
         points = name_list(name, layout.points, "the reference points")
         raise InputError(
             f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
             f"either; {points}."
         )
-    return found
+    return motion
 
 
 def motions_without_mesh(

@@ -120,9 +120,9 @@ def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: A
     b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
     index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
-    found = nodes[order][index] == matrices.map.node
+    known = nodes[order][index] == matrices.map.node
     axis = matrices.map.component - 1
-    moving = found & (axis >= 0) & (axis < 3)
+    moving = known & (axis >= 0) & (axis < 3)
     b[moving] = weights[order][index[moving]] * direction[axis[moving]]
     return b
 
