@@ -137,13 +137,15 @@ def _parser() -> argparse.ArgumentParser:
         if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
         if name == "monte-carlo":
-            kept = "a CSV file of the finished runs; if it exists, only the others are made"
-            command.add_argument("--store", metavar="FILE", help=kept)
+            of_store = "a CSV file of the finished runs; if it exists, only the others are made"
+            command.add_argument("--store", metavar="FILE", help=of_store)
     listed = commands.add_parser("materials", help="list the materials that have a name")
     listed.add_argument("name", metavar="NAME", nargs="?", help="only those with this in it")
     listed.set_defaults(run=_materials)
-    found = "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
-    commands.add_parser("info", help=found).set_defaults(run=_info)
+    of_info = (
+        "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
+    )
+    commands.add_parser("info", help=of_info).set_defaults(run=_info)
     return parser
 
 

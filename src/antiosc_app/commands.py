@@ -260,13 +260,13 @@ def _factor(structure: Structure) -> str:
         return "by SciPy; not forecast"
     from antiosc.extension import foreseen
 
-    told = foreseen(structure.K, structure.matrices.coarser)
-    return f"{told}; {free_memory() / 1e9:.3g} GB are free"
+    forecast = foreseen(structure.K, structure.matrices.coarser)
+    return f"{forecast}; {free_memory() / 1e9:.3g} GB are free"
 
 
-def _model_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+def _model_rows(scene: Compiled, results: run.Results) -> list[tuple[str, str]]:
     """Rows on the reduced model."""
-    if scene.model is None or found.structure is None:
+    if scene.model is None or results.structure is None:
         return []
     section = scene.document.data.get("extract", {})
     sites = len(scene.document.data.get("sites", {}))
@@ -275,27 +275,27 @@ def _model_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
         return [("anti-oscillators", f"as many as needed up to {highest}")]
     from antiosc.extension import DEFAULT_COUNT
 
-    n = section.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
+    n = section.get("n", min(DEFAULT_COUNT, results.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 
-def _fall_rows(asked: Table) -> list[tuple[str, str]]:
+def _fall_rows(section: Table) -> list[tuple[str, str]]:
     """Rows on a fall."""
-    height = asked["height"]
-    gravity = asked.get("gravity", GRAVITY)
+    height = section["height"]
+    gravity = section.get("gravity", GRAVITY)
     rows = [
-        ("free modes", f"{asked.get('modes', MODES)}: most of the cost of one fall"),
+        ("free modes", f"{section.get('modes', MODES)}: most of the cost of one fall"),
         ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
         ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
     ]
-    if "ensemble" in asked:
-        rows.append(("falls", f"{asked.get('n', 100)}"))
+    if "ensemble" in section:
+        rows.append(("falls", f"{section.get('n', 100)}"))
     return rows
 
 
-def _impact_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
+def _impact_rows(scene: Compiled, results: run.Results) -> list[tuple[str, str]]:
     """Rows on an impact: contact time, band, step."""
-    asked = scene.document.data.get("simulate", {})
+    section = scene.document.data.get("simulate", {})
     from antiosc.reduce.site.surface import PlaneOf
 
     rows = []
@@ -303,8 +303,8 @@ def _impact_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
         tol = scene.document.data["strike"].get("tol")
         rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
     try:
-        struck = None if found.structure is None else PlaneOf(found.structure)
-        band = impact_band(found.impactor, found.contact, struck)
+        struck = None if results.structure is None else PlaneOf(results.structure)
+        band = impact_band(results.impactor, results.contact, struck)
     except AntioscError as error:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows
@@ -312,9 +312,9 @@ def _impact_rows(scene: Compiled, found: run.Results) -> list[tuple[str, str]]:
     rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
     rows.append(("band of the impact", f"up to {engineering(band, 'Hz')}"))
     if "strike" not in scene.document.data:
-        step = asked.get("step", time / FIRST_STEPS)
-        tol = asked.get("tol", DEFAULT_TOL)
-        how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
+        step = section.get("step", time / FIRST_STEPS)
+        tol = section.get("tol", DEFAULT_TOL)
+        how = "given" if "step" in section else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{engineering(step, 's')}, {how}"))
     impacts = len(next(iter(run.varied(scene).values()), [0]))
     if impacts > 1:

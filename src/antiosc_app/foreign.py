@@ -136,7 +136,9 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
             read["unit"] = "mm"
-            pieces = [one._replace(low=1e-3 * one.low, high=1e-3 * one.high) for one in pieces]
+            pieces = [
+                piece._replace(low=1e-3 * piece.low, high=1e-3 * piece.high) for piece in pieces
+            ]
     if "piece" in options:
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face

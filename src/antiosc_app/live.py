@@ -87,13 +87,13 @@ def embedded(data: Data) -> str:
 def plain(value: object, of_array: Callable[[Array], object] = np.ndarray.tolist) -> object:
     """A value as JSON: NaN and infinity become None, arrays what `of_array` returns."""
     if isinstance(value, Mapping):
-        return {str(key): plain(each, of_array) for key, each in value.items()}
+        return {str(key): plain(entry, of_array) for key, entry in value.items()}
     if isinstance(value, bytes):
         value = np.frombuffer(value, dtype=np.uint8)
     if isinstance(value, np.ndarray):
         return plain(of_array(value), of_array)
     if isinstance(value, list | tuple):
-        return [plain(each, of_array) for each in value]
+        return [plain(entry, of_array) for entry in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):

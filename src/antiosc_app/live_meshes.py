@@ -260,7 +260,7 @@ def _equivalent(stress: Array) -> Array:
 
 def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
     """The largest von Mises stress at the times: value [Pa], place [m], time [s]."""
-    values = np.max([_equivalent(each @ x.T) for each in stress], axis=0)
+    values = np.max([_equivalent(tensors @ x.T) for tensors in stress], axis=0)
     i, k = np.unravel_index(int(values.argmax()), values.shape)
     return {
         "value": float(values[i, k]),

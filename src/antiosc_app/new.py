@@ -263,8 +263,8 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
     """
     check_size(path)
     part = foreign_part(path, free, unit)
-    found = _inspect_mesh(part.mesh, part.read, part.structure)
-    return replace(found, notes=tuple(part.notes), pieces=part.pieces)
+    inspection = _inspect_mesh(part.mesh, part.read, part.structure)
+    return replace(inspection, notes=tuple(part.notes), pieces=part.pieces)
 
 
 def inspect_structure(part: Structure) -> Inspection:
@@ -286,23 +286,23 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     low, high = (np.array(_rounded(corner, size)) for corner in (x.min(axis=0), x.max(axis=0)))
     where = None if structure is not None else _group(mesh, SUPPORT_WORDS)
     struck = _nodes_of(mesh, _group(mesh, SITE_WORDS))
-    held = np.zeros(len(x), dtype=bool)
+    supported = np.zeros(len(x), dtype=bool)
     plane = None
     if where is not None:
-        held[_nodes_of(mesh, where)] = True
+        supported[_nodes_of(mesh, where)] = True
     elif structure is None:
-        held, plane = _plane(x, low, high, size)
+        supported, plane = _plane(x, low, high, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
     outer = Faces(mesh, mesh.tdim < 3)
     faces = _around(outer)
     longest = float((high - low).max())
     sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
-        sites = _on_lines(x, nodes, held, struck)
+        sites = _on_lines(x, nodes, supported, struck)
     elif mesh.gdim == 2:
-        sites = _on_rim(x, faces, held)
+        sites = _on_rim(x, faces, supported)
     else:
-        candidates = _on_faces(x, faces, outer, held, struck, size)
+        candidates = _on_faces(x, faces, outer, supported, struck, size)
         meshed = "size" in read
         sites = (
             (point, direction, _radius(inside, edge, longest, meshed))
@@ -317,7 +317,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         point, direction, radius = _movable(structure, (point, direction, radius), sites)
     flat = _flat(mesh, outer, structure, (point, direction, radius))
     # each node that is not held has three dofs or more
-    dofs = 3 * int((~held).sum()) if structure is None else structure.dofs
+    dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     count = min(COUNTS[family], dofs // DOFS_FOR_EACH)
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
@@ -335,7 +335,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         count,
         x,
         faces,
-        held,
+        supported,
         of_deck=structure is not None,
         flat=flat,
         bars=_has_bars(mesh, structure),
@@ -464,7 +464,7 @@ def _plane(
 
 
 def _on_faces(
-    x: Array, faces: IntArray, outer: Faces, held: BoolArray, struck: IntArray, size: float
+    x: Array, faces: IntArray, outer: Faces, supported: BoolArray, struck: IntArray, size: float
 ) -> Iterator[tuple[Array, Array, float, float]]:
     """Yields candidate sites: point, inward direction, distance to the face's edge, edge length.
 
@@ -479,7 +479,7 @@ def _on_faces(
     if outer.sheet:
         normal = _outward(x, faces, normal)
     side, edge_points = _sides(x, faces, normal)
-    support_distance = _from_supports(x, held, middle)
+    support_distance = _from_supports(x, supported, middle)
     total = np.bincount(side, area)
     mean_distance = np.bincount(side, area * (support_distance + 0.2 * size)) / total
     mean_height = np.bincount(side, area * normal[:, 2]) / total
@@ -496,7 +496,7 @@ def _on_faces(
     room = (np.minimum(edge_distance, ROOM * size) + ROOM * edge_distance) * (
         support_distance + ROOM * size
     )
-    room[held[faces].any(axis=1)] = 0.0
+    room[supported[faces].any(axis=1)] = 0.0
     for best in np.lexsort((-room, -rating[side], ~chosen)):
         if not chosen[best] and len(edge_points[side[best]]):
             edge_distance[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
@@ -520,11 +520,11 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
     return np.asarray(normal * np.where(along < 0, -1.0, 1.0)[:, None])
 
 
-def _from_supports(x: Array, held: BoolArray, points: Array) -> Array:
+def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
     """Distances of points (n, 3) from the nearest held node; all equal for a free part."""
-    if not held.any():
+    if not supported.any():
         return np.ones(len(points))
-    return np.asarray(cKDTree(x[held]).query(points)[0])
+    return np.asarray(cKDTree(x[supported]).query(points)[0])
 
 
 def _around(outer: Faces) -> IntArray:
@@ -564,18 +564,20 @@ def _sides(x: Array, faces: IntArray, normal: Array) -> tuple[IntArray, dict[int
 
 
 def _on_lines(
-    x: Array, nodes: IntArray, held: BoolArray, struck: IntArray
+    x: Array, nodes: IntArray, supported: BoolArray, struck: IntArray
 ) -> Iterator[tuple[Array, Array, None]]:
     """Yields candidate sites of beams: nodes of the struck group or far from supports, across."""
     candidates = struck if len(struck) else np.unique(nodes)
-    for best in candidates[np.argsort(-_from_supports(x, held, x[candidates]), kind="stable")]:
+    for best in candidates[np.argsort(-_from_supports(x, supported, x[candidates]), kind="stable")]:
         rows = nodes[(nodes == best).any(axis=1)]
         along = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
         axis = int(np.argmin(along[::-1]))  # z before y before x
         yield x[best], -np.eye(3)[2 - axis], None
 
 
-def _on_rim(x: Array, faces: IntArray, held: BoolArray) -> Iterator[tuple[Array, Array, float]]:
+def _on_rim(
+    x: Array, faces: IntArray, supported: BoolArray
+) -> Iterator[tuple[Array, Array, float]]:
     """Yields candidate sites of a plane part: edge middle, inward direction, radius; farthest
     first.
     """
@@ -589,7 +591,7 @@ def _on_rim(x: Array, faces: IntArray, held: BoolArray) -> Iterator[tuple[Array,
     across = np.cross([0.0, 0.0, 1.0], b - a) / length[:, None]
     inward = x[faces[owner[outer]]].mean(axis=1) - middle
     across *= np.sign(np.einsum("ni,ni->n", across, inward))[:, None]
-    support_distance = _from_supports(x, held, middle)
+    support_distance = _from_supports(x, supported, middle)
     offset = np.abs(middle[:, 0] - x[:, 0].mean())
     for best in np.lexsort((offset, -np.round(middle[:, 1], 9), -support_distance)):
         yield middle[best], across[best], float(f"{1.05 * length[best]:.2g}")
@@ -632,13 +634,13 @@ Physical Curve("clamp") = {4};
 """
 
 
-def text(name: str, source: str, found: Inspection | None, drop: bool = False) -> str:
+def text(name: str, source: str, inspection: Inspection | None, drop: bool = False) -> str:
     """The scene as text; `source` is the part's file as the scene names it.
 
     `found`: the inspected part, if any. `drop`: it falls.
     """
     ending = Path(source).suffix.lower()
-    deck = ending in DECK_ENDINGS if found is None else found.of_deck
+    deck = ending in DECK_ENDINGS if inspection is None else inspection.of_deck
     keys = (
         "unit",
         "size",
@@ -657,15 +659,15 @@ def text(name: str, source: str, found: Inspection | None, drop: bool = False) -
         source=json.dumps(source, ensure_ascii=False),
         deck=deck,
         closed=ending == ".stl",
-        look=found,
-        read=dict.fromkeys((*keys, "free", "order")) | dict(found.read if found else {}),
-        family="Solid" if found is None else found.family,
-        count=COUNTS["Solid"] if found is None else found.count,
-        material=MATERIAL if found is None else found.material,
-        point=[0.0, 0.0, 0.1] if found is None else found.point,
-        direction=[0.0, 0.0, -1.0] if found is None else found.direction,
-        band=_band(LARGEST_BALL if found is None else found.ball),
-        ball=LARGEST_BALL if found is None else found.ball,
+        look=inspection,
+        read=dict.fromkeys((*keys, "free", "order")) | dict(inspection.read if inspection else {}),
+        family="Solid" if inspection is None else inspection.family,
+        count=COUNTS["Solid"] if inspection is None else inspection.count,
+        material=MATERIAL if inspection is None else inspection.material,
+        point=[0.0, 0.0, 0.1] if inspection is None else inspection.point,
+        direction=[0.0, 0.0, -1.0] if inspection is None else inspection.direction,
+        band=_band(LARGEST_BALL if inspection is None else inspection.ball),
+        ball=LARGEST_BALL if inspection is None else inspection.ball,
         drop=drop,
         json=json.dumps,
     )
@@ -725,25 +727,25 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            found = inspect_part(source, drop, unit)
+            inspection = inspect_part(source, drop, unit)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
-    if not found.of_deck:
-        flat = None if found.flat is None else (chosen.E, chosen.nu)
-        found = replace(found, material=chosen.name, flat=flat)
+    if not inspection.of_deck:
+        flat = None if inspection.flat is None else (chosen.E, chosen.nu)
+        inspection = replace(inspection, material=chosen.name, flat=flat)
     elif material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."
         )
-    content = text(target.name, part, found, drop)
+    content = text(target.name, part, inspection, drop)
     temporary = files.part_name(target, ".toml")
     try:
         with temporary.open("x", encoding="utf-8") as stream:
             stream.write(content)
         try:
-            if len(found.points) <= MOST_NODES:
-                found = _tried(temporary, target.name, part, found, drop)
-                temporary.write_text(text(target.name, part, found, drop), encoding="utf-8")
+            if len(inspection.points) <= MOST_NODES:
+                inspection = _tried(temporary, target.name, part, inspection, drop)
+                temporary.write_text(text(target.name, part, inspection, drop), encoding="utf-8")
             os.link(temporary, target)  # fails if the target exists; a rename would replace it
         finally:
             temporary.unlink()
@@ -752,23 +754,23 @@ def write_scene(
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    sentences += found.sentences(source.name, drop)
+    sentences += inspection.sentences(source.name, drop)
     pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
-        ".png": ("a picture of it", partial(draw, found, drop=drop))
+        ".png": ("a picture of it", partial(draw, inspection, drop=drop))
     }
-    if found.pieces:
-        boxes = partial(pieces.draw, found.pieces, chosen=found.read.get("piece"))
+    if inspection.pieces:
+        boxes = partial(pieces.draw, inspection.pieces, chosen=inspection.read.get("piece"))
         pictures[pieces.ENDING] = ("its pieces, of which piece = 2 is the second", boxes)
     for ending, (about, draw_it) in pictures.items():
         sentences += _picture(target.with_suffix(ending), about, draw_it)
     return target, sentences
 
 
-def _tried(scene: Path, name: str, part: str, found: Inspection, drop: bool) -> Inspection:
+def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:
     """The part after a trial impact, if need be without error bars; InputError if both fail."""
     reason: InputError | None = None
-    for bars in (True, False)[not found.bars :]:
-        trial = replace(found, bars=bars)
+    for bars in (True, False)[not inspection.bars :]:
+        trial = replace(inspection, bars=bars)
         scene.write_text(text(name, part, trial, drop), encoding="utf-8")
         try:
             trial = replace(trial, cell=_try(scene, name))

@@ -240,7 +240,7 @@ class Opened:
             thickness=thickness,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
-        shape, faces, held = skin(self._structure(scene), look)
+        shape, faces, faces_held = skin(self._structure(scene), look)
         self._source = self._source._replace(faces=faces)
         self._first = {
             "name": self._path.name,
@@ -255,7 +255,7 @@ class Opened:
             "geometry": geometry,
             "saves": self._given is None,
             "engine": live.engine(),
-            "setup": asdict(replace(set_up, held=tuple(held))),
+            "setup": asdict(replace(set_up, held=tuple(faces_held))),
         }
         return self._first
 
@@ -277,9 +277,9 @@ class Opened:
     def _structure(self, scene: Compiled) -> Structure:
         """The structure of a scene."""
         key = _key(scene, OF_STRUCTURE)
-        given = self._given
-        if given is not None:
-            return self._structures.of(key, lambda: given)
+        structure = self._given
+        if structure is not None:
+            return self._structures.of(key, lambda: structure)
         call = scene.structure
         return self._structures.of(key, lambda: Evaluation(scene.document)(call))
 
@@ -301,17 +301,17 @@ class Opened:
             return None
         return modes.model(key, scene.model.arguments["site"].made)
 
-    def _struck(self, asked: SetUp, quickly: bool = False) -> Blow:
+    def _struck(self, set_up: SetUp, quickly: bool = False) -> Blow:
         """The impact of a set-up, run until striker and part no longer touch.
 
         `quickly`: by a model from free modes, if they are known.
         """
         source = self._opened()
-        if asked.striker.kind == FLOOR:
+        if set_up.striker.kind == FLOOR:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
         duration = source.look.duration if source.look.family == "Shell" else DURATION
         for _ in range(LONGER):
-            sections = scene_of(source, asked, duration)
+            sections = scene_of(source, set_up, duration)
             scene = self._compiled(sections)
             structure = self._structure(scene)
             approximate = self._from_modes(scene) if quickly else None
@@ -320,7 +320,7 @@ class Opened:
                 evaluate = _evaluation(scene, structure=structure, model=model)
                 hit: History = evaluate(scene.history)
             except RangeError as error:
-                asked = _with_larger_patch(asked, error)
+                set_up = _with_larger_patch(set_up, error)
                 continue
             if not hit.contacts or hit.contacts[-1][1] < hit.time[-1]:
                 break
@@ -335,9 +335,9 @@ class Opened:
             raise InputError("the part is not open yet.")
         return self._source
 
-    def _dropped(self, asked: SetUp) -> Dropped:
+    def _dropped(self, set_up: SetUp) -> Dropped:
         """The fall of a set-up."""
-        sections = scene_of(self._opened(), asked, DURATION)
+        sections = scene_of(self._opened(), set_up, DURATION)
 
         def dropped() -> Dropped:
             scene = self._compiled(sections)
@@ -348,37 +348,37 @@ class Opened:
 
     # -- the steps of an answer
 
-    def _blow(self, asked: SetUp, _: Table) -> Data:
+    def _blow(self, set_up: SetUp, _: Table) -> Data:
         """First step of an answer: quickly."""
-        if asked.striker.kind == FLOOR:
-            return _told_of_fall(self._dropped(asked), None)
-        return _told(self._struck(asked, quickly=True))
+        if set_up.striker.kind == FLOOR:
+            return _told_of_fall(self._dropped(set_up), None)
+        return _told(self._struck(set_up, quickly=True))
 
-    def _settle(self, asked: SetUp, _: Table) -> Data:
+    def _settle(self, set_up: SetUp, _: Table) -> Data:
         """Second step: by the extracted model, or with the stresses of a fall."""
-        if asked.striker.kind == FLOOR:
-            dropped = self._dropped(asked)
+        if set_up.striker.kind == FLOOR:
+            dropped = self._dropped(set_up)
             return _told_of_fall(dropped, dropped.worst)
-        return _told(self._struck(asked))
+        return _told(self._struck(set_up))
 
-    def _fields(self, asked: SetUp, _: Table) -> Data:
+    def _fields(self, set_up: SetUp, _: Table) -> Data:
         """Motion and stress of the part for the picture."""
         from antiosc_app import live_meshes
 
-        blow = self._struck(asked)
+        blow = self._struck(set_up)
         return {"part": live_meshes.of_structure(blow.structure, blow.hit)}
 
-    def _verdict(self, asked: SetUp, _: Table) -> Data:
+    def _verdict(self, set_up: SetUp, _: Table) -> Data:
         """The verdict with the margins of the material's strengths, and the stress that decides."""
-        blow = self._struck(asked)
+        blow = self._struck(set_up)
         self._work.submit(self._search_modes)
         stresses = _strengths(blow)
         judged = live.largest_stress(stresses, None)
         return {"verdict": _headline(blow, stresses).sentences, "judged": judged}
 
-    def _map(self, asked: SetUp, values: Table) -> Data:
+    def _map(self, set_up: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""
-        blow = self._struck(asked)
+        blow = self._struck(set_up)
         source = self._opened()
         where = values.get("where")
         if where is not None:
@@ -389,7 +389,7 @@ class Opened:
             blow.hit.impactor,
             AUTO,
             float(blow.hit.run.time[-1]),
-            direction=None if source.look.family == "Solid" else asked.direction,
+            direction=None if source.look.family == "Solid" else set_up.direction,
             radius=blow.model.patch_radius,
         )
         data = live_data.data_of_map(impact_map, blow.structure)
@@ -401,13 +401,13 @@ class Opened:
         """The files that would be written, and their folder, for the user's confirmation."""
         return {"folder": str(self._path.resolve().parent), "names": _free_names(self._path)}
 
-    def _write(self, asked: SetUp, values: Table) -> Data:
+    def _write(self, set_up: SetUp, values: Table) -> Data:
         """Write scene and report beside the part; the user has confirmed their names."""
         names = _free_names(self._path)
         if self._given is not None or values.get("agreed") != names:
             raise InputError("the files to be written are not those that were agreed to.")
-        is_fall = asked.striker.kind == FLOOR
-        result = self._dropped(asked) if is_fall else self._struck(asked)
+        is_fall = set_up.striker.kind == FLOOR
+        result = self._dropped(set_up) if is_fall else self._struck(set_up)
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
@@ -453,11 +453,11 @@ def _evaluation(scene: Compiled, **known: object) -> Evaluation:
     return evaluate
 
 
-def _with_larger_patch(asked: SetUp, error: RangeError) -> SetUp:
+def _with_larger_patch(set_up: SetUp, error: RangeError) -> SetUp:
     """The set-up with a patch that carries the force; raises the error if a radius is given."""
-    if error.radius is None or asked.radius is not None:
+    if error.radius is None or set_up.radius is not None:
         raise error
-    return replace(asked, radius=rounded_up(error.radius))
+    return replace(set_up, radius=rounded_up(error.radius))
 
 
 def _strengths(blow: Blow) -> dict[str, Any]:

@@ -114,9 +114,9 @@ def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture
     return Picture(heading, caption, draw, ".svg")
 
 
-def curves(given: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
+def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
     """Draw curves over time: (name, times in s, values)."""
-    for name, time, values in islice(given, CURVES):
+    for name, time, values in islice(series, CURVES):
         ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
@@ -730,17 +730,17 @@ def _sample(results: Results) -> Presentation:
     )
 
 
-def _tradeoff(found: Results) -> Presentation:
+def _tradeoff(results: Results) -> Presentation:
     """Methods that were compared for an impact."""
-    compared = found.tradeoff
+    compared = results.tradeoff
     assert compared is not None
     table = {
-        "dofs": [one.dofs for one in compared.table],
-        "N": [one.n for one in compared.table],
-        "time (s)": [one.seconds for one in compared.table],
-        "peak (N)": [one.peak_force for one in compared.table],
-        "bar": [percent(one.bar) for one in compared.table],
-        "to finest": [percent(one.difference) for one in compared.table],
+        "dofs": [member.dofs for member in compared.table],
+        "N": [member.n for member in compared.table],
+        "time (s)": [member.seconds for member in compared.table],
+        "peak (N)": [member.peak_force for member in compared.table],
+        "bar": [percent(member.bar) for member in compared.table],
+        "to finest": [percent(member.difference) for member in compared.table],
     }
     about = (
         "Error bars of methods with coarse and fine meshes, with few and many anti-oscillators, and"

@@ -194,7 +194,7 @@ class RunData:
         for part in self.arrays().values():
             text.update(part.tobytes())
         names = [*self.input_variables, *self.output_variables, *self.parameter_variables]
-        text.update(repr([each.name for each in names]).encode())
+        text.update(repr([entry.name for entry in names]).encode())
         return text.hexdigest()[:32]
 
 

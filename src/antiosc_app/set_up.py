@@ -162,43 +162,45 @@ def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
     return values
 
 
-def scene_of(source: Source, asked: SetUp, duration: float) -> Table:
+def scene_of(source: Source, set_up: SetUp, duration: float) -> Table:
     """The sections of the scene of a set-up; `duration` of the impact [s]."""
     look = source.look
     title = f"An impact on {source.name}"
-    if asked.striker.kind == FLOOR:
-        part = _part(source, replace(asked, finer=False))
-        return {"title": f"A fall of {source.name}", **part, "drop": _drop(asked), "worst": {}}
-    site: Table = {"point": list(asked.point), "direction": list(asked.direction), "snap": True}
+    if set_up.striker.kind == FLOOR:
+        part = _part(source, replace(set_up, finer=False))
+        return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
+    site: Table = {"point": list(set_up.point), "direction": list(set_up.direction), "snap": True}
     if look.family == "Solid":
-        finer = FINER if asked.finer and source.geometry else 1.0
-        site["radius"] = asked.radius or rounded_up(RESOLVED * source.size_at(asked.point) / finer)
+        finer = FINER if set_up.finer and source.geometry else 1.0
+        site["radius"] = set_up.radius or rounded_up(
+            RESOLVED * source.size_at(set_up.point) / finer
+        )
     extract: Table = {"n": COUNT_OF_SHEET if look.family == "Shell" else COUNT}
-    if asked.damping:
-        extract["damping"] = asked.damping
+    if set_up.damping:
+        extract["damping"] = set_up.damping
     if look.bars:
         extract["error"] = "estimate"
     return {
         "title": title,
-        **_part(source, asked),
-        "supports": [dict(face_of(source, name)) for name in asked.held],
+        **_part(source, set_up),
+        "supports": [dict(face_of(source, name)) for name in set_up.held],
         "sites": {"struck": site},
         "extract": extract,
-        "impactor": _striker(asked.striker),
+        "impactor": _striker(set_up.striker),
         "simulate": {"duration": duration},
     }
 
 
-def _part(source: Source, asked: SetUp) -> Table:
+def _part(source: Source, set_up: SetUp) -> Table:
     """The sections of the part: mesh or geometry with material, or the deck."""
     look = source.look
     read = dict(source.look.read)
     if look.of_deck:
         return {"deck": {"path": source.name, **read}}
-    if asked.finer and source.geometry:
-        read["refine"] = [[list(asked.point), rounded_up(source.size_at(asked.point) / FINER)]]
-    material: Table = {"name": asked.material}
-    thickness = asked.thickness or look.thickness
+    if set_up.finer and source.geometry:
+        read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
+    material: Table = {"name": set_up.material}
+    thickness = set_up.thickness or look.thickness
     if look.family == "Shell":
         material["thickness"] = thickness
     if look.family == "Beam":
@@ -223,16 +225,16 @@ def _striker(striker: Striker) -> Table:
     return {"kind": "named_impactor", "name": striker.name}
 
 
-def _drop(asked: SetUp) -> Table:
+def _drop(set_up: SetUp) -> Table:
     """The section [drop]; the clicked place points down."""
-    striker = asked.striker
+    striker = set_up.striker
     floor: Table = {"friction": FRICTION}
     if striker.floor != RIGID_FLOOR:
         record = materials.record(striker.floor)
         known = {name: getattr(record, name) for name in ("E", "nu", "rho", "yield_strength")}
         floor["material"] = {name: value for name, value in known.items() if value is not None}
-    down = [-c for c in asked.direction]
-    options: Table = {"until": IMPACTS, "modes": MODES, "damping": asked.damping, "floor": floor}
+    down = [-c for c in set_up.direction]
+    options: Table = {"until": IMPACTS, "modes": MODES, "damping": set_up.damping, "floor": floor}
     return {"height": striker.height, "toward": down, "tilt": list(TILT), **options}
 
 

@@ -101,7 +101,7 @@ def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[s
     """The flat sides among faces without a name; sets their `owner`."""
     x = mesh.dolfinx.geometry.x
     size = mesh.extent()
-    held: dict[str, Held] = {}
+    sides: dict[str, Held] = {}
     side = sides_of(x, outer)
     for number in np.unique(side[owner == 0]):
         members = np.flatnonzero((side == number) & (owner == 0))
@@ -111,9 +111,9 @@ def _flat_sides(mesh: Mesh, outer: Faces, owner: IntArray, names: int) -> dict[s
         normal = outer.normals[members[0]]
         if not _on_plane(outer.corners[members], point, normal, size).all():
             continue
-        held[f"flat side {len(held) + 1}"] = {"plane": [point.tolist(), normal.tolist()]}
-        owner[(owner == 0) & _on_plane(outer.corners, point, normal, size)] = names + len(held)
-    return held
+        sides[f"flat side {len(sides) + 1}"] = {"plane": [point.tolist(), normal.tolist()]}
+        owner[(owner == 0) & _on_plane(outer.corners, point, normal, size)] = names + len(sides)
+    return sides
 
 
 def _on_plane(corners: Array, point: Array, normal: Array, size: float) -> BoolArray:

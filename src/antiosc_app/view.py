@@ -116,9 +116,9 @@ def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
         shown.close()
 
 
-def _file(given: str | os.PathLike[str]) -> Path:
+def _file(part: str | os.PathLike[str]) -> Path:
     """The path of an existing file."""
-    path = checks.path("the part", given)
+    path = checks.path("the part", part)
     if not path.is_file():
         raise InputError(f"there is no file {checks.shown(str(path))} to open.")
     check_size(path)

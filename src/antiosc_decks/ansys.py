@@ -184,10 +184,10 @@ def _component(count: int, rows: Iterator[Line]) -> list[int]:
     entries: list[int] = []
     while len(entries) < count:
         text, place = next(rows)
-        entries += [whole_number(one, place) for one in _cut(text, width)]
+        entries += [whole_number(number, place) for number in _cut(text, width)]
     numbers: list[int] = []
-    for one in entries:
-        numbers += range(numbers[-1] + 1, -one + 1) if one < 0 and numbers else [one]
+    for number in entries:
+        numbers += range(numbers[-1] + 1, -number + 1) if number < 0 and numbers else [number]
     return numbers
 
 
@@ -204,7 +204,7 @@ def _reals(archive: Archive, sets: int, rows: Iterator[Line]) -> None:
 
 
 def _deck(
-    archive: Archive, asked: Mapping[str, Sequence[int]]
+    archive: Archive, groups: Mapping[str, Sequence[int]]
 ) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
     """(deck, owner of each element: its material, real constants, section and place).
     `asked` names groups of elements by their numbers.
@@ -249,7 +249,7 @@ def _deck(
             "of its solids or shells (CDWRITE, DB)."
         )
     numbering = Numbering(np.array(numbers, dtype=np.int64))
-    deck.name_elements(asked, np.array(numbers))
+    deck.name_elements(groups, np.array(numbers))
     for name, (of_nodes, members) in archive.components.items():
         rows_of = (nodes if of_nodes else numbering).rows(np.array(members, dtype=np.int64))
         if (rows_of >= 0).any():

@@ -201,7 +201,7 @@ def finished(builder: ModelBuilder) -> Model:
     plane = not builder.truss and not present <= JOINED
     count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, held = _held(builder, count, fixed_points)
+    pieces, supported = _held(builder, count, fixed_points)
     if not joined:
         joints.springs = []
     # N/m, and N m of rotations
@@ -237,7 +237,7 @@ def finished(builder: ModelBuilder) -> Model:
         "apart": builder.apart,
         "fixed_points": fixed_points,
         "pieces": pieces,
-        "held": held,
+        "held": supported,
     }
 
 
@@ -377,18 +377,18 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
     return supports
 
 
-def _keep(builder: ModelBuilder, kept: BoolArray) -> None:
+def _keep(builder: ModelBuilder, mask: BoolArray) -> None:
     """Keep the marked elements; drop the others and what acts on nodes of theirs alone."""
-    if kept.all():
+    if mask.all():
         return
     deck = builder.deck
     gone = builder.gone
-    blocks = [block[kept[rows]] for block, rows in deck.numbered()]
+    blocks = [block[mask[rows]] for block, rows in deck.numbered()]
     deck.blocks = [block for block in blocks if len(block)]
-    number = np.cumsum(kept) - 1
+    number = np.cumsum(mask) - 1
     sets = deck.element_sets.items()
-    deck.element_sets = {name: number[members[kept[members]]] for name, members in sets}
-    builder.of_element = builder.of_element[kept]
+    deck.element_sets = {name: number[members[mask[members]]] for name, members in sets}
+    builder.of_element = builder.of_element[mask]
     dropped = builder.joints.keep(
         lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone))
     )

@@ -394,9 +394,9 @@ def _own_ends(
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    own = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    moved = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
     following = [tuple(c for c in range(6) if c not in released) for released in pins]
-    return {k: (places[k], following[k], axes) for k in own}
+    return {k: (places[k], following[k], axes) for k in moved}
 
 
 def offsets_of(deck: NastranDeck, entry: Entry) -> Array:

@@ -244,10 +244,10 @@ class CoincidentNodes:
         """
         if not all(number in rows for number in numbers):
             return None
-        own = np.array([self._position(number) for number in numbers])
-        reach = TIED_NEAR * float(np.linalg.norm(own - own.mean(axis=0), axis=1).max())
+        positions = np.array([self._position(number) for number in numbers])
+        reach = TIED_NEAR * float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
         total: dict[int, float] = {}
-        for number, weight, x in zip(numbers, weights, own, strict=True):
+        for number, weight, x in zip(numbers, weights, positions, strict=True):
             first, *others = self.equations[rows[number]]
             shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
             if any(m != motion or n < 0 for n, m, c in others if n in shares):
@@ -266,8 +266,8 @@ class CoincidentNodes:
             mesh = self.nodes.meshes[k]
             if mesh.member.part.form.components.get(names[motion % 3]) is None:
                 continue
-            own = mesh.numbers[cell].tolist()
-            X = sum(w * mesh.reference_points[own.index(n)] for n, w in total.items())
+            positions = mesh.numbers[cell].tolist()
+            X = sum(w * mesh.reference_points[positions.index(n)] for n, w in total.items())
             three = self.nodes.layout.at_points(mesh.member, np.array([cell]), X[None], names)
             return three[[motion % 3]]
         return None

@@ -93,8 +93,8 @@ def calls_in(value: object) -> Iterator[Call]:
         yield from calls_in(value.arguments)
         yield value
     elif isinstance(value, Mapping | list | tuple):
-        for each in value.values() if isinstance(value, Mapping) else value:
-            yield from calls_in(each)
+        for entry in value.values() if isinstance(value, Mapping) else value:
+            yield from calls_in(entry)
 
 
 def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -> Any:
@@ -102,9 +102,9 @@ def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -
     if isinstance(value, Call):
         return made(value)
     if isinstance(value, dict):
-        return {key: replaced(each, made) for key, each in value.items()}
+        return {key: replaced(entry, made) for key, entry in value.items()}
     if type(value) in (list, tuple):
-        return type(value)(replaced(each, made) for each in value)
+        return type(value)(replaced(entry, made) for entry in value)
     return value
 
 
@@ -157,7 +157,7 @@ def _material_table(value: object) -> object:
         return value
     if "name" in value:
         return {KIND: "material", **value}
-    return {group: _material_table(each) for group, each in value.items()}
+    return {group: _material_table(entry) for group, entry in value.items()}
 
 
 class Builder:
@@ -215,10 +215,12 @@ class Builder:
         made = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
         return [call for call in made if call is not None]
 
-    def named(self, name: str, given: Table | None = None) -> dict[str, Call]:
+    def named(self, name: str, arguments: Table | None = None) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
         tables = self.part(name).items()
-        made = {key: self.call(SECTIONS[name], table, (name, key), given) for key, table in tables}
+        made = {
+            key: self.call(SECTIONS[name], table, (name, key), arguments) for key, table in tables
+        }
         return {key: call for key, call in made.items() if call is not None}
 
     # -- calls
@@ -291,11 +293,15 @@ class Builder:
                 values[key] = self.value(known[key], value, (*place, key))
             except Mistake:
                 whole = False
-        missing = [one for one in known.values() if one.needed and one.name not in table]
+        missing = [
+            parameter
+            for parameter in known.values()
+            if parameter.needed and parameter.name not in table
+        ]
         named = {nearest(key, known) for key in table if missing and key not in known}
-        for one in missing:
-            if one.name not in named:  # a key that does not exist means it
-                what = f"{one.name!r}, {words(one.kinds)}{_about(one.about)}"
+        for parameter in missing:
+            if parameter.name not in named:  # a key that does not exist means it
+                what = f"{parameter.name!r}, {words(parameter.kinds)}{_about(parameter.about)}"
                 self.note(place, f"{label(place)} lacks {what}.")
         return values, whole and not missing
 
@@ -314,7 +320,7 @@ class Builder:
 
     def _tried(self, call: Call) -> Call | None:
         """The call with its object; None after noting what its constructor refuses."""
-        if any(each.made is None for each in calls_in(call.arguments)):
+        if any(inner.made is None for inner in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
         messages: list[str] = []
         try:
@@ -325,7 +331,7 @@ class Builder:
         except Exception as error:
             self.note(*call.refused(error))
             return None
-        self.warnings += [one for one in messages if one not in self.warnings]
+        self.warnings += [message for message in messages if message not in self.warnings]
         return replace(call, made=made)
 
     # -- values
@@ -373,8 +379,8 @@ class Builder:
                     sentence = f"{label(place)} has node numbers as keys; got {key!r}."
                     self._wrong((*place, key), sentence)
             return {
-                int(key) if nodes else key: self._converted(kind.items, one, (*place, key), about)
-                for key, one in value.items()
+                int(key) if nodes else key: self._converted(kind.items, entry, (*place, key), about)
+                for key, entry in value.items()
             }
         if kind.name == "object":
             made = self.call(constructors_of(kind.kind), value, place)
@@ -398,7 +404,7 @@ class Builder:
             if path.exists():
                 what = "which is no regular file"
             elif path.parent.is_dir():
-                siblings = [each.name for each in islice(path.parent.iterdir(), 1000)]
+                siblings = [sibling.name for sibling in islice(path.parent.iterdir(), 1000)]
                 close = nearest(path.name, siblings, 0.7)
                 what += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes

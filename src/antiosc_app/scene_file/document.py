@@ -150,9 +150,9 @@ def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Pl
     if isinstance(value, dict):
         for key in filter(_CONTROL.search, value):
             problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
-        yield from (((*place, key), each) for key, each in value.items())
+        yield from (((*place, key), entry) for key, entry in value.items())
     elif isinstance(value, list):
-        yield from (((*place, i), each) for i, each in enumerate(value))
+        yield from (((*place, i), entry) for i, entry in enumerate(value))
     elif isinstance(value, str) and _CONTROL.search(value):
         problems.add(place, f"the text holds a control character: {checks.shown(value)}.")
 

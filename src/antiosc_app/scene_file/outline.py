@@ -91,37 +91,37 @@ class Outline:
         return replace(self, low=x.min(axis=0), high=x.max(axis=0))
 
 
-def check(found: Compiled) -> list[str]:
+def check(compiled: Compiled) -> list[str]:
     """Note groups that do not exist and points outside the part, and raise; return sentences.
 
     They describe the box and the groups of each file, or say why it was not read.
     """
-    problems = found.document.problems
+    problems = compiled.document.problems
     sentences = []
     known: dict[str, Outline] = {}
-    calls = list(dict.fromkeys(calls_in(list(vars(found).values()))))
-    for part, call in _meshes(found):
+    calls = list(dict.fromkeys(calls_in(list(vars(compiled).values()))))
+    for part, call in _meshes(compiled):
         try:
-            known[part] = one = outline(call)
+            known[part] = shape = outline(call)
         except InputError as error:
             message = f"{_path(call).name} cannot be read: {error}"
-            problems.add(call.place, message + _picture(found, error))
+            problems.add(call.place, message + _picture(compiled, error))
             continue
         except AntioscError as error:
             sentences.append(f"{_path(call).name} was not looked at: {error}")
             continue
-        sentences.append(f"{one.name} reaches {one.text()}.")
+        sentences.append(f"{shape.name} reaches {shape.text()}.")
         for place, group in _named(calls, part):
-            if group not in one.groups and group not in SIDES:
-                what = f"{label(place)}: in {one.name} the group"
-                problems.add(place, unknown(what, group, one.groups))
-    if known and len(known) == sum(1 for _ in _meshes(found)):
-        _check_points(found, calls, known)
+            if group not in shape.groups and group not in SIDES:
+                what = f"{label(place)}: in {shape.name} the group"
+                problems.add(place, unknown(what, group, shape.groups))
+    if known and len(known) == sum(1 for _ in _meshes(compiled)):
+        _check_points(compiled, calls, known)
     problems.raise_if_any()
     return sentences
 
 
-def _picture(found: Compiled, error: InputError) -> str:
+def _picture(compiled: Compiled, error: InputError) -> str:
     """Draw the unconnected pieces of a part beside the scene; returns a sentence with the file's
     name.
 
@@ -129,54 +129,54 @@ def _picture(found: Compiled, error: InputError) -> str:
     """
     if not isinstance(error, PiecesError) or not error.pieces:
         return ""
-    path = found.document.path.with_suffix(pieces.ENDING)
+    path = compiled.document.path.with_suffix(pieces.ENDING)
     with contextlib.suppress(AntioscError):
         return f" A picture of them: {pieces.draw(error.pieces, path)}."
     return ""
 
 
-def outlines(found: Compiled) -> list[Outline]:
+def outlines(compiled: Compiled) -> list[Outline]:
     """The outlines of all files that can be read."""
     known = []
-    for _, call in _meshes(found):
+    for _, call in _meshes(compiled):
         with contextlib.suppress(AntioscError):
             known.append(outline(call))
     return known
 
 
-def _check_points(found: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
+def _check_points(compiled: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
         from antiosc.extension import placement
-    at = {} if found.structure is None else found.structure.arguments.get("at", {})
+    at = {} if compiled.structure is None else compiled.structure.arguments.get("at", {})
     boxes = {
-        part: one.placed(placement(part, at[part].made if part in at else None))
-        for part, one in known.items()
+        part: shape.placed(placement(part, at[part].made if part in at else None))
+        for part, shape in known.items()
     }
     for call in calls:
         key = "at" if "at" in call.arguments else "point"
         point = call.arguments.get(key)
         snap = call.arguments.get("snap")
-        if not isinstance(point, tuple) or call.place[:1] not in {(one,) for one in POINTS}:
+        if not isinstance(point, tuple) or call.place[:1] not in {(shape,) for shape in POINTS}:
             continue
         x = np.resize([*point, 0.0], 3)
         part = call.arguments.get("part")
         boxes_of_part = [boxes[part]] if part in boxes else list(boxes.values())
-        nearest = min(boxes_of_part, key=lambda one: one.distance(x))
+        nearest = min(boxes_of_part, key=lambda shape: shape.distance(x))
         off = nearest.distance(x)
         place = (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):
             box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
             sentence = f"{label(place)}: the point {checks.point_text(x)} lies {off:.3g} m outside"
             sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
-            found.document.problems.add(place, sentence)
+            compiled.document.problems.add(place, sentence)
 
 
-def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
+def _meshes(compiled: Compiled) -> Iterator[tuple[str, Call]]:
     """("" or name of a part, the call of read_mesh or read_model)."""
-    source = found.structure
-    if source is None and found.history is not None and found.striking:
-        source = found.history.arguments["source"]
+    source = compiled.structure
+    if source is None and compiled.history is not None and compiled.striking:
+        source = compiled.history.arguments["source"]
         if isinstance(source, str):
             source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
     for call in calls_in(source):
@@ -232,8 +232,8 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
         unit = call.arguments.get("unit")
         keys = ("solid", "fragments", "piece")
         options = {key: call.arguments[key] for key in keys if key in call.arguments}
-        found = opened(path, None if unit is None else UnitSystem.of(unit), **options)
-        return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
+        contents = opened(path, None if unit is None else UnitSystem.of(unit), **options)
+        return list(contents.groups), [(contents.points, call.arguments.get("size") or 0.0)]
     if call.name == "read_model":
         names, raws = outline_of_deck(**call.arguments)
         return names, [(raw.points, _largest(raw.points[raw.cells])) for raw in raws]

@@ -54,16 +54,16 @@ def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
     """Make objects of a scene; SceneFileError with the line where one of them fails."""
     evaluate = Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
-    found = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
-    with collected_warnings(found.warnings):
+    results_of_run = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
+    with collected_warnings(results_of_run.warnings):
         for name in wanted:
-            setattr(found, name, evaluate(getattr(compiled, name)))
-        hit = found.history
+            setattr(results_of_run, name, evaluate(getattr(compiled, name)))
+        hit = results_of_run.history
         if hit and (compiled.striking or (compiled.scene is None and hit.assembly.stretched)):
-            found.model = hit.model
+            results_of_run.model = hit.model
         if compiled.striking and hit:
-            found.structure = found.structure or hit.structure
-    return found
+            results_of_run.structure = results_of_run.structure or hit.structure
+    return results_of_run
 
 
 @contextlib.contextmanager
@@ -132,8 +132,8 @@ def variant(
     for place, value in values.items():
         table = data
         for key in map(str, place[:-1]):
-            own = table.get(key)
-            table[key] = dict(own) if isinstance(own, dict) else {}
+            section = table.get(key)
+            table[key] = dict(section) if isinstance(section, dict) else {}
             table = table[key]
         table[str(place[-1])] = value
     return Builder(replace(build.document, data=data, problems=replace(main, origins=origins)))
@@ -151,7 +151,7 @@ def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
     return {}
 
 
-def sweep(build: Builder, found: Compiled) -> Call | None:
+def sweep(build: Builder, compiled: Compiled) -> Call | None:
     """The batch; None without [sweep], or after a mistake in it."""
     lists = varied(build)
     known = _known(build)
@@ -179,9 +179,9 @@ def sweep(build: Builder, found: Compiled) -> Call | None:
         text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
         build.note(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
         return None
-    if not lists or None in (found.model, found.impactor, found.contact, found.history):
+    if not lists or None in (compiled.model, compiled.impactor, compiled.contact, compiled.history):
         return None
-    return _batch(build, found, lists, next(iter(sizes.values())))
+    return _batch(build, compiled, lists, next(iter(sizes.values())))
 
 
 def _known(build: Builder) -> list[str]:
@@ -194,32 +194,32 @@ def _known(build: Builder) -> list[str]:
 def _of_batch() -> list[str]:
     """The keys of [simulate] of which a batch takes lists."""
     batch = parameters("simulate_many")
-    one = parameters("simulate")
-    return [name for name in batch if name in one and DATA in batch[name].kinds]
+    of_one = parameters("simulate")
+    return [name for name in batch if name in of_one and DATA in batch[name].kinds]
 
 
 def _batch(
-    build: Builder, found: Compiled, lists: Mapping[Place, list[object]], count: int
+    build: Builder, compiled: Compiled, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
     table = build.part("simulate")
     swept = {place[0] for place in lists}
-    stretches = _stretching(build, found.structure, found.model)
+    stretches = _stretching(build, compiled.structure, compiled.model)
     rows: list[tuple[Call | None, ...]] = []
     times: dict[str, list[object]] = {str(p[1]): [] for p in lists if p[0] == "simulate"}
     for i in range(count):
-        values = {place: each[i] for place, each in lists.items()}
+        values = {place: entries[i] for place, entries in lists.items()}
         origins = {place: ("sweep", *place, i) for place in lists}
         other = variant(build, values, origins, build.document.problems)
         # only what the values change is made anew
-        same = (found.impactor, found.contact)
+        same = (compiled.impactor, compiled.contact)
         part = stretches if swept <= {*VARIED} else _model(other)
         rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
         if times:
             named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
             hit = other.table("simulate", given=dict(named))
-            for name, each in times.items():
-                each.append(None if hit is None else hit.arguments[name])
+            for name, entries in times.items():
+                entries.append(None if hit is None else hit.arguments[name])
         build.warnings += [
             sentence for sentence in other.warnings if sentence not in build.warnings
         ]
@@ -232,8 +232,8 @@ def _batch(
 
 def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
     """A model for many impacts, with second-order forces unless [extract] says otherwise."""
-    asked = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
-    linear = {"step", "n"} & set(asked) or asked.get("method", "exact") != "exact"
+    options = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
+    linear = {"step", "n"} & set(options) or options.get("method", "exact") != "exact"
     if None in (part, made) or linear or "stretch" in build.part("extract"):
         return made
 
@@ -263,28 +263,28 @@ def _model(build: Builder) -> Call | None:
 # -- [monte_carlo]
 
 
-def monte_carlo(build: Builder, found: Compiled) -> Call | None:
+def monte_carlo(build: Builder, compiled: Compiled) -> Call | None:
     """The study of [monte_carlo]; None without it, or after a mistake in it."""
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
         return None
     drawn = {name: value for name, value in table.items() if isinstance(value, dict)}
     rest = {name: value for name, value in table.items() if name not in drawn}
-    point = _surface(build, found.structure, drawn.pop(POINT)) if POINT in drawn else None
+    point = _surface(build, compiled.structure, drawn.pop(POINT)) if POINT in drawn else None
     inputs = _inputs(build, drawn)
     if not inputs and POINT not in table:
         like = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
         build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {like}.")
     shared = {place: law for place, law in inputs.items() if place[0] not in VARIED}
-    models = point if POINT in table else _stretching(build, found.structure, found.model)
+    models = point if POINT in table else _stretching(build, compiled.structure, compiled.model)
     if shared and POINT in table:
         build.note(("monte_carlo",), "[monte_carlo] draws points, or values of the structure.")
     elif shared:
-        models = _nearby(build, found, shared)
-    if models is None or found.history is None or None in inputs.values():
+        models = _nearby(build, compiled, shared)
+    if models is None or compiled.history is None or None in inputs.values():
         return None
     names = {label(place): place for place in inputs}
-    run = partial(_run, build, names, found.history.arguments["duration"])
+    run = partial(_run, build, names, compiled.history.arguments["duration"])
     laws = {label(place): law for place, law in inputs.items()}
     laws |= {POINT: point} if POINT in table else {}
     arguments = {"run": Call(run, {"models": models}), "inputs": laws}
@@ -318,10 +318,10 @@ def _surface(build: Builder, structure: Call | None, table: object) -> Call | No
     return build.call(("impact_map",), table, ("monte_carlo", POINT), withheld)
 
 
-def _nearby(build: Builder, found: Compiled, inputs: Mapping[Place, Call | None]) -> Call | None:
+def _nearby(build: Builder, compiled: Compiled, inputs: Mapping[Place, Call | None]) -> Call | None:
     """The models of structures with other values."""
     sites = build.named("sites")
-    if found.structure is None or len(sites) != 1:
+    if compiled.structure is None or len(sites) != 1:
         build.note(("monte_carlo",), "values of the structure are drawn where there is one site.")
         return None
     names = {label(place): place for place in inputs}
@@ -359,7 +359,7 @@ def _run(
         other.document.problems.raise_if_any()
         for sentence in other.warnings:
             warn(sentence)
-        made = (None if one is None else one.made for one in both)
+        made = (None if call is None else call.made for call in both)
         model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
         return (model, *made, duration)
 
@@ -369,14 +369,14 @@ def _run(
 # -- [map]
 
 
-def surface(build: Builder, found: Compiled) -> Call | None:
+def surface(build: Builder, compiled: Compiled) -> Call | None:
     """The map of [map]."""
-    arguments: dict[str, object] = {"structure": found.structure}
+    arguments: dict[str, object] = {"structure": compiled.structure}
     table = dict(build.part("map"))
     if table.get("where") == []:
         build.note(("map", "where"), "map.where: a map needs at least one point or group.")
     if "map" in build.data and {"impactor", "contact"} & set(build.data):
-        arguments |= {"impactor": found.impactor, "contact": found.contact}
+        arguments |= {"impactor": compiled.impactor, "contact": compiled.contact}
         if "duration" in build.part("simulate"):
             table.setdefault("duration", build.part("simulate")["duration"])
         if "duration" not in table:

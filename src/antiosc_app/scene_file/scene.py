@@ -344,23 +344,23 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
 
 
 def _struck_by(
-    run: Callable[..., History], given: dict[str, Any], model: AntiOscillators
+    run: Callable[..., History], arguments: dict[str, Any], model: AntiOscillators
 ) -> History:
     """An impact, or a scene of several bodies, on another model of the structure."""
-    scene = given.get("self")
+    scene = arguments.get("self")
     if scene is None:
-        return run(model=model, **given)
+        return run(model=model, **arguments)
     other = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
-    return run(**{**given, "self": other})
+    return run(**{**arguments, "self": other})
 
 
 #: Keys of [simulate] that may close a gap which the impactor opens.
 _CLOSING = {"initial_velocity", "gravity"}
 
 
-def _warn_of_opening(build: Builder, found: Compiled) -> None:
+def _warn_of_opening(build: Builder, compiled: Compiled) -> None:
     """Warn of an impactor that flies away from the structure."""
-    speed = getattr(getattr(found.impactor, "made", None), "velocity", 0.0)
+    speed = getattr(getattr(compiled.impactor, "made", None), "velocity", 0.0)
     if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
         build.warnings.append(
             f"impactor.velocity = {speed:g} m/s leads away from the structure, which is not "
@@ -368,12 +368,12 @@ def _warn_of_opening(build: Builder, found: Compiled) -> None:
         )
 
 
-def search(build: Builder, found: Compiled) -> None:
+def search(build: Builder, compiled: Compiled) -> None:
     sensors = list(build.named("sensors").values())
-    arguments: dict[str, object] = {"structure": found.structure, "sensors": sensors}
+    arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
     both = zip(("impactor", "contact"), pair(build), strict=True)
     arguments |= {name: call for name, call in both if name in build.data}
-    found.found = build.table("find", given=arguments)
+    compiled.found = build.table("find", given=arguments)
 
 
 def own_laws(variable: str, table: object, body: Call | None) -> Methods:
@@ -386,11 +386,11 @@ def own_laws(variable: str, table: object, body: Call | None) -> Methods:
     else:
         kind = table.get(KIND) if isinstance(table, dict) else None
         classes = [c for c in map(resolved, SECTIONS["bodies"].makes) if inspect.isclass(c)]
-        classes = [each for each in classes if each.__name__ == kind] or classes
+        classes = [law_class for law_class in classes if law_class.__name__ == kind] or classes
     return {
-        f"{variable}.{law}": (f"{each.__name__}.{law}", body)
-        for each in classes
-        for law in _laws_of(each)
+        f"{variable}.{law}": (f"{law_class.__name__}.{law}", body)
+        for law_class in classes
+        for law in _laws_of(law_class)
     }
 
 
@@ -409,8 +409,8 @@ Bodies: TypeAlias = Mapping[str, Call | None]
 STRUCTURE = "structure"
 
 
-def several(build: Builder, found: Compiled) -> None:
-    structure = {STRUCTURE: found.model} if source(build) else {}
+def several(build: Builder, compiled: Compiled) -> None:
+    structure = {STRUCTURE: compiled.model} if source(build) else {}
     named = build.named("bodies")
     tables = build.part("bodies")
     if STRUCTURE in tables and structure:
@@ -428,12 +428,12 @@ def several(build: Builder, found: Compiled) -> None:
         build.names("body", name, bodies_by_name, ("motion", name))
     more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
     more |= {"motion": build.named("motion")}
-    arguments |= {name: one for name, one in more.items() if one}
-    found.scene = build.table("scene", always=True, given=arguments)
+    arguments |= {name: call for name, call in more.items() if call}
+    compiled.scene = build.table("scene", always=True, given=arguments)
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
-    made = build.table("run", given={"self": found.scene})
-    found.history = _with_second_order(build, found, made) if structure else made
+    made = build.table("run", given={"self": compiled.scene})
+    compiled.history = _with_second_order(build, compiled, made) if structure else made
 
 
 def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:

@@ -87,7 +87,7 @@ class Kind:
         if self.name == "choice":
             return " or ".join(f'"{option}"' for option in self.options)
         if self.each:
-            return f"a list [{', '.join(words(each).removeprefix('a ') for each in self.each)}]"
+            return f"a list [{', '.join(words(kinds).removeprefix('a ') for kinds in self.each)}]"
         if self.name in ("list", "table"):
             return f"a {self.name} of {plural(self.items)}"
         return _KINDS[self.name][1]
@@ -127,8 +127,8 @@ class _Names(dict[str, object]):
     """Names that annotations refer to; those imported for type checkers alone are Unknown."""
 
     def __missing__(self, name: str) -> object:
-        known = (vars(one).get(name) for one in (builtins, typing, collections.abc))
-        return next((one for one in known if one is not None), Unknown)
+        known = (vars(module).get(name) for module in (builtins, typing, collections.abc))
+        return next((module for module in known if module is not None), Unknown)
 
 
 _PLAIN: dict[object, Kind] = {
@@ -149,10 +149,10 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
     if origin in (typing.Union, types.UnionType):
         if complex in arguments:  # NumPy's ArrayLike
             return (DATA,)
-        own = (kind for part in arguments if part is not Unknown for kind in kinds_of(part))
-        return tuple(dict.fromkeys(own))
+        inner = (kind for part in arguments if part is not Unknown for kind in kinds_of(part))
+        return tuple(dict.fromkeys(inner))
     if origin is typing.Literal:
-        texts = tuple(one for one in arguments if isinstance(one, str))
+        texts = tuple(text for text in arguments if isinstance(text, str))
         flags = (FLAG,) if len(texts) < len(arguments) else ()
         if texts:
             return (Kind("choice", texts), *flags)
@@ -218,8 +218,8 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     # fields of dataclasses have checks; the values of a batch are lists
     checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
     if dataclasses.is_dataclass(call):
-        metadata = {one.name: one.metadata for one in dataclasses.fields(call)}
-        checked = {key: each["check"] for key, each in metadata.items() if "check" in each}
+        metadata = {entry.name: entry.metadata for entry in dataclasses.fields(call)}
+        checked = {key: data["check"] for key, data in metadata.items() if "check" in data}
     by_name = {}
     for name, parameter in inspect.signature(
         call, globals=names, locals=names, eval_str=True
@@ -524,8 +524,8 @@ def _closed(properties: Mapping[str, object]) -> dict[str, object]:
     return {"type": "object", "additionalProperties": False, "properties": dict(properties)}
 
 
-def _many(one: object) -> dict[str, object]:
-    return {"type": "object", "additionalProperties": one}
+def _many(schema: object) -> dict[str, object]:
+    return {"type": "object", "additionalProperties": schema}
 
 
 def _sections(known: Mapping[str, Section]) -> dict[str, object]:
@@ -546,14 +546,14 @@ def _section(name: str, section: Section) -> dict[str, object]:
         return _closed(properties | drawn | {POINT: _one_of(["impact_map"], ["structure"])})
     if section.inner:
         return _many(_sections(section.inner))
-    one = _one_of(section.makes, taken, methods=name == "contact")
+    schema = _one_of(section.makes, taken, methods=name == "contact")
     if section.form == "list":
-        return {"type": "array", "items": one}
+        return {"type": "array", "items": schema}
     if section.form == "named":
         if section.alone:
-            return {"anyOf": [one, _many(one), _NAME, _many(_NAME)]}
-        return _many(one)
-    return one
+            return {"anyOf": [schema, _many(schema), _NAME, _many(_NAME)]}
+        return _many(schema)
+    return schema
 
 
 #: A material by its name.
@@ -561,12 +561,12 @@ _NAME = {"type": "string"}
 
 
 def _one_of(
-    makes: Sequence[str], given: Iterable[str] = (), methods: bool = False
+    makes: Sequence[str], passed: Iterable[str] = (), methods: bool = False
 ) -> dict[str, object]:
     """A table of one of several kinds; `methods`: also of laws that a body makes."""
     tables = []
     for name in makes:
-        known = {n: p for n, p in parameters(name).items() if n not in set(given)}
+        known = {n: p for n, p in parameters(name).items() if n not in set(passed)}
         kind: dict[str, object] = {KIND: {"const": name}} if len(makes) > 1 else {}
         needed = [*kind, *(n for n, p in known.items() if p.needed)]
         table = _closed(kind | {n: _parameter(p) for n, p in known.items()})
@@ -580,12 +580,12 @@ def _one_of(
     return {"anyOf": tables}
 
 
-def _parameter(one: Parameter) -> dict[str, object]:
-    kinds = _any(one.kinds)
-    if one.about:
-        kinds["description"] = one.about
-    if isinstance(one.default, bool | int | float | str) and one.default != "":
-        kinds["default"] = one.default
+def _parameter(parameter: Parameter) -> dict[str, object]:
+    kinds = _any(parameter.kinds)
+    if parameter.about:
+        kinds["description"] = parameter.about
+    if isinstance(parameter.default, bool | int | float | str) and parameter.default != "":
+        kinds["default"] = parameter.default
     return kinds
 
 
@@ -598,7 +598,7 @@ def _any(kinds: Sequence[Kind]) -> dict[str, object]:
 
 def _kind(kind: Kind) -> dict[str, object]:
     if kind.each:
-        entries = [_any(each) for each in kind.each]
+        entries = [_any(entry) for entry in kind.each]
         return {"type": "array", "prefixItems": entries, "minItems": len(entries)}
     if kind.name == "list":
         return {"type": "array", "items": _any(kind.items)}

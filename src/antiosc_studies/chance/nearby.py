@@ -208,7 +208,7 @@ def nearby(
         If the error is larger than `tol`.
     """
     checks.function("build", build, "a function of the parameters")
-    limits = {name: _range(name, given) for name, given in _named(ranges).items()}
+    limits = {name: _range(name, range_of) for name, range_of in _named(ranges).items()}
     check_signature("build", build, limits)
     tol = checks.tolerance(tol)
     n = checks.whole("n", n)
@@ -266,11 +266,11 @@ def _named(ranges: object) -> dict[str, Any]:
     return by_name
 
 
-def _range(name: str, given: object) -> tuple[float, float]:
+def _range(name: str, value: object) -> tuple[float, float]:
     """(low, high) of a parameter."""
-    if hasattr(given, "ppf"):
-        given = quantiles(name, given, np.array([(1 - COVERED) / 2, (1 + COVERED) / 2]))
-    low, high = checks.floats(f"the range of {name}", given, (2,)).tolist()
+    if hasattr(value, "ppf"):
+        value = quantiles(name, value, np.array([(1 - COVERED) / 2, (1 + COVERED) / 2]))
+    low, high = checks.floats(f"the range of {name}", value, (2,)).tolist()
     if not low < high:
         raise InputError(f"the range of {name} must have low < high; got {low:g} and {high:g}.")
     return low, high
@@ -299,7 +299,7 @@ def _powers(x: Array, terms: list[tuple[int, ...]]) -> Array:
 def _model(row: Array, rigid: int, shift: float, n: int) -> AntiOscillators:
     """The model of a row of `Family.projected`; the first `rigid` modes are rigid-body modes."""
     size = int(np.sqrt(row.size / 2))  # 2 size² + size + 1 entries
-    K, M = (each.reshape(size, size) for each in row[: 2 * size**2].reshape(2, -1))
+    K, M = (block.reshape(size, size) for block in row[: 2 * size**2].reshape(2, -1))
     b = row[2 * size**2 : -1]
     stiffness = row[-1]
     x, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)

@@ -283,7 +283,7 @@ def _band(values: Array, rate: float) -> float:
     w, power = _spectrum(values, rate)
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
     above = np.cumsum(power - floor, axis=0)
-    ends = [w[np.argmax(one > IN_BAND * one.max())] for one in above.T]
+    ends = [w[np.argmax(spectrum > IN_BAND * spectrum.max())] for spectrum in above.T]
     return float(max(max(ends), w[LINES]))
 
 

@@ -587,23 +587,25 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
     }
 
 
-def _matched(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]:
+def _matched(first: dict[str, Array], second: dict[str, Array]) -> dict[str, Array]:
     """The modes `other` with signs matched to `one`; NotDifferentiableError if they do not
     match.
     """
-    size = one["omega"].size
-    if any(one[n].shape != other[n].shape for n in one):
+    size = first["omega"].size
+    if any(first[n].shape != second[n].shape for n in first):
         raise NotDifferentiableError(
             "the number of modes of the damped bodies changes with a parameter: change its damping"
             " by a per cent."
         )
-    signatures = [np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (one, other)]
-    scale = np.stack([np.ones(size), one["omega"][0]])  # of a and of b
+    signatures = [
+        np.concatenate([v["B"], v["loads"]]).reshape(-1, 2, size) for v in (first, second)
+    ]
+    scale = np.stack([np.ones(size), first["omega"][0]])  # of a and of b
     signs = np.where(np.sum(signatures[0] * signatures[1] * scale**2, axis=(0, 1)) < 0, -1.0, 1.0)
     for n in ("B", "V", "rigid", "beta", "loads", "state"):
-        other[n] = (other[n].reshape(-1, 2, size) * signs).reshape(other[n].shape)
-    pairs = [(one[n], other[n]) for n in ("omega", "decay")]
-    pairs.append((one["B"][:, :size], other["B"][:, :size]))
+        second[n] = (second[n].reshape(-1, 2, size) * signs).reshape(second[n].shape)
+    pairs = [(first[n], second[n]) for n in ("omega", "decay")]
+    pairs.append((first["B"][:, :size], second["B"][:, :size]))
     for a, b in pairs:
         deviation = np.abs(b - a) / np.maximum(
             np.abs(a).max(axis=0), VISIBLE * np.abs(a).max(initial=1e-300)
@@ -613,4 +615,4 @@ def _matched(one: dict[str, Array], other: dict[str, Array]) -> dict[str, Array]
                 "two poles of the damped bodies nearly fall together: their modes turn into each"
                 " other within a small change; change the damping by a per cent."
             )
-    return other
+    return second

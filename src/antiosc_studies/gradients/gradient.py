@@ -84,10 +84,10 @@ class Gradient(Completed):
         if name.startswith("_"):
             raise AttributeError(name)
         parts = (*self.bodies.values(), *self.contacts.values())
-        holders = [each for each in parts if name in each]
+        holders = [part for part in parts if name in part]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted({n for each in parts for n in each})
+        known = sorted({n for part in parts for n in part})
         reason = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {reason}; take it from bodies[name] or contacts[a, "
@@ -140,9 +140,9 @@ class Gradient(Completed):
     def _lines(self, label: str) -> list[tuple[str, str]]:
         """The derivatives by parameters of each contact and each body."""
         return [
-            (label, ", ".join(f"{n} {value_text(v)}" for n, v in each.items() if value_text(v)))
-            for each in (*self.contacts.values(), *self.bodies.values())
-            if each
+            (label, ", ".join(f"{n} {value_text(v)}" for n, v in slopes.items() if value_text(v)))
+            for slopes in (*self.contacts.values(), *self.bodies.values())
+            if slopes
         ]
 
 
@@ -308,14 +308,16 @@ def _of_part(
             return changed_model(hit, taken[which], name, *made) / share
 
         to = {which: partial(change, which) for which in chains}
-        own = dict(zip(to, by_part(list(to.values()), part), strict=True))
-        return [own.get(which, {}) for which in range(len(taken))]
+        of_body = dict(zip(to, by_part(list(to.values()), part), strict=True))
+        return [of_body.get(which, {}) for which in range(len(taken))]
     checks.function("part", part, "a Structure, or a function of x that builds one", 1)
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
     changes = [
-        lambda *ends, own=own, turned=turned: changed_model(hit, own, name, *map(turned, ends))
-        for own, turned in zip(taken, models, strict=True)
+        lambda *ends, of_body=of_body, turned=turned: changed_model(
+            hit, of_body, name, *map(turned, ends)
+        )
+        for of_body, turned in zip(taken, models, strict=True)
     ]
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
@@ -363,7 +365,7 @@ def _by_law(law: ContactLaw, by: Array) -> Values:
     """Derivatives by the parameters of a law, by name; a table has none."""
     if law.kernel[0].kind == library.TABLE:  # type: ignore[attr-defined]
         return {}
-    names = [each.name for each in fields(law) if each.init]  # type: ignore[arg-type]
+    names = [parameter.name for parameter in fields(law) if parameter.init]  # type: ignore[arg-type]
     values = {name: float(by @ _by_field(law, name)) for name in names if name != "compliance"}
     return {**values, "compliance": float(by[-1])}
 

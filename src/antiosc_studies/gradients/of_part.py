@@ -115,7 +115,7 @@ class Chain:
             total += float(by @ dot(lower.comm, self.shapes, (b[1] - a[1]) @ motion))
         if self.by_local:
             site = site_of(self.model)
-            ends = [functional(each, site).local_compliance for each in (lower, upper)]
+            ends = [functional(structure, site).local_compliance for structure in (lower, upper)]
             total += self.by_local * (ends[1] - ends[0])
         return total
 

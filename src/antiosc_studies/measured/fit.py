@@ -617,7 +617,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
         return None
     parts = _completed(compliance[chosen], data.pairs)
     seen = modes.seen
-    b = np.array([rank_one(each) for each in parts])
+    b = np.array([rank_one(part) for part in parts])
     return modes.with_seen(
         np.append(modes.omega[:seen], omega[chosen]),
         np.append(modes.zeta[:seen], zeta[chosen]),

@@ -162,14 +162,14 @@ def _end(data_set: DataSet, side: str) -> tuple[End, int]:
 
 
 def chosen(
-    found: list[Function],
+    functions: list[Function],
     site: str | int | Mapping[str, str | int] | None,
     quantity: Quantity | None,
     unit: float | None,
     averages: int,
 ) -> FRF:
     """The responses between the requested sites."""
-    measured = [one for one in found if not one.coherence]
+    measured = [function for function in functions if not function.coherence]
     if site is None:
         ends = {"": _driving(measured)}
     elif isinstance(site, str | int) and not isinstance(site, bool):
@@ -180,17 +180,20 @@ def chosen(
         if not named:
             raise InputError("site names no site.")
         ends = {
-            checks.name("the name of a site", name): _named(measured, one) for name, one in named
+            checks.name("the name of a site", name): _named(measured, function)
+            for name, function in named
         }
-    return _joined(found, ends, quantity, unit, averages)
+    return _joined(functions, ends, quantity, unit, averages)
 
 
 def _driving(measured: list[Function]) -> End:
     """The only driving point of a file; InputError if there are none or several."""
-    ends = {one.response for one in measured if one.response == one.reference}
+    ends = {function.response for function in measured if function.response == function.reference}
     if len(ends) == 1:
         return ends.pop()
-    names = sorted({_in_words(e) for one in measured for e in (one.response, one.reference)})
+    names = sorted(
+        {_in_words(e) for function in measured for e in (function.response, function.reference)}
+    )
     several = "no driving point" if not ends else f"{len(ends)} driving points"
     raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
 
@@ -216,7 +219,7 @@ def _named(measured: list[Function], name: str | int) -> End:
 
 
 def _joined(
-    found: list[Function],
+    functions: list[Function],
     ends: Mapping[str, End],
     quantity: Quantity | None,
     unit: float | None,
@@ -226,7 +229,7 @@ def _joined(
     if any(end[2] > 3 for end in ends.values()):
         raise InputError("a site is a displacement; rotations (directions 4 to 6) are not taken.")
     pairs: dict[tuple[End, End, bool], Function] = {}
-    for function in found:
+    for function in functions:
         key = (function.response, function.reference, function.coherence)
         if (
             key in pairs

@@ -96,9 +96,7 @@ def with_prestress(
     for name in layout.condensed:
         raise InputError(f"a prestress of an assembly needs meshes; {name!r} is a superelement.")
     bolts = {
-        joint.name or joint.label(k + 1): joint
-        for k, joint in enumerate(joints)
-        if isinstance(joint, Bolt)
+        one.name or one.label(k + 1): one for k, one in enumerate(joints) if isinstance(one, Bolt)
     }
     _check_names(layout, loads, bolts)
     with doing("static step of the prestress", base.comm.rank):

@@ -74,16 +74,16 @@ class LoadedPart:
         self._u = compat.function_of(form.space, np.zeros(part.K.getLocalSize()[0]))
         lines = part.stiffeners
         self._lines = {
-            name: LoadedPart(alone(line, name), Prestress(), _among(initial, [name]))
-            for name, line in lines.items()
+            name: LoadedPart(alone(one, name), Prestress(), _among(initial, [name]))
+            for name, one in lines.items()
         }
         if part.edges:  # all of its cells
-            initial_here = {group: e for group, e in initial.items() if group == part.edges}
+            own = {group: e for group, e in initial.items() if group == part.edges}
         else:
-            initial_here = {group: e for group, e in initial.items() if group not in lines}
-        self.initial = initial_strain(part, initial_here)
+            own = {group: e for group, e in initial.items() if group not in lines}
+        self.initial = initial_strain(part, own)
         stretch = stretch_of(mesh, part.parts, form.degree)
-        free = self.initial if initial_here else None
+        free = self.initial if own else None
         v = ufl.TestFunction(form.space)
         w = ufl.TrialFunction(form.space)
         dx = measure(mesh, stretch.degree)
@@ -99,8 +99,8 @@ class LoadedPart:
             of_loads.append(-spin)
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 self._masses = _SpinningMasses(part, loads.spin)
-        forces = [ufl.derivative(line, self._u, v) for line in (second, *of_loads)]
-        slopes = [ufl.derivative(line, self._u, w) for line in forces]
+        forces = [ufl.derivative(one, self._u, v) for one in (second, *of_loads)]
+        slopes = [ufl.derivative(one, self._u, w) for one in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
         # sums, as matrices of cells and of facets have entries at different places
         self._forces = sum(forces)

@@ -115,9 +115,9 @@ class Member:
     def connected(self) -> IntArray:
         """Number of the connected body to which each node belongs (nodes,)."""
         space = self.part.form.space
-        cells_of_rank = compat.cell_map(self.part.mesh.dolfinx).size_local
+        own = compat.cell_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
-        nodes = compat.cell_dofs(space, path, np.arange(cells_of_rank)) // self.block
+        nodes = compat.cell_dofs(space, path, np.arange(own)) // self.block
         first = np.repeat(nodes[:, 0], nodes.shape[1] - 1)
         count = len(self.nodes)
         graph = scipy.sparse.coo_matrix(
@@ -140,8 +140,8 @@ class Member:
     def points_of(self, group: str) -> Quadrature:
         """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
         mesh = self.part.mesh
-        points = quadrature(mesh, *largest(mesh, group), DEGREE)
-        return replace(points, x=self.at.placed(points.x))
+        own = quadrature(mesh, *largest(mesh, group), DEGREE)
+        return replace(own, x=self.at.placed(own.x))
 
 
 @dataclass(eq=False)
@@ -256,12 +256,12 @@ class MeshedStructure(StructureMatrices):
     @property
     def plausibility(self) -> Plausibility:
         speed = max(material.bar_speed() for material, _ in self.parts)
-        facts: Plausibility = {"wave_speed": speed}
+        found: Plausibility = {"wave_speed": speed}
         if self.thickness is not None:
-            facts["thickness"] = self.thickness
+            found["thickness"] = self.thickness
         if self.doubts:
-            return {**facts, "doubts": list(self.doubts)}
-        return facts
+            return {**found, "doubts": list(self.doubts)}
+        return found
 
     @property
     def dimensions(self) -> Box:
@@ -277,8 +277,8 @@ class MeshedStructure(StructureMatrices):
         direction = floats("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
-        of_mesh = compat.assemble_functional(load, self.form.space)
-        return np.asarray(of_mesh[: len(self.attached_inertia)] + self.attached_inertia @ direction)
+        own = compat.assemble_functional(load, self.form.space)
+        return np.asarray(own[: len(self.attached_inertia)] + self.attached_inertia @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -300,9 +300,9 @@ class MeshedStructure(StructureMatrices):
             whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
             free[owned] = 0.0
-            of_free_dofs = multiply(whole, free)
-            of_free_dofs[owned] = 0.0
-            loads += multiply(whole, motions) - of_free_dofs
+            kept = multiply(whole, free)
+            kept[owned] = 0.0
+            loads += multiply(whole, motions) - kept
         return loads
 
     def unsupported(self) -> MeshedStructure:
@@ -335,8 +335,8 @@ class MeshedStructure(StructureMatrices):
     @cached_property
     def _layers(self) -> list[Dissipation]:
         return [
-            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", owner))
-            for owner, material, K in self._stiffnesses("prony")
+            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", own))
+            for own, material, K in self._stiffnesses("prony")
             for ratio, tau in material.prony
         ]
 
@@ -354,24 +354,22 @@ class MeshedStructure(StructureMatrices):
     def loss_stiffness(self, V: Array) -> Array | None:
         if not self.lossy:
             return None
-        terms = (
-            material.loss * dot(self.comm, V, multiply(K, V)) for _, material, K in self._losses
-        )
-        return np.asarray(sum(terms))
+        own = (one.loss * dot(self.comm, V, multiply(K, V)) for _, one, K in self._losses)
+        return np.asarray(sum(own))
 
     def _stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
         """(owner, material, its contribution to K) of materials with the property `name`."""
-        stiffnesses: list[tuple[int | str, Material, PETSc.Mat]] = []
+        found: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
-                form = restricted(self.form.stiffness, self.mesh, cells)
-                K = compat.assemble(form, self.form.space, self.conditions, 0.0)
-                stiffnesses.append((number, material, K))
+                own = restricted(self.form.stiffness, self.mesh, cells)
+                K = compat.assemble(own, self.form.space, self.conditions, 0.0)
+                found.append((number, material, K))
         for group, lines in self.stiffeners.items():
             beam = lines.parts[0][0]
             if getattr(beam, name, None):
-                stiffnesses.append((group, beam, lines.K.ptap(lines.shared)))
-        return stiffnesses
+                found.append((group, beam, lines.K.ptap(lines.shared)))
+        return found
 
     def describe(self, dofs: int) -> str:
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
@@ -409,16 +407,16 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
     """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
-    beams = {name: value for name, value in material.items() if isinstance(value, Beam)}
+    beams = {name: one for name, one in material.items() if isinstance(one, Beam)}
     if not beams:
         return material, []
-    cells = {name: value for name, value in material.items() if name not in beams}
-    if not cells or not all(_family(value).kind.sheet for value in cells.values()):
+    cells = {name: one for name, one in material.items() if name not in beams}
+    if not cells or not all(_family(one).kind.sheet for one in cells.values()):
         raise InputError(
             f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
             f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
         )
-    stiffeners = []
+    found = []
     for name, beam in beams.items():
         edges = mesh.group(name).get(1)
         if edges is None:
@@ -426,8 +424,8 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
                 f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
                 "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
             )
-        stiffeners.append((name, beam, edges))
-    return cells, stiffeners
+        found.append((name, beam, edges))
+    return cells, found
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
@@ -440,14 +438,14 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
         raise InputError("material is an empty dict: give {group name: material}.")
     times = np.zeros(n_cells, dtype=int)
     parts: list[tuple[Family, IntArray]] = []
-    for name, value in material.items():
-        checked = _family(value)
+    for name, given in material.items():
+        one = _family(given)
         cells = mesh.group(name).get(mesh.tdim)
         if cells is None:
             raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
         times[cells] += 1
-        parts.append((checked, cells))
-    if len({checked.kind for checked, _ in parts}) > 1:
+        parts.append((one, cells))
+    if len({one.kind for one, _ in parts}) > 1:
         raise InputError(
             "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
             "and Laminate."

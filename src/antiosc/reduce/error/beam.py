@@ -119,17 +119,11 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
         reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], along)
         X = reach / np.einsum("cd,cd->c", along, along)[:, None]
         table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
-        parent_dofs = np.repeat(
-            compat.cell_dofs(part.form.space, path, parent), dofs.shape[1], axis=0
-        )
+        parent_dofs = compat.cell_dofs(part.form.space, path, parent)
+        parent_dofs = np.repeat(parent_dofs, dofs.shape[1], axis=0)
         rows, first = np.unique(dofs.ravel(), return_index=True)
-        done.append(
-            (
-                table[first],
-                np.repeat(rows[:, None], parent_dofs.shape[1], axis=1),
-                parent_dofs[first],
-            )
-        )
+        fine_rows = np.repeat(rows[:, None], parent_dofs.shape[1], axis=1)
+        done.append((table[first], fine_rows, parent_dofs[first]))
     values, rows, columns = (np.concatenate([entry[k] for entry in done]) for k in range(3))
     entries = values.ravel(), (rows.ravel(), columns.ravel())
     shape = tuple(compat.local_size(entry.form.space) for entry in (fine, part))

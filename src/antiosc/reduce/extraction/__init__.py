@@ -111,8 +111,8 @@ class SiteShapes:
     @property
     def rigid(self) -> Array:
         """(p, q) displacements of the sites in the rigid-body modes that move them, kg^-½."""
-        moving = np.flatnonzero(self.moved)
-        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, moving]))
+        own = np.flatnonzero(self.moved)
+        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, own]))
 
     @property
     def slide(self) -> Array:
@@ -122,8 +122,8 @@ class SiteShapes:
     @property
     def rigid_shapes(self) -> Array:
         """(rows, q + h) M-orthonormal rigid-body modes: those of `rigid`, then `nodal`."""
-        moving = np.flatnonzero(self.moved)
-        return np.hstack([self.phi[:, moving] * self.moved[moving], self.nodal])
+        own = np.flatnonzero(self.moved)
+        return np.hstack([self.phi[:, own] * self.moved[own], self.nodal])
 
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
@@ -142,39 +142,39 @@ def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteS
 def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
     """`SiteShapes` of the loads B, with Y = A⁻¹B."""
     comm = structure.comm
-    chosen, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
-    loads = B[:, chosen]
-    B = B[:, chosen] @ W
+    kept, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
+    given = B[:, kept]
+    B = B[:, kept] @ W
     R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
-    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(chosen) == 1 else 1.0
+    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
     moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong = R[:, :q]
     nodal = R[:, q:]
     slides = dot(comm, nodal, B)
     weak = np.zeros_like(slides)
-    hidden = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
-    weak[hidden, q + hidden] = slides[hidden, q + hidden]
+    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
+    weak[own, q + own] = slides[own, q + own]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
     phi = strong / moved[:q]
     k0 = np.zeros_like(W)
-    strain = np.zeros(len(chosen))
-    if q < len(chosen):
+    strain = np.zeros(len(kept))
+    if q < len(kept):
         y0 = y[:, q:]
         if R.shape[1]:
             y0 = np.column_stack([beside_rigid(structure, solver, b) for b in B[:, q:].T])
             strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
-        elastic = y0 @ k0[q:, q:] if len(chosen) > 1 else y0 / C0
+        elastic = y0 @ k0[q:, q:] if len(kept) > 1 else y0 / C0
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
-    uncertainty = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(loads)) @ np.abs(W) + strain
+    uncertainty = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
     return SiteShapes(
-        kept=chosen,
+        kept=kept,
         dependence=dependence,
         W=W,
         load=load,
@@ -202,24 +202,24 @@ def _basis(
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
     C = dot(comm, B, Y)
-    chosen, dependence = independent((C + C.T) / 2)
-    B = B[:, chosen]
-    Y = Y[:, chosen]
-    W = np.eye(len(chosen))
+    kept, dependence = independent((C + C.T) / 2)
+    B = B[:, kept]
+    Y = Y[:, kept]
+    W = np.eye(len(kept))
     for again in (False, True):
-        if again and len(chosen) > 1:  # differences of nearly equal loads are solved for anew
+        if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
             Y = solver.solve_block(B @ W)
         C = dot(comm, B @ W, Y)
         L = np.linalg.cholesky((C + C.T) / 2)
         along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
         V, sigma, U = np.linalg.svd(along)
         turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
-        if len(chosen) == 1:  # a single site keeps its own unit, and no rounding is added
+        if len(kept) == 1:  # a single site keeps its own unit, and no rounding is added
             turn = U.T
         W = W @ turn
         Y = Y @ turn
-    sigma = np.append(sigma, np.zeros(len(chosen) - len(sigma)))
-    return chosen, dependence, W, Y, V, sigma
+    sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
+    return kept, dependence, W, Y, V, sigma
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
@@ -241,11 +241,11 @@ def independent(C: Array) -> tuple[IntArray, Array]:
         left = left - np.outer(left[k], left[k]) / pivots[k]
         left[k] = 0.0
         left[:, k] = 0.0
-    chosen_rows = np.sort(np.array(chosen, dtype=int))
-    follow = np.linalg.solve(unit[np.ix_(chosen_rows, chosen_rows)], unit[chosen_rows]).T
-    follow = follow * size[:, None] * scale[chosen_rows]
-    follow[chosen_rows] = np.eye(len(chosen_rows))
-    return chosen_rows, follow
+    kept = np.sort(np.array(chosen, dtype=int))
+    follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
+    follow = follow * size[:, None] * scale[kept]
+    follow[kept] = np.eye(len(kept))
+    return kept, follow
 
 
 def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:

@@ -266,12 +266,12 @@ def with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscil
     C = np.linalg.inv(k0)
     deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
     part = cast("MeshedStructure", structure.matrices)
-    changes = {
+    found = {
         site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
     }
-    if not any(changes.values()):
+    if not any(found.values()):
         return model
-    return replace(model, info=replace(model.info, second_order=changes))
+    return replace(model, info=replace(model.info, second_order=found))
 
 
 def _turned(W: Array, matrix: Array) -> Array:
@@ -536,8 +536,8 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
             if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
     sites: list[Site] = []
-    for entry in site if isinstance(site, list | tuple) else [site]:
-        sites.append(instance("site", entry, Site, "a Site(point, direction)"))
+    for one in site if isinstance(site, list | tuple) else [site]:
+        sites.append(instance("site", one, Site, "a Site(point, direction)"))
         if sites[-1].tangential and not names:
             raise InputError(
                 "tangential directions belong to a model of named sites: "

@@ -135,8 +135,8 @@ def _with_losses(
     if not model.sites:
         amplitude[1 : 1 + model.n] *= np.sqrt(model.m)[:, None]
     modes = np.linalg.pinv(amplitude)[elastic]
-    of_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
-    factor = np.vstack([damping.factor, of_losses])
+    own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
+    factor = np.vstack([damping.factor, own])
     return replace(model, damping=from_factors(factor, damping.factors))
 
 
@@ -432,17 +432,17 @@ def by_krylov(
             loads = [runs[i].load for i in active]
             shapes = statics[0].solver.solve_block(np.hstack(loads))
             ends = np.cumsum([load.shape[1] for load in loads])
-            for i, block in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
+            for i, own in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 before = runs[i].steps
-                runs[i].advance(block)
+                runs[i].advance(own)
                 bound: Remainder | Reached | None = None
                 if terms:
-                    count, bound = _enough(runs[i], counts[i], band, accuracy)
+                    kept, bound = _enough(runs[i], counts[i], band, accuracy)
                 else:
-                    count = _finished(runs[i], before, counts[i], tol, band, accuracy)
-                    bound = None if band is None or count is None else runs[i].remainder(count)
-                if count is not None:
-                    done[i] = runs[i].modes(count), bound
+                    kept = _finished(runs[i], before, counts[i], tol, band, accuracy)
+                    bound = None if band is None or kept is None else runs[i].remainder(kept)
+                if kept is not None:
+                    done[i] = runs[i].modes(kept), bound
                     runs[i].release()
             log.debug("Krylov step: %d of %d models done", len(done), len(runs))
     return [done[i] for i in range(len(runs))]
@@ -457,9 +457,9 @@ def _enough(
     tried = min(run.steps if run.exhausted else run.applied, n)
     if not tried:
         return None, None
-    bound = run.damped_error(tried, band)
-    enough = tried == n or run.exhausted or bound.error <= accuracy
-    return (tried if enough else None), bound
+    found = run.damped_error(tried, band)
+    enough = tried == n or run.exhausted or found.error <= accuracy
+    return (tried if enough else None), found
 
 
 def _finished(

@@ -106,12 +106,13 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
     m0[massless] = 0.0
     m0[:, massless] = 0.0
     parts = []
-    for span in _slices(phi.shape[1]):
-        k_phi, m_phi = (multiply(matrix, phi[:, span]) for matrix in (structure.K, structure.M))
-        products = [dot(comm, phi, k_phi), dot(comm, static.phi, k_phi), dot(comm, phi, m_phi)]
-        parts.append([*products, _forces_left(structure, static, modes.omega[span], k_phi, m_phi)])
+    for own in _slices(phi.shape[1]):
+        k_phi, m_phi = (multiply(matrix, phi[:, own]) for matrix in (structure.K, structure.M))
+        found = [dot(comm, one, k_phi) for one in (phi, static.phi)]
+        found.append(dot(comm, phi, m_phi))
+        parts.append([*found, _forces_left(structure, static, modes.omega[own], k_phi, m_phi)])
     stiffnesses, coupling, masses, off = (
-        np.concatenate(product, axis=-1) for product in zip(*parts, strict=True)
+        np.concatenate(one, axis=-1) for one in zip(*parts, strict=True)
     )
     return ConstraintModes(
         static=static,
@@ -231,8 +232,8 @@ def _told_apart(known: ConstraintModes, group: IntArray) -> Array:
         return np.eye(count)
     U = U[:, :count]
     # their own frequencies differ by rounding, and the stiffness between them is to vanish
-    _, vectors = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
-    return np.asarray(U @ vectors)
+    _, own = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(U @ own)
 
 
 @dataclass(frozen=True)
@@ -266,18 +267,18 @@ def by_modes(
     """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
     solver = ModeSolver(structure, static)
     most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    count = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
+    asked = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
     while True:
-        modes = solver.lowest(count)
+        modes = solver.lowest(asked)
         known = lumped(structure, static, modes)
-        selection = oscillators(known, n, tol)
+        kept = oscillators(known, n, tol)
         remainder = None if band is None else left_out(known)
-        enough = modes.complete or count >= most or len(selection.omega) >= n or not known.m0.any()
+        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
         if not enough and remainder is not None and band is not None:
-            enough = error_bound(structure, known, remainder, selection, band)[0] <= accuracy
+            enough = error_bound(structure, known, remainder, kept, band)[0] <= accuracy
         if enough:
             return modes, remainder
-        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:
@@ -287,28 +288,28 @@ def elastic_count(static: SiteShapes, n: int) -> int:
     return n
 
 
-def at_one_site(static: SiteShapes, selection: Selection, n: int) -> OneSite:
+def at_one_site(static: SiteShapes, kept: Selection, n: int) -> OneSite:
     """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
     w = float(static.W[0, 0])
     k0 = w**2 * float(static.k0[0, 0])
-    m0 = w**2 * float(selection.m0[0, 0])
-    omega = selection.omega
-    c = w * selection.P[:, 0]
+    m0 = w**2 * float(kept.m0[0, 0])
+    omega = kept.omega
+    c = w * kept.P[:, 0]
     m = c**2
-    residual = w * selection.residual[:, 0]
-    psi = selection.phi * c
+    residual = w * kept.residual[:, 0]
+    psi = kept.phi * c
     hidden = static.nodal
     if n and static.weak.any():
         a = float(static.slide[0, 0])
         weak = hidden[:, 0] * np.sign(a)
         hidden = hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
-        m0, m, omega, vectors, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
+        m0, m, omega, own, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
         k0 = 0.0
-        residual = shapes @ vectors
+        residual = shapes @ own
         psi = shapes @ turn
     return OneSite(k0, m0, omega, m, residual, psi, hidden)
 
@@ -317,7 +318,7 @@ def error_bound(
     structure: Structure,
     known: ConstraintModes,
     remainder: Remainder,
-    selection: Selection,
+    kept: Selection,
     band: float,
     omega: Array | None = None,
 ) -> tuple[float, float]:
@@ -327,12 +328,10 @@ def error_bound(
     others than those of `kept`.
     """
     static = known.static
-    poles = (selection.omega if omega is None else omega) ** 2
+    poles = (kept.omega if omega is None else omega) ** 2
     lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
     x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = driving_point.stiffness_at_sites(
-        x, static.k0, selection.m0, selection.P, selection.omega**2
-    )
+    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
     change = driving_point.spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
@@ -395,12 +394,12 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
     left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
-    for matrix, vectors, times in (
+    for matrix, own, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        off = np.abs(matrix[np.ix_(real, real)]) @ vectors
-        left += times * driving_point.spectral_norms(vectors.transpose(0, 2, 1) @ off)
+        off = np.abs(matrix[np.ix_(real, real)]) @ own
+        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
     return left
 
 
@@ -426,9 +425,9 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
     sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    residuals = {"residual": off} if method == "modes" else {"projection": projection}
+    own = {"residual": off} if method == "modes" else {"projection": projection}
     measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in residuals.items()},
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
         "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
         "constraint": _displacement(comm, static.load, modes.phi),
         "mass": _excess(static.mass, known.P),

@@ -164,25 +164,25 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     if elastic:
         solver = ModeSolver(structure)
         more = BEYOND
-        modes = solver.lowest(elastic + more)
-        while not modes.complete and modes.omega[-1] <= (1 + REPEATED) * modes.omega[elastic - 1]:
+        found = solver.lowest(elastic + more)
+        while not found.complete and found.omega[-1] <= (1 + REPEATED) * found.omega[elastic - 1]:
             more *= 2
-            modes = solver.lowest(len(modes.omega) + more)
-        check_modes(structure, modes)
-        omega = np.append(omega, modes.omega)
-        shapes = np.hstack([rigid, modes.phi])
+            found = solver.lowest(len(found.omega) + more)
+        check_modes(structure, found)
+        omega = np.append(omega, found.omega)
+        shapes = np.hstack([rigid, found.phi])
     count = _multiplicity(omega)
     try:
         mass: float | None = structure.mass
     except InputError:
         mass = None
-    chosen = shapes[:, :n]
+    kept = shapes[:, :n]
     return StructureModes(
         omega=omega[:n],
         multiplicity=count[:n],
-        participation=weights_of(structure, chosen),
+        participation=weights_of(structure, kept),
         mass=mass,
-        shapes=chosen,
+        shapes=kept,
         structure=structure,
     )
 
@@ -318,32 +318,32 @@ def superposition(
     _check_arguments(structure, site)
     n = whole("n", n)
     flag("static_correction", static_correction)
-    checked_damping = as_damping(damping)
+    given = as_damping(damping)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
     structure.factorize(AS_SITES)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
-    count = n + 2
+    asked = n + 2
     most = SEARCHED * (n + DEFAULT_COUNT)
     while True:
-        modes = solver.lowest(count)
+        modes = solver.lowest(asked)
         seen = _seen(structure, where, static, modes, COUNTED)
-        if len(seen.omega) >= n or modes.complete or count >= most:
+        if len(seen.omega) >= n or modes.complete or asked >= most:
             break
-        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
     if len(seen.omega) < n and not modes.complete:
         few = (
             f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
             f"site, fewer than n = {n}: the model contains these."
         )
         on_root(structure.comm, partial(warn, few, AccuracyWarning))
-    chosen = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
-    all_kept = chosen.complete and len(modes.omega) == solver.limit
+    kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
+    all_kept = kept.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
-    model = _model(structure, site, where, static, chosen, correction, "superposition")
-    return replace(model, damping=checked_damping)
+    model = _model(structure, site, where, static, kept, correction, "superposition")
+    return replace(model, damping=given)
 
 
 @collective()
@@ -371,7 +371,7 @@ def full(
             f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
             "coarser mesh, or superposition() or extract() with a growing n."
         )
-    checked_damping = as_damping(damping)
+    given = as_damping(damping)
     where = functional(structure, site)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
@@ -379,7 +379,7 @@ def full(
     seen = _seen(structure, where, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
     model = _model(structure, site, where, static, seen, massless, "full")
-    return replace(model, damping=checked_damping)
+    return replace(model, damping=given)
 
 
 def _check_arguments(structure: Structure, site: Site) -> None:

@@ -82,8 +82,8 @@ def before_joining(
     """
     by_site: dict[int, Functional] = {}
     struck: dict[str, tuple[Member, dict[int, Site]]] = {}
-    for k, passed in enumerate(sites):
-        site = passed if passed.face is None else on_face(structure, passed)
+    for k, given in enumerate(sites):
+        site = given if given.face is None else on_face(structure, given)
         site = site if site.node is None else at_node(structure, site)
         assert site.direction is not None  # Site has seen to that
         direction = in_space(site.direction)
@@ -95,14 +95,14 @@ def before_joining(
         struck.setdefault(member.name, (member, {}))[1][k] = aim
     for member, sites_of_part in struck.values():
         part = part_of(member)
-        sites_here = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
-        on_neighbours = _beyond_seams(structure, member, sites_here, part_of)
-        total_share = sites_here.share + sum(share for _, share, _ in on_neighbours)
-        warn_of_doubts(part, replace(sites_here, share=np.minimum(total_share, 1.0)))
-        for i, load in enumerate(_of_sites(part, list(sites_of_part.values()), sites_here)):
-            placed_load = _placed(structure, member, load)
-            if on_neighbours and total_share[i] > sites_here.share[i]:
-                placed_load.b[:] *= sites_here.share[i] / total_share[i]
+        laid = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
+        on_neighbours = _beyond_seams(structure, member, laid, part_of)
+        total_share = laid.share + sum(share for _, share, _ in on_neighbours)
+        warn_of_doubts(part, replace(laid, share=np.minimum(total_share, 1.0)))
+        for i, one in enumerate(_of_sites(part, list(sites_of_part.values()), laid)):
+            placed_load = _placed(structure, member, one)
+            if on_neighbours and total_share[i] > laid.share[i]:
+                placed_load.b[:] *= laid.share[i] / total_share[i]
                 for neighbour, share, b in on_neighbours:
                     placed_load.b[neighbour.rows] += share[i] / total_share[i] * b[i]
             by_site[list(sites_of_part)[i]] = placed_load
@@ -119,7 +119,7 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
                 f"part={site.part!r} out."
             )
         structure.members(site.part)
-        member, point = middle_of(structure, site.point)
+        member, own = middle_of(structure, site.point)
         snap = inf
     else:
         assert site.point is not None
@@ -128,9 +128,9 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
             (member,) = structure.members(site.part)
         else:
             (member,) = nearest_parts(structure, x, direction)
-        point = member.at.own(x)[0]
+        own = member.at.own(x)[0]
     direction_of_part = direction @ member.at.rotation
-    at = tuple(point.tolist())
+    at = tuple(own.tolist())
     towards = tuple(direction_of_part.tolist())
     return member, replace(site, point=at, direction=towards, snap=snap, part=None)
 
@@ -176,8 +176,8 @@ def _without_mesh(
     b = np.asarray(end.displacements.T @ direction)
     if not name:
         return Functional(b, point=end.point, direction=direction)
-    end_of_part = layout.condensed[part].part.ends[name]
-    return Functional(b, end_of_part.radius, end_of_part.local_compliance, end.point, direction)
+    own = layout.condensed[part].part.ends[name]
+    return Functional(b, own.radius, own.local_compliance, end.point, direction)
 
 
 def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
@@ -192,7 +192,7 @@ def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> li
     near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
     parts = []
     for point, which in zip(points, near.T, strict=True):
-        candidates = [m for m, chosen in zip(members, which, strict=True) if chosen]
+        candidates = [m for m, one in zip(members, which, strict=True) if one]
         facing = partial(_facing, point=point, direction=direction)
         parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
     return parts
@@ -245,7 +245,7 @@ def _on_mesh(
 def _beyond_seams(
     structure: MeshedParts,
     member: Member,
-    sites_here: Sites,
+    laid: Sites,
     part_of: Callable[[Member], MeshedStructure],
 ) -> list[tuple[Member, Array, Array]]:
     """Shares of patches that lie on neighbouring sheets: [(part, share (P,), load vectors (P,
@@ -253,30 +253,26 @@ def _beyond_seams(
 
     Triangles beside quadrilaterals form a part of their own, so that a patch may lie on both.
     """
-    cut = np.flatnonzero(sites_here.share < 1 - ROUNDED_SHARE)
-    if sites_here.contact is None or not member.part.kind.sheet or not len(cut):
+    cut = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
+    if laid.contact is None or not member.part.kind.sheet or not len(cut):
         return []
-    x = member.at.placed(sites_here.points[cut])
+    x = member.at.placed(laid.points[cut])
     on_neighbours = []
     faces_before = [member.part.faces]
     for neighbour in structure.members():
         if neighbour is member or not neighbour.part.kind.sheet or neighbour.at != member.at:
             continue
-        near = cut[neighbour.closest(x).distance < sites_here.radii[cut]]
+        near = cut[neighbour.closest(x).distance < laid.radii[cut]]
         if not len(near):
             continue
         part = part_of(neighbour)
-        patches_near = (
-            sites_here.points[near],
-            sites_here.radii[near],
-            sites_here.contact.of(near),
-        )
+        patches_near = (laid.points[near], laid.radii[near], laid.contact.of(near))
         weighted, share = patches(part.faces, *patches_near, faces_before)
         faces_before.append(part.faces)
-        shares = np.zeros(len(sites_here))
-        b = np.zeros((len(sites_here), neighbour.size))
+        shares = np.zeros(len(laid))
+        b = np.zeros((len(laid), neighbour.size))
         shares[near] = share
-        columns = on_free_dofs(part, loads(part, weighted, sites_here.directions[near]))
+        columns = on_free_dofs(part, loads(part, weighted, laid.directions[near]))
         b[near] = columns.toarray().T
         on_neighbours.append((neighbour, shares, b))
     return on_neighbours

@@ -64,9 +64,9 @@ class MapSites:
         rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
         sites = replace(self.sites, **rows)
         nothing = np.zeros((0, 3), dtype=int)
-        numbers = self.kept[which]
+        kept = self.kept[which]
         names = self.names[which]
-        return replace(self, sites=sites, elements=nothing, kept=numbers, names=names)
+        return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
 
 
 def targets(where: object) -> Sequence[str] | None:
@@ -88,37 +88,37 @@ def targets(where: object) -> Sequence[str] | None:
     return names
 
 
-def joined(surfaces: Sequence[MapSites]) -> MapSites:
+def joined(found: Sequence[MapSites]) -> MapSites:
     """The sites of several surfaces, concatenated.
 
     If one surface has triangles, segments of lines are dropped: their sites stand alone.
     """
-    if len(surfaces) == 1:
-        return surfaces[0]
-    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in surfaces)
+    if len(found) == 1:
+        return found[0]
+    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in found)
     corners = 3 if faces else 2
-    starts = np.cumsum([0, *(len(surface.sites) for surface in surfaces)])
+    starts = np.cumsum([0, *(len(surface.sites) for surface in found)])
     elements = [
         surface.elements + start
-        for surface, start in zip(surfaces, starts[:-1], strict=True)
+        for surface, start in zip(found, starts[:-1], strict=True)
         if surface.elements.shape[1] == corners
     ]
     columns = {
-        name: np.concatenate([getattr(surface.sites, name) for surface in surfaces])
-        for name in vars(surfaces[0].sites)
+        name: np.concatenate([getattr(surface.sites, name) for surface in found])
+        for name in vars(found[0].sites)
         if name not in ("loads", "weighted", "contact")
     }
-    loads = scipy.sparse.hstack([surface.sites.loads for surface in surfaces]).tocsr()
-    counts_before = np.cumsum([0, *(surface.count for surface in surfaces)])[:-1]
+    loads = scipy.sparse.hstack([surface.sites.loads for surface in found]).tocsr()
+    counts_before = np.cumsum([0, *(surface.count for surface in found)])[:-1]
     return MapSites(
         Sites(loads=loads, **columns),
         np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
         np.concatenate(
-            [surface.kept + start for surface, start in zip(surfaces, counts_before, strict=True)]
+            [surface.kept + start for surface, start in zip(found, counts_before, strict=True)]
         ),
-        sum(surface.count for surface in surfaces),
-        np.concatenate([surface.names for surface in surfaces]),
-        min(surface.dimension for surface in surfaces),
+        sum(surface.count for surface in found),
+        np.concatenate([surface.names for surface in found]),
+        min(surface.dimension for surface in found),
     )
 
 
@@ -149,35 +149,33 @@ def sites_of(
     def work() -> MapSites:
         names = targets(where)
         if where is None:
-            map_sites = [
+            found = [
                 _on_part(structure, member, None, direction, radius, member.name)
                 for member in structure.members()
             ]
-            return movable(joined(map_sites), None)
+            return movable(joined(found), None)
         if names is None:
             return _at_points(structure, where, direction, radius)
-        map_sites = []
+        found = []
         for name in names:
             member, group = _named(structure, name)
             there = _on_part(structure, member, group, direction, radius, name)
-            map_sites.append(movable(there, name))
-        return joined(map_sites)
+            found.append(movable(there, name))
+        return joined(found)
 
-    map_sites = structure.decided(work)
-    return replace(
-        map_sites, sites=replace(map_sites.sites, loads=structure.own(map_sites.sites.loads))
-    )
+    found = structure.decided(work)
+    return replace(found, sites=replace(found.sites, loads=structure.own(found.sites.loads)))
 
 
-def movable(map_sites: MapSites, where: object) -> MapSites:
+def movable(found: MapSites, where: object) -> MapSites:
     """The sites that can move; InputError if there are none."""
-    if not len(map_sites.sites):
+    if not len(found.sites):
         on = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
             f"no site of the map can move{on}: supports fix the whole surface, or there is no "
             "surface under the patches; give another group."
         )
-    return map_sites
+    return found
 
 
 def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
@@ -202,17 +200,17 @@ def _at_points(
         distance = np.min([m.closest(points).distance for m in members], axis=0)
         on_structure(points, distance, structure.layout.size)
     struck = nearest_parts(structure, points, _in_space(direction))
-    of_parts = []
+    found = []
     order = []
     for member in members:
-        of_part = np.flatnonzero([member_struck.name == member.name for member_struck in struck])
+        of_part = np.flatnonzero([one.name == member.name for one in struck])
         if len(of_part):
             points_in_part = member.at.own(points[of_part])
-            of_parts.append(
+            found.append(
                 _on_part(structure, member, points_in_part, direction, radius, member.name)
             )
-            order.append(of_part[of_parts[-1].kept])
-    all_sites = movable(joined(of_parts), None)
+            order.append(of_part[found[-1].kept])
+    all_sites = movable(joined(found), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
 
@@ -233,10 +231,10 @@ def _on_part(
         )
     R = member.at.rotation
     direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
-    map_sites = sites_on(member.part, where, direction_of_part, radius)
-    sites = map_sites.sites
+    found = sites_on(member.part, where, direction_of_part, radius)
+    sites = found.sites
     if not len(sites):
-        return map_sites
+        return found
     loads = structure.joined(sites.loads, member.rows).tocsr()
     moves = np.ones(len(sites), dtype=bool)
     if structure.assembled:
@@ -250,7 +248,7 @@ def _on_part(
         weighted=None,
     )
     names = np.full(len(sites), name)
-    return replace(map_sites, sites=placed, names=names).only(moves)
+    return replace(found, sites=placed, names=names).only(moves)
 
 
 def sites_on(
@@ -273,12 +271,12 @@ def sites_on(
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = np.full(count, np.nan if radius is None else radius)
-    sites = located(structure, ground.points, directions, radii)
-    on_face = np.isnan(sites.radii) | ((sites.share > 0) & (sites.depth <= sites.radii))
-    keep = on_face & (sites.moving > LEAST_FREE_SHARE_ON_MAP)
+    found = located(structure, ground.points, directions, radii)
+    on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
+    keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
     names = np.full(count, where if isinstance(where, str) else "")
     dimension = structure.mesh.tdim
-    all_sites = MapSites(sites, ground.elements, np.arange(count), count, names, dimension)
+    all_sites = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
     result = all_sites.only(keep)
     if keep.any():
         warn_of_doubts(structure, result.sites)
@@ -304,7 +302,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     normals = faces.normals[in_group] if outside else np.zeros((int(in_group.sum()), 3))
     of_rank = numbers, faces.corners[in_group], normals
     numbers, x, normals = (
-        np.concatenate(arrays) for arrays in zip(*mesh.comm.allgather(of_rank), strict=True)
+        np.concatenate(each) for each in zip(*mesh.comm.allgather(of_rank), strict=True)
     )
     _, first, corner = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     corner = corner.reshape(numbers.shape)

@@ -152,12 +152,12 @@ class Released:
         """Reactions due to one term of the damping."""
         comm = self._of.workers
         loads = element.loads(comm, u)
-        forces = dot(comm, self._motions, loads)
+        found = dot(comm, self._motions, loads)
         if element.name:
             rigid = self._of.places.rigid_motions(self.centres[element.name])
             column = 6 * list(self.centres).index(element.name)
-            forces[column : column + 6] -= dot(comm, rigid, loads)
-        return forces
+            found[column : column + 6] -= dot(comm, rigid, loads)
+        return found
 
     def _elements(self) -> tuple[list[Element], list[Element]]:
         """The grounded springs, and all terms of the damping in the order of the structure."""

@@ -53,7 +53,7 @@ class Points:
     def joined(cls, parts: Sequence[Points]) -> Points:
         """The points of several sets, concatenated."""
         columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
-        return cls(*(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
+        return cls(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
 
 def disc(rings: int) -> tuple[Array, Array]:
@@ -90,7 +90,7 @@ def patches(
     rings = rings.astype(int)
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
     share = np.zeros(len(points))
-    points_of_patches = []
+    found = []
     for count, even in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
         rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
         members = np.flatnonzero((rings == count) & (flat == even))
@@ -100,8 +100,8 @@ def patches(
                 faces, points, radii, contact.normals, part, rule, weights, rise, taken
             )
             share[part] = points_of_rule[1]
-            points_of_patches.append(points_of_rule[0])
-    return Points.joined(points_of_patches), share
+            found.append(points_of_rule[0])
+    return Points.joined(found), share
 
 
 def _rule_on_faces(
@@ -253,29 +253,27 @@ def located(
     share = np.ones(count)
     depth = np.zeros(count)
     size = np.zeros(count)
-    has_radius = np.isfinite(radii)
-    if kind.point_load and has_radius.any():
+    given = np.isfinite(radii)
+    if kind.point_load and given.any():
         raise InputError(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
             "finite, so leave radius=None."
         )
-    groups_of_points = []
+    found = []
     contact = None
     own_radii = [material.patch_radius for material, _ in structure.parts]
     usual = np.array([np.nan if radius is None else radius for radius in own_radii])
-    patch = np.isfinite(usual).all() | has_radius
+    patch = np.isfinite(usual).all() | given
     if patch.any():
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
-        if not has_radius[patch].all():
+        if not given[patch].all():
             near = np.full(count, ON_SHEET * mesh.extent())
             part = faces.contact(points, directions, near, labels).label
-            radii = np.where(has_radius, radii, usual[part])
+            radii = np.where(given, radii, usual[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
-        patch_points, share[patch] = patches(faces, points[patch], radii[patch], contact)
-        groups_of_points.append(
-            replace(patch_points, site=np.flatnonzero(patch)[patch_points.site])
-        )
+        own, share[patch] = patches(faces, points[patch], radii[patch], contact)
+        found.append(replace(own, site=np.flatnonzero(patch)[own.site]))
         cosines = np.einsum("pd,pd->p", directions[patch], contact.normals)
         pairs = zip(contact.label, cosines, strict=True)
         half_space = [structure.parts[k][0].half_space_compliance(float(c)) for k, c in pairs]
@@ -287,8 +285,8 @@ def located(
             far = np.full(len(deep), mesh.extent())
             depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
     if not patch.all():
-        groups_of_points.append(_points(structure, points, np.flatnonzero(~patch), nearest))
-    weighted = Points.joined(groups_of_points)
+        found.append(_points(structure, points, np.flatnonzero(~patch), nearest))
+    weighted = Points.joined(found)
     B = loads(structure, weighted, directions)
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
