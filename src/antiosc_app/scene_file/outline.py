@@ -157,12 +157,12 @@ def _check_points(compiled: Compiled, calls: list[Call], known: Mapping[str, Out
         key = "at" if "at" in call.arguments else "point"
         point = call.arguments.get(key)
         snap = call.arguments.get("snap")
-        if not isinstance(point, tuple) or call.place[:1] not in {(shape,) for shape in POINTS}:
+        if not isinstance(point, tuple) or call.place[:1] not in {(section,) for section in POINTS}:
             continue
         x = np.resize([*point, 0.0], 3)
         part = call.arguments.get("part")
         boxes_of_part = [boxes[part]] if part in boxes else list(boxes.values())
-        nearest = min(boxes_of_part, key=lambda shape: shape.distance(x))
+        nearest = min(boxes_of_part, key=lambda box: box.distance(x))
         off = nearest.distance(x)
         place = (*call.place, key)
         if off and (isinstance(snap, bool) or snap is None or off > snap):

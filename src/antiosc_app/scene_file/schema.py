@@ -128,7 +128,7 @@ class _Names(dict[str, object]):
 
     def __missing__(self, name: str) -> object:
         known = (vars(module).get(name) for module in (builtins, typing, collections.abc))
-        return next((module for module in known if module is not None), Unknown)
+        return next((value for value in known if value is not None), Unknown)
 
 
 _PLAIN: dict[object, Kind] = {
