@@ -637,7 +637,7 @@ Physical Curve("clamp") = {4};
 def text(name: str, source: str, inspection: Inspection | None, drop: bool = False) -> str:
     """The scene as text; `source` is the part's file as the scene names it.
 
-    `found`: the inspected part, if any. `drop`: it falls.
+    `inspection`: of the part, if it exists. `drop`: it falls.
     """
     ending = Path(source).suffix.lower()
     deck = ending in DECK_ENDINGS if inspection is None else inspection.of_deck

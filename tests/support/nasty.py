@@ -616,7 +616,7 @@ OWN: dict[str, dict[str, Any]] = {
     "plotting.plot_history": {"path": "hit.png"}, "History.plot": {"path": "hit.png"},
     "SceneHistory.plot": {"path": "hit.png"},
     "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
-    "plotting.plot_map": {"found": surface_map, "quantity": "k0", "path": "map.png"},
+    "plotting.plot_map": {"impact_map": surface_map, "quantity": "k0", "path": "map.png"},
     "zener.restitution": {}, "TanSun": {"slope": 0.4}, "Power": {"stiffness": 1e6},
 }  # fmt: skip
 

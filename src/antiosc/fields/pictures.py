@@ -269,7 +269,7 @@ def plot_map(
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
-        One of `found.quantities()`.
+        One of `impact_map.quantities()`.
     """
     if not callable(getattr(impact_map, "quantities", None)) or isinstance(impact_map, type):
         raise InputError(f"impact_map must be an ImpactMap; got {checks.shown(impact_map)}.")

@@ -50,7 +50,7 @@ LONGEST_LIST = 200_000
 
 
 class Mistake(Exception):
-    """A value that cannot be taken; its sentence is noted already."""
+    """Raised for an invalid value after its sentence has been noted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +60,9 @@ class Call:
     Attributes
     ----------
     make : the public function or constructor, or a method of an object.
-    arguments : name -> value, calls among them.
+    arguments : name -> value; values may contain further calls.
     place : of the table in the scene file.
-    made : the object; None while it waits for the run.
+    made : the result, if it could be made at once; None if the run makes it.
     """
 
     make: Callable[..., Any]
@@ -76,7 +76,7 @@ class Call:
         return str(getattr(self.make, "__qualname__", ""))
 
     def refused(self, error: Exception) -> tuple[Place, str]:
-        """The place of a mistake and its sentence; checks begin theirs with the argument's name."""
+        """Place and sentence for an error of this call; at the argument that the error names."""
         what = str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
         name = what.removeprefix("every ").partition(" ")[0]
         within = (name,) if name in self.arguments else ()
@@ -98,7 +98,7 @@ def calls_in(value: object) -> Iterator[Call]:
 
 
 def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -> Any:
-    """A value with what `made` returns in place of each call in it."""
+    """The value with each call in it replaced by the result of `made`."""
     if isinstance(value, Call):
         return made(value)
     if isinstance(value, dict):
@@ -109,18 +109,18 @@ def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -
 
 
 class Evaluation:
-    """Makes the object of each call once; an InputError becomes a SceneFileError with its line."""
+    """Makes the object of each call, once; an InputError becomes a SceneFileError with a line."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self._made: dict[Call, object] = {}
 
     def know(self, call: Call, made: object) -> None:
-        """Store the object that a call has made."""
+        """Register the object of a call that was made elsewhere."""
         self._made[call] = made
 
     def __call__(self, value: Any) -> Any:
-        """A value with the objects of the calls in it."""
+        """The value with each call in it replaced by its object."""
         return replaced(value, self._object)
 
     def _object(self, call: Call) -> object:
@@ -137,7 +137,7 @@ class Evaluation:
 
 
 def with_named_materials(data: Table) -> Table:
-    """A scene with tables in place of the names of materials, also of parts and of groups."""
+    """The scene with each name of a material, also in parts and groups, replaced by a table."""
     named = dict(data)
     if "material" in data:
         named["material"] = _material_table(data["material"])
@@ -150,7 +150,7 @@ def with_named_materials(data: Table) -> Table:
 
 
 def _material_table(value: object) -> object:
-    """The table of a material, or of groups of cells, that may be given by names."""
+    """The table for a material, or for groups of cells, whose materials may be names."""
     if isinstance(value, str):
         return {KIND: "material", "name": value}
     if not isinstance(value, dict) or KIND in value:
@@ -161,7 +161,7 @@ def _material_table(value: object) -> object:
 
 
 class Builder:
-    """Makes calls of the tables of one document, and notes the mistakes in them."""
+    """Turns the tables of one document into calls, and notes the mistakes in them."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -189,7 +189,7 @@ class Builder:
                 self.note(at, f"{label(at)} must be {what}{heading.format(label(at))}.")
 
     def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
-        """A section, or an empty one where it is missing or of the wrong form."""
+        """The section `name`; an empty `form` if it is missing or of another form."""
         value = (self.data if data is None else data).get(name)
         if isinstance(value, form):
             return value
@@ -203,7 +203,7 @@ class Builder:
         always: bool = False,
         **options: Any,
     ) -> Call | None:
-        """The call of a section [x]; None where it is missing, unless it is made `always`."""
+        """The call of a section [x]; None if it is missing, unless `always` is true."""
         data = self.data if data is None else data
         if not always and not isinstance(data.get(name), dict):
             return None
@@ -238,8 +238,8 @@ class Builder:
         Parameters
         ----------
         section : a section, or the names from which `kind` chooses.
-        given : arguments from other sections; None where one of them is wrong.
-        methods : laws of bodies, which `kind` may name too.
+        given : arguments from other sections; None for one with a mistake.
+        methods : laws of bodies, which `kind` may name, too.
         """
         makes = section.makes if isinstance(section, Section) else section
         given = dict(given or {})
@@ -281,7 +281,7 @@ class Builder:
     def _values(
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
     ) -> tuple[dict[str, object], bool]:
-        """The sound values of a table, and whether all are sound and there."""
+        """The valid values of a table, and whether all values are valid and none is missing."""
         values = {}
         whole = True
         for key, value in table.items():
@@ -308,7 +308,7 @@ class Builder:
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str
     ) -> NoReturn:
-        """Note a key that does not exist, with the nearest that does and what that holds."""
+        """Note an unknown key, with the most similar known key and its meaning."""
         at = (*place, key)
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
@@ -319,7 +319,7 @@ class Builder:
         self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
 
     def _tried(self, call: Call) -> Call | None:
-        """The call with its object; None after noting what its constructor refuses."""
+        """The call with its object; None if the constructor raises an error, which is noted."""
         if any(inner.made is None for inner in calls_in(call.arguments)):
             return call  # it waits for a file that the run reads
         messages: list[str] = []
@@ -337,7 +337,7 @@ class Builder:
     # -- values
 
     def value(self, parameter: Parameter, value: object, place: Place) -> object:
-        """A value as an argument; raises Mistake after noting what is wrong."""
+        """The value converted to an argument; notes an invalid one and raises Mistake."""
         converted = self._converted(parameter.kinds, value, place, parameter.about)
         if parameter.check is not None and not any(calls_in(converted)):
             try:
@@ -395,7 +395,7 @@ class Builder:
         return value
 
     def _path(self, value: str, place: Place) -> str:
-        """A file that the scene names; it must be there."""
+        """The path of a file that the scene names; the file must exist."""
         what = "which does not exist"
         try:
             path = Path(os.path.normpath(self.document.path.parent / checks.path("it", value)))
@@ -413,7 +413,7 @@ class Builder:
         self._wrong(place, f"{named}; paths begin at the folder of the scene file.")
 
     def names(self, what: str, name: str, known: Iterable[str], place: Place) -> bool:
-        """Note a name that refers to nothing; whether it does exist."""
+        """Return whether a name is known; note it otherwise."""
         known = list(known)
         if name not in known:
             self.note(place, unknown(f"{label(place)}: the {what}", name, known))

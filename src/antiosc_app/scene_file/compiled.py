@@ -59,7 +59,7 @@ EXCLUDES = (
 
 
 def _check_together(build: Builder) -> None:
-    """Note sections that contradict each other, or lack what they need."""
+    """Note sections that exclude each other, and sections without others that they need."""
     there = {name for name, value in build.data.items() if value or name != "sensors"}
     for names, others in NEEDS:
         for name in names.split():
@@ -88,7 +88,7 @@ def _check_together(build: Builder) -> None:
 
 
 def _one_of(names: str) -> str:
-    """A section with what it is, or several that may be chosen from."""
+    """Text of one section with its description, or of a choice of several."""
     first, *rest = names.split()
     if rest:
         return f"one of {', '.join(map(headed, names.split()))}"
@@ -96,7 +96,7 @@ def _one_of(names: str) -> str:
 
 
 def compiled(document: Document) -> Compiled:
-    """The objects of a document; SceneFileError with all its mistakes."""
+    """The calls of a document; SceneFileError with all its mistakes."""
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)

@@ -38,9 +38,10 @@ class SceneFileError(InputError):
 
 @dataclass
 class Problems:
-    """The mistakes found so far in a file of this name and text, and where they are.
+    """The mistakes found so far in a file, each with its place.
 
-    `origins`: of a scene with other values in it, their places -> where the file has these values.
+    `origins` is for a scene with varied values: place of each value in this scene -> its place in
+    the file.
     """
 
     name: str
@@ -52,25 +53,25 @@ class Problems:
         """Note a mistake at a place of the file; SceneFileError once there are MOST_FOUND."""
         sentence = " ".join(sentence.split())
         if self.origins and (place, sentence) in self.found:
-            return  # the scene has it whatever the values are
+            return  # the scene has this mistake for all values
         self.found[self._origin(place), sentence] = None
         if len(self.found) >= MOST_FOUND:
             self.raise_if_any()
 
     def error(self, place: Place, sentence: str) -> SceneFileError:
-        """The error of one mistake that is found while the scene runs."""
+        """The error for a mistake that is found while the scene runs."""
         line = lines_of(self.text, [self._origin(place)])[0]
         return SceneFileError(f"{self.name}:{line}: {sentence}")
 
     def _origin(self, place: Place) -> Place:
-        """Where the file has the value at a place, or the first of the other values."""
+        """Place in the file of a varied value; of another place, that of the first varied value."""
         for prefix, origin in self.origins.items():
             if place[: len(prefix)] == prefix or prefix[: len(place)] == place:
                 return origin
         return next(iter(self.origins.values()), place)
 
     def raise_if_any(self) -> None:
-        """SceneFileError with all of them, in the order of the file."""
+        """Raise SceneFileError with all mistakes, in the order of the file, if there are any."""
         if not self.found:
             return
         lines = lines_of(self.text, [place for place, _ in self.found])
@@ -84,7 +85,7 @@ class Problems:
 
 @dataclass(frozen=True)
 class Document:
-    """What a scene file says: its path as given, its tables, and the mistakes in them."""
+    """A scene file as data: its path as given, its tables, and the mistakes in them."""
 
     path: Path
     data: dict[str, Any]
@@ -135,7 +136,7 @@ def _text(source: Path) -> str:
 
 
 def _syntax(name: str, text: str, error: str) -> str:
-    """tomllib's message ends with "(at line 3, column 5)" or "(at end of document)"."""
+    """Message with the line of a syntax error, which ends tomllib's message `error`."""
     message, _, where = error.rpartition(" (at ")
     words = where.rstrip(")").replace(",", "").split()
     line = words[1] if words[:1] == ["line"] else str(text.count("\n") + 1)
@@ -146,7 +147,7 @@ def _syntax(name: str, text: str, error: str) -> str:
 
 
 def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Place, object]]:
-    """Entries of a table or list; names and texts that would change a terminal are noted."""
+    """Entries of a table or list; notes keys and texts that contain control characters."""
     if isinstance(value, dict):
         for key in filter(_CONTROL.search, value):
             problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
@@ -178,7 +179,7 @@ def lines_of(text: str, places: Iterable[Place]) -> list[int]:
 
 
 def _numbered(text: str) -> str:
-    """The text with its line in place of each value, in each table, and first in each array."""
+    """The text with each value replaced by its line; tables and arrays get an entry with theirs."""
     rows: list[str] = []
     open_brackets = ""
     header = False
@@ -270,11 +271,11 @@ SYNONYMS = {
 
 
 def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
-    """The known name that is meant: a synonym, or the one written most like this one.
+    """The known name that is probably meant: a synonym, or the most similar one, or None.
 
-    `least` of its letters are alike.
+    `least`: smallest similarity, from 0 to 1 (difflib).
     """
-    lowered = {each.lower(): each for each in known}
+    lowered = {entry.lower(): entry for entry in known}
     meant = SYNONYMS.get(name.lower(), "").lower()
     close = [meant] if meant in lowered else []
     close = close or difflib.get_close_matches(name.lower(), lowered, 1, least)
@@ -284,7 +285,7 @@ def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
 
 
 def meant(name: object, known: Iterable[str]) -> str:
-    """The end of a sentence on a name that does not exist: "; did you mean 'E'?", or a dot."""
+    """End of a sentence on an unknown name: "; did you mean 'E'?", or a full stop."""
     close = nearest(str(name), known)
     return f"; did you mean {close!r}?" if close else "."
 
@@ -296,7 +297,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
-    """A sentence on a name that does not exist."""
+    """A sentence on an unknown name, with those that are known."""
     names = list(known)
     there = f"There is {listed(names)}."
     return f"{what} {checks.shown(name)} does not exist{meant(name, names)} {there}"

@@ -51,14 +51,14 @@ DIGITS = 4
 
 @dataclass(frozen=True)
 class Outline:
-    """What is known of a file without meshing it.
+    """Properties of a file that are known without meshing it.
 
     Attributes
     ----------
     name : of the file.
     groups : their names.
     low, high : (3,) corners of the box around it [m].
-    element : size of its largest cell [m]; of a geometry that of the scene, or 0.
+    element : size of its largest cell [m]; of a geometry the size that the scene gives, or 0.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Outline:
         )
 
     def distance(self, point: Array) -> float:
-        """Distance of a point (3,) from the box [m]; 0 within what a snap may bridge."""
+        """Distance of a point (3,) from the box [m]; 0 up to the distance that a snap bridges."""
         off = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
         size = float(np.linalg.norm(self.high - self.low))
         if off > max(SNAP_SHARE * size, self.element):
@@ -85,16 +85,16 @@ class Outline:
         return 0.0
 
     def placed(self, at: Placement) -> Outline:
-        """The box around its box after a `Placement`."""
+        """The outline after a `Placement`: the box around the moved box."""
         corners = np.array(list(itertools.product(*zip(self.low, self.high, strict=True))))
         x = at.placed(corners)
         return replace(self, low=x.min(axis=0), high=x.max(axis=0))
 
 
 def check(compiled: Compiled) -> list[str]:
-    """Note groups that do not exist and points outside the part, and raise; return sentences.
+    """Sentences on the box and the groups of each file, or on why it was not read.
 
-    They describe the box and the groups of each file, or say why it was not read.
+    SceneFileError for groups that do not exist and points outside the part.
     """
     problems = compiled.document.problems
     sentences = []
@@ -122,10 +122,9 @@ def check(compiled: Compiled) -> list[str]:
 
 
 def _picture(compiled: Compiled, error: InputError) -> str:
-    """Draw the unconnected pieces of a part beside the scene; returns a sentence with the file's
-    name.
+    """Draw the unconnected pieces of a part beside the scene; returns a sentence on the picture.
 
-    "" if the error is another one.
+    "" for other errors.
     """
     if not isinstance(error, PiecesError) or not error.pieces:
         return ""
@@ -173,7 +172,7 @@ def _check_points(compiled: Compiled, calls: list[Call], known: Mapping[str, Out
 
 
 def _meshes(compiled: Compiled) -> Iterator[tuple[str, Call]]:
-    """("" or name of a part, the call of read_mesh or read_model)."""
+    """Yields (name of a part or "", its call of read_mesh or read_model)."""
     source = compiled.structure
     if source is None and compiled.history is not None and compiled.striking:
         source = compiled.history.arguments["source"]
@@ -191,19 +190,19 @@ def check_size(path: Path) -> None:
 
 
 def _path(call: Call) -> Path:
-    """The file that a call of read_mesh or read_model reads."""
+    """The path of the file that a call of read_mesh or read_model reads."""
     return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
 
 
 def outline(call: Call) -> Outline:
-    """The outline of what a call of read_mesh or read_model reads.
+    """The outline of the file that a call of read_mesh or read_model reads.
 
     Raises
     ------
     InputError
         A file that cannot be read.
     AntioscError
-        A file that is not read for this: too large, or a package for it is missing.
+        A file that is too large to be read for an outline, or whose package is missing.
     """
     path = _path(call)
     check_size(path)
@@ -248,7 +247,7 @@ def _largest(cells: Array) -> float:
 
 
 def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
-    """Places of a scene that name a group of its mesh, or of that of a part, and the group."""
+    """Yields (place, name) where a scene names a group of its mesh or of the mesh of a part."""
     for call in calls:
         of_part = not part or call.place[:2] == ("parts", part)
         material = call.arguments.get("material")

@@ -40,9 +40,9 @@ T = TypeVar("T")
 
 @dataclass(kw_only=True)
 class Results(Objects[Any]):
-    """What a scene has made, and the title of a report; no scene: a program made it.
+    """The objects of a scene, or of a program without one (`compiled` None), for a report.
 
-    `tradeoff`: methods that were compared for its history, the last of them.
+    `tradeoff`: the comparison of methods, the last of which gave the history.
     """
 
     compiled: Any = None
@@ -51,7 +51,7 @@ class Results(Objects[Any]):
 
 
 def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
-    """Make objects of a scene; SceneFileError with the line where one of them fails."""
+    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails."""
     evaluate = Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
     results_of_run = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
@@ -68,7 +68,7 @@ def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Collect warnings, each once; on an error they are printed first, for they may explain it."""
+    """Collect warnings, each once; after an error they are printed, as they may explain it."""
 
     def keep(message: str) -> None:
         text = " ".join(message.split())
@@ -88,15 +88,15 @@ def collected_warnings(sentences: list[str]) -> Iterator[None]:
 
 
 def communicator() -> MPI.Comm | None:
-    """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
+    """The communicator of all ranks if mpi4py is loaded; None for a single process."""
     loaded = sys.modules.get("mpi4py.MPI")
     return getattr(loaded, "COMM_WORLD", None)
 
 
 def on_first(work: Callable[[], T]) -> T:
-    """What `work` returns on the first rank, on every rank; its error is raised on all of them.
+    """Do `work` on the first rank; return its result, or raise its error, on all ranks.
 
-    For files: a rank that goes on alone after an error of another would wait for it for ever.
+    For work on files: after an error on one rank alone, the others would wait for it for ever.
     """
     comm = communicator()
     if comm is None or comm.size == 1:
@@ -106,10 +106,10 @@ def on_first(work: Callable[[], T]) -> T:
     return on_root(comm, work)  # type: ignore[no-any-return]
 
 
-#: Most impacts of a sweep, and most structures.
+#: Largest number of impacts of a sweep, and of structures.
 MOST_IMPACTS = 100_000
 MOST_MODELS = 1000
-#: What the other sections give to a batch.
+#: Arguments of a batch that come from other sections.
 _GIVEN = ("models", "impactors", "contacts")
 
 # -- a scene with other values in it
@@ -127,7 +127,7 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 def variant(
     build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
-    """The scene with these values; its mistakes are noted in `main` at `origins` in the file."""
+    """The scene with other values; its mistakes are noted in `main`, at the values' `origins`."""
     data = dict(build.data)
     for place, value in values.items():
         table = data
@@ -143,7 +143,7 @@ def variant(
 
 
 def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
-    """The lists of [sweep] by their places in the scene."""
+    """The lists of [sweep] by the place of the varied value in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
     if isinstance(table, dict):
@@ -152,7 +152,7 @@ def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
 
 
 def sweep(build: Builder, compiled: Compiled) -> Call | None:
-    """The batch; None without [sweep], or after a mistake in it."""
+    """The call of the batch; None without [sweep], or after a mistake in it."""
     lists = varied(build)
     known = _known(build)
     if "sweep" in build.data and not lists:
@@ -192,7 +192,7 @@ def _known(build: Builder) -> list[str]:
 
 
 def _of_batch() -> list[str]:
-    """The keys of [simulate] of which a batch takes lists."""
+    """The keys of [simulate] for which a batch accepts lists."""
     batch = parameters("simulate_many")
     of_one = parameters("simulate")
     return [name for name in batch if name in of_one and DATA in batch[name].kinds]
@@ -201,7 +201,7 @@ def _of_batch() -> list[str]:
 def _batch(
     build: Builder, compiled: Compiled, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
-    """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
+    """The call of `simulate_many` with the arguments of [simulate] and the lists of [sweep]."""
     table = build.part("simulate")
     swept = {place[0] for place in lists}
     stretches = _stretching(build, compiled.structure, compiled.model)
@@ -211,7 +211,7 @@ def _batch(
         values = {place: entries[i] for place, entries in lists.items()}
         origins = {place: ("sweep", *place, i) for place in lists}
         other = variant(build, values, origins, build.document.problems)
-        # only what the values change is made anew
+        # objects that the values do not change are shared
         same = (compiled.impactor, compiled.contact)
         part = stretches if swept <= {*VARIED} else _model(other)
         rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
@@ -231,7 +231,7 @@ def _batch(
 
 
 def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
-    """A model for many impacts, with second-order forces unless [extract] says otherwise."""
+    """The model for many impacts; with second-order forces unless [extract] decides on them."""
     options = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
     linear = {"step", "n"} & set(options) or options.get("method", "exact") != "exact"
     if None in (part, made) or linear or "stretch" in build.part("extract"):
@@ -246,14 +246,14 @@ def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | 
 
 
 def _model(build: Builder) -> Call | None:
-    """A call that makes the model of a variant without shapes, and keeps nothing else of it."""
+    """A call that makes the model of a variant, without shapes, to save memory."""
     part = structure(build)
     made = _stretching(build, part, model(build, part))
 
     def alone() -> object:
-        found = Evaluation(build.document)(made)
-        forces = None if found.stretch is None else replace(found.stretch, shapes=None)
-        return replace(found, shapes=None, hidden=None, stretch=forces)
+        reduced = Evaluation(build.document)(made)
+        forces = None if reduced.stretch is None else replace(reduced.stretch, shapes=None)
+        return replace(reduced, shapes=None, hidden=None, stretch=forces)
 
     if made is None:
         return None
@@ -264,7 +264,7 @@ def _model(build: Builder) -> Call | None:
 
 
 def monte_carlo(build: Builder, compiled: Compiled) -> Call | None:
-    """The study of [monte_carlo]; None without it, or after a mistake in it."""
+    """The call of [monte_carlo]; None without this section, or after a mistake in it."""
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
         return None
@@ -292,7 +292,7 @@ def monte_carlo(build: Builder, compiled: Compiled) -> Call | None:
 
 
 def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
-    """The distribution of each value, by its place in the scene."""
+    """The distribution of each random value, by the place of the value in the scene."""
     calls: dict[Place, Call | None] = {}
     for place, value in leaves(drawn):
         at: Place = ("monte_carlo", *place)
@@ -310,7 +310,7 @@ def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
 
 
 def _surface(build: Builder, structure: Call | None, table: object) -> Call | None:
-    """The map of the points that are drawn."""
+    """The call of the map from whose points [monte_carlo] draws."""
     if structure is None or source(build) not in ("geometry", "deck", "parts"):
         build.note(("monte_carlo", POINT), "points are drawn on a structure with a mesh.")
         return None
@@ -319,7 +319,7 @@ def _surface(build: Builder, structure: Call | None, table: object) -> Call | No
 
 
 def _nearby(build: Builder, compiled: Compiled, inputs: Mapping[Place, Call | None]) -> Call | None:
-    """The models of structures with other values."""
+    """The call of `nearby`, which gives models of structures with other values."""
     sites = build.named("sites")
     if compiled.structure is None or len(sites) != 1:
         build.note(("monte_carlo",), "values of the structure are drawn where there is one site.")
@@ -340,7 +340,7 @@ def _nearby(build: Builder, compiled: Compiled, inputs: Mapping[Place, Call | No
 
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
-    """The scene with values that were drawn, and with mistakes of its own."""
+    """The scene with random values; its mistakes are kept apart from those of the file."""
     known = build.document.problems
     origins = {place: ("monte_carlo", *place) for place in values}
     return variant(build, values, origins, Problems(known.name, known.text))
@@ -349,7 +349,7 @@ def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
 def _run(
     build: Builder, places: Mapping[str, Place], duration: float, models: Any
 ) -> Callable[..., tuple[object, ...]]:
-    """The function of the inputs, as impactor.velocity, that `monte_carlo` calls."""
+    """The function that `monte_carlo` calls with values by name, such as impactor.velocity."""
     shared = [name for name, place in places.items() if place[0] not in VARIED]
 
     def run(**values: Any) -> tuple[object, ...]:
@@ -370,7 +370,7 @@ def _run(
 
 
 def surface(build: Builder, compiled: Compiled) -> Call | None:
-    """The map of [map]."""
+    """The call of [map]; None without this section."""
     arguments: dict[str, object] = {"structure": compiled.structure}
     table = dict(build.part("map"))
     if table.get("where") == []:

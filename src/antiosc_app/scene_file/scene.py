@@ -51,19 +51,21 @@ MISSING: Any = None
 
 @dataclass(kw_only=True)
 class Objects(Generic[T]):
-    """What the sections of a scene make, as calls or as objects; None where a section is missing.
+    """The results of the sections of a scene, as calls or as objects; None for a missing section.
 
     Attributes
     ----------
-    structure, model : what is struck; None where [strike] makes them.
-    impactor, contact : of one impact; `scene` of several contacts.
-    history : of the simulation.
-    probes : name -> displacements and others, of the structure and the history.
-    stresses : {quantity: its largest values over the run}.
-    batch, map, sample : of [sweep], [map] and [monte_carlo].
-    fall : of [drop]; `peaks` by name, and `worst`, of the fall.
-    found : of [find].
-    warnings : sentences of warnings, each once.
+    structure, model : the struck structure and its model; None if [strike] makes them.
+    impactor, contact : of a single impact.
+    scene : the `Scene` of several contacts.
+    history : the result of the simulation.
+    probes : name -> signal of [probes].
+    stresses : quantity -> largest values over the run.
+    batch, map, sample : results of [sweep], [map] and [monte_carlo].
+    fall : result of [drop].
+    peaks, worst : of the fall: results of [accelerometers] by name, and of [worst].
+    found : result of [find].
+    warnings : sentences, each once.
     """
 
     structure: T = MISSING
@@ -86,14 +88,14 @@ class Objects(Generic[T]):
 
 @dataclass(kw_only=True)
 class Compiled(Objects[Call | None]):
-    """The sections of a document as calls, and the files that are written."""
+    """The calls of a document's sections; `output` describes the files to be written."""
 
     document: Document
     output: Call | None = None
 
     @property
     def simulation(self) -> Call | None:
-        """What `antiosc run` computes."""
+        """The call whose result `antiosc run` computes."""
         return self.history or self.fall or self.found
 
     @property
@@ -102,19 +104,19 @@ class Compiled(Objects[Call | None]):
         return self.history is not None and self.history.name == "strike"
 
     def does(self) -> list[str]:
-        """The commands that this scene is for."""
+        """The commands that can run this scene."""
         there = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
         return [f"antiosc {name}" for name in there]
 
 
 class Study(NamedTuple):
-    """A command that computes.
+    """A command that computes a result of a scene.
 
     Attributes
     ----------
-    result : the object of the scene that it is for.
-    lacking : what a scene without it has.
-    makes : the objects that it makes, in their order.
+    result : name of the result in `Compiled`.
+    lacking : end of the message for a scene without this result.
+    makes : names of the objects that the command makes, in order.
     """
 
     result: str
@@ -122,7 +124,7 @@ class Study(NamedTuple):
     makes: tuple[str, ...]
 
 
-#: What has a mesh.
+#: Sections whose structure has a mesh.
 MESHED = "geometry deck parts"
 
 STUDIES = {
@@ -156,12 +158,12 @@ STUDIES = {
 
 
 def source(build: Builder) -> str:
-    """The section that says what is struck; "" for rigid bodies alone."""
+    """Name of the section that describes the structure; "" if there are only rigid bodies."""
     return next((name for name in SOURCES if name in build.data), "")
 
 
 def structure(build: Builder) -> Call | None:
-    """The structure; None for a saved model, for rigid bodies, and for a mesh that is refined."""
+    """The call of the structure; None for a model, for rigid bodies, and if [strike] makes it."""
     name = source(build)
     if name == "parts":
         return _assembly(build)
@@ -173,13 +175,13 @@ def structure(build: Builder) -> Call | None:
 
 
 def refined(build: Builder) -> bool:
-    """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
+    """Whether [strike] chooses the mesh; it does not if the scene has [attached] or [structure]."""
     mesh = {"geometry", "strike"} <= set(build.data)
     return mesh and not {"attached", "structure"} & set(build.data)
 
 
 def _part(build: Builder, data: Table, place: Place) -> Call | None:
-    """The structure of a deck, or of a mesh, in a scene or in a part of it."""
+    """The call of the structure of a deck or a mesh, of the scene or of one of its parts."""
     supported = _supported(build, data, place)
     if "deck" in data:
         return build.table("deck", data, place, given=supported)
@@ -193,13 +195,13 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
 
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
-    """The arguments `supports` and `attached`, where there are any."""
+    """The arguments `supports` and `attached`, without empty ones."""
     lists = {name: build.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in lists.items() if value}
 
 
 def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
-    """One material, or a table of them by groups of cells."""
+    """The call of a material, or group of cells -> call; None after a mistake."""
     table = data.get("material")
     at = (*place, "material")
     section = SECTIONS["material"]
@@ -211,8 +213,11 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
             f'or a name, as `{label(at)} = "steel S235"`.',
         )
         return None
-    if table and all(isinstance(each, dict) for each in table.values()):
-        made = {group: build.call(section, each, (*at, group)) for group, each in table.items()}
+    if table and all(isinstance(group_table, dict) for group_table in table.values()):
+        made = {
+            group: build.call(section, group_table, (*at, group))
+            for group, group_table in table.items()
+        }
         sound = {group: call for group, call in made.items() if call is not None}
         if len(sound) == len(made):
             return sound
@@ -256,7 +261,7 @@ def _assembly(build: Builder) -> Call | None:
 
 
 def model(build: Builder, structure: Call | None) -> Call | None:
-    """The reduced model, where something needs one, with the surface that the scene gives it."""
+    """The call of the reduced model with its [surface]; None if no section needs a model."""
     made = _model(build, structure)
     if "surface" not in build.data:
         return made
@@ -287,14 +292,14 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
 
 
 def pair(build: Builder) -> tuple[Call | None, Call | None]:
-    """Impactor and contact, whose law may be one of the impactor's."""
+    """The calls of impactor and contact law; the law may be a method of the impactor."""
     impactor = build.table("impactor")
     methods = own_laws("impactor", build.data.get("impactor"), impactor)
     return impactor, _law(build, build.data.get("contact"), ("contact",), methods)
 
 
 def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call | None:
-    """The law of a table; "auto" without one, or where its kind says so."""
+    """The call of a contact law; "auto" without a table, or for the kind "auto"."""
     if table is None or table == AUTO or (isinstance(table, dict) and table.get(KIND) == AUTO):
         if isinstance(table, dict) and len(table) > 1:
             build.note(place, f"{label(place)} of the kind {AUTO!r} takes no other keys.")
@@ -328,7 +333,7 @@ def single(build: Builder, found: Compiled) -> None:
 
 
 def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> Call | None:
-    """An impact with second-order forces where they matter, unless [extract] says otherwise."""
+    """The impact, with second-order forces if they matter, unless [extract] decides on them."""
     given_there = "stretch" in build.part("extract")
     if impact is None or None in (found.structure, found.model) or given_there:
         return impact
@@ -346,7 +351,7 @@ def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> 
 def _struck_by(
     run: Callable[..., History], arguments: dict[str, Any], model: AntiOscillators
 ) -> History:
-    """An impact, or a scene of several bodies, on another model of the structure."""
+    """The history of an impact, or of a scene, with another model of the structure."""
     scene = arguments.get("self")
     if scene is None:
         return run(model=model, **arguments)
@@ -359,7 +364,7 @@ _CLOSING = {"initial_velocity", "gravity"}
 
 
 def _warn_of_opening(build: Builder, compiled: Compiled) -> None:
-    """Warn of an impactor that flies away from the structure."""
+    """Add a warning if the impactor moves away from the structure."""
     speed = getattr(getattr(compiled.impactor, "made", None), "velocity", 0.0)
     if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
         build.warnings.append(
@@ -377,9 +382,10 @@ def search(build: Builder, compiled: Compiled) -> None:
 
 
 def own_laws(variable: str, table: object, body: Call | None) -> Methods:
-    """Contact laws that a body makes itself: "impactor.hertz" -> ("Sphere.hertz", the body).
+    """Contact laws that are methods of a body: "impactor.hertz" -> ("Sphere.hertz", the body).
 
-    Of a body that is wrong, those of its kind or of any body: its own mistake is enough.
+    For a body with a mistake they are those of its kind, or of all kinds, so that the law is not
+    reported too.
     """
     if body is not None:
         classes: list[type] = [type(body.made)]
@@ -437,7 +443,7 @@ def several(build: Builder, compiled: Compiled) -> None:
 
 
 def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
-    """[[contacts]], whose `law` may be one of a body."""
+    """The calls of [[contacts]]; a `law` may be a method of a body."""
     if not build.part("contacts", list):
         build.note((), "a scene of several bodies needs [[contacts]].")
     contacts = []
@@ -455,7 +461,7 @@ def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | N
 
 
 def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: Place) -> None:
-    """Note an end "body:site" of a table that names no body of a scene, or no site of it."""
+    """Note an end "body:site" whose body or site does not exist."""
     end = table.get(key) if isinstance(table, dict) else None
     if not isinstance(end, str):
         return
@@ -478,12 +484,12 @@ def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: P
 
 
 def probe_times(history: History) -> Array:
-    """Times [s] of probes: those of a history lie far apart while bodies fly."""
+    """Times [s] of probes: those of the history, and evenly spaced ones, as flights have few."""
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
 def requested(build: Builder, found: Compiled) -> None:
-    """[probes] and [stress]; without it the criteria for which the materials have strengths."""
+    """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:
         part = Call(lambda history: history.structure, {"history": found.history})
@@ -503,14 +509,14 @@ def requested(build: Builder, found: Compiled) -> None:
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """The fields of the criteria for which the materials have strengths; {} without any."""
+    """Criterion -> stress field, for the criteria with known strengths of the materials."""
     with finite_element_packages():
         from antiosc.extension import criteria_of
     return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
-    """The field of the criterion that a fall exposes most; None for materials without strengths."""
+    """The stress field with the largest exposure in a fall; None if no strength is known."""
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure

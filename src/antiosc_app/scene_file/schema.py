@@ -53,11 +53,11 @@ class Kind:
 
     Attributes
     ----------
-    name : one of those above, or "choice", "list", "table".
-    options : texts of a choice.
-    kind : class of an object; type of a table's keys.
-    items : kinds of the entries of a list or table.
-    each : kinds of every entry of a list of fixed length, in order.
+    name : a key of `_KINDS`, or "choice", "list", "table".
+    options : the texts of a choice.
+    kind : class of an "object"; type of the keys of a "table".
+    items : permitted kinds of the entries of a list or table.
+    each : permitted kinds of each entry of a list of fixed length, in order.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Kind:
     each: tuple[tuple[Kind, ...], ...] = ()
 
     def fits(self, value: object) -> bool:
-        """Whether a TOML value is of this kind; its entries are looked at later."""
+        """Whether a TOML value is of this kind; its entries are not checked."""
         if self.name == "list":
             return isinstance(value, list) and (not self.each or len(value) == len(self.each))
         if self.name == "choice":
@@ -76,14 +76,14 @@ class Kind:
         return isinstance(value, types) and (bool in types or not isinstance(value, bool))
 
     def first_entry_fits(self, value: object) -> bool:
-        """Whether a value of this kind is a list whose first entry is of its kinds, or no list."""
+        """Whether the first entry of a list is of a permitted kind; True for other values."""
         if not isinstance(value, list) or not value or self.name != "list":
             return True
         return any(kind.fits(value[0]) for kind in (self.each or (self.items,))[0])
 
     @property
     def text(self) -> str:
-        """In words."""
+        """The kind in words: "a number"."""
         if self.name == "choice":
             return " or ".join(f'"{option}"' for option in self.options)
         if self.each:
@@ -94,7 +94,7 @@ class Kind:
 
     @property
     def plural_text(self) -> str:
-        """Several of them, in words."""
+        """The kind in words, in the plural: "numbers"."""
         if self.name == "list":
             return f"lists of {plural(self.items or self.each[0])}"
         if self.name in _KINDS:
@@ -109,22 +109,22 @@ NUMBERS = Kind("list", items=(NUMBER,))
 
 
 def words(kinds: Sequence[Kind]) -> str:
-    """What a parameter may hold, in words."""
+    """The permitted kinds of a value in words: "a number or a text"."""
     *texts, last = dict.fromkeys(kind.text for kind in kinds)
     return f"{', '.join(texts)} or {last}" if texts else last
 
 
 def plural(kinds: Sequence[Kind]) -> str:
-    """Several of such values, in words."""
+    """The permitted kinds of several values in words: "numbers or texts"."""
     return " or ".join(dict.fromkeys(kind.plural_text for kind in kinds))
 
 
 class Unknown:
-    """Stands for a name that is imported for type checkers only: a type that no file can hold."""
+    """Replaces a name that is imported only for type checkers, and that no file can hold."""
 
 
 class _Names(dict[str, object]):
-    """Names that annotations refer to; those imported for type checkers alone are Unknown."""
+    """Names in annotations -> objects; Unknown for names imported only for type checkers."""
 
     def __missing__(self, name: str) -> object:
         known = (vars(module).get(name) for module in (builtins, typing, collections.abc))
@@ -198,7 +198,7 @@ Check = Callable[[str, Any], object]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key of a section: its kinds, whether it must be there, what it means, and its check."""
+    """One key of a section: permitted kinds, whether it is required, meaning, and check."""
 
     name: str
     kinds: tuple[Kind, ...]
@@ -246,7 +246,7 @@ def resolved(function: str) -> Any:
 
 
 def only_checks(function: str) -> bool:
-    """Whether a call only checks and stores values: a class of antiosc that holds data."""
+    """Whether a call only checks and stores values, so that it can be made without a run."""
     head = function.partition(".")[0]
     return function in LIGHT or (inspect.isclass(resolved(head)) and head not in HEAVY)
 
@@ -269,7 +269,7 @@ def descriptions(call: object) -> dict[str, str]:
 
 
 def _among(name: str) -> Check:
-    """A choice from "module:name", which is imported when it is needed: it may need dolfinx."""
+    """A check against the choices "module:name", imported on use since it may need dolfinx."""
     return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
@@ -563,7 +563,7 @@ _NAME = {"type": "string"}
 def _one_of(
     makes: Sequence[str], passed: Iterable[str] = (), methods: bool = False
 ) -> dict[str, object]:
-    """A table of one of several kinds; `methods`: also of laws that a body makes."""
+    """JSON schema of a table of one of several kinds; `methods`: and of laws of bodies."""
     tables = []
     for name in makes:
         known = {n: p for n, p in parameters(name).items() if n not in set(passed)}

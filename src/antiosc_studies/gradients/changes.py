@@ -588,7 +588,7 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
 
 
 def _matched(first: dict[str, Array], second: dict[str, Array]) -> dict[str, Array]:
-    """The modes `other` with signs matched to `one`; NotDifferentiableError if they do not
+    """The modes `second` with signs matched to `first`; NotDifferentiableError if they do not
     match.
     """
     size = first["omega"].size

@@ -407,7 +407,7 @@ def fitted(
     """The most probable body among forms of damping and of support.
 
     `free`: with rigid-body motion (None: if the measurement shows it); `hysteretic`: form of the
-    damping (None: the more probable one); `given`: known modes above the band.
+    damping (None: the more probable one); `known_tail`: known modes above the band.
     """
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
     modes = _first(data, weight, free, bool(hysteretic), known_tail)
