@@ -271,7 +271,7 @@ class _Joints:
                 self.joints.equation(terms, row.place)
 
     def _expanded(self, words: list[str], row: Row) -> Iterator[list[Term]]:
-        """One equation, or one for each node if a term names a set of nodes."""
+        """Yields the equation, or one for each node if a term names a set of nodes."""
         place = row.place
         triples = [words[k : k + 3] for k in range(0, len(words), 3)]
         nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]

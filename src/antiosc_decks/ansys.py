@@ -207,7 +207,7 @@ def _deck(
     archive: Archive, groups: Mapping[str, Sequence[int]]
 ) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
     """(deck, owner of each element: its material, real constants, section and place).
-    `asked` names groups of elements by their numbers.
+    `groups` names elements by their numbers.
     """
     if not archive.points:
         raise MeshError(f"{archive.name} has no nodes (NBLOCK).")

@@ -426,7 +426,7 @@ def _check_reactions(structure: Structure, history: History) -> None:
 
 
 def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
-    """The sites as a list."""
+    """The sites of an argument `site` as a list."""
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
     if not sites:
         raise InputError("site must name at least one Site; got an empty dict.")

@@ -80,7 +80,7 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """Pairs (item, point) of numbers with |centre of item − point| <= reach of item."""
+    """Pairs (number of item, number of point) with |centre of item − point| <= reach of item."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
     low = points.min(axis=0)

@@ -380,9 +380,7 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 def _turns(starts: Array, end: Array) -> Array:
-    """The smallest rotations (n, 3, 3) that turn unit vectors `starts` onto `end`, which is
-    opposite to none.
-    """
+    """The smallest rotations (n, 3, 3) of unit vectors `starts` onto `end`, opposite to none."""
     cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
@@ -494,9 +492,7 @@ def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
 
 
 def _cut_off(fit: Fit, share: float) -> float:
-    """Truncation error [1/m] of a fit to a circle of the fit's curvature, within `share` radii of
-    curvature.
-    """
+    """Truncation error [1/m] of a fit within `share` radii of curvature, if it were to a circle."""
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())
 

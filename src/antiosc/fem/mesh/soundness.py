@@ -70,10 +70,10 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
-    """Numbers of cells (n, nodes) whose mid-side node is not that of other cells at the side.
+    """Numbers of cells (n, nodes) with a mid-side node that does not fit those of other cells.
 
-    The node may be a corner of another cell, lie in another side too, or have a copy in its
-    place. `between`: (vertices of an edge, face or cell, node inside it).
+    On one side, cells have different mid-side nodes; one node lies in two sides; or it is a corner
+    of a cell. `between`: (vertices of an edge, face or cell, node inside it).
     """
     if not len(cells):
         return np.zeros(0, dtype=np.int64)

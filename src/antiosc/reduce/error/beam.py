@@ -77,11 +77,11 @@ class HalvedBeams(MeshErrors):
 
 
 def excess(lacks: Array) -> Array:
-    """Excess energies E of shapes ψ whose loads Kψ have flexibilities too small by `lacks`.
+    """Excess energies E (k, k) of shapes ψ from the missing flexibilities `lacks` of loads Kψ.
 
-    `lacks` are E itself if a mesh lacks flexibility for every pattern of loads. Elements with few
-    integration points can be too flexible for some patterns: the products of different shapes are
-    then all reduced by one factor.
+    E equals `lacks` if that is semidefinite. Elements with few integration points can be too
+    flexible for some loads; all products of different shapes are then reduced by one factor that
+    makes E semidefinite.
     """
     size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
     over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
@@ -141,7 +141,8 @@ MOST_ANGLE = 23.0
 def halved(mesh: Mesh, point: Array | None = None) -> Mesh:
     """The mesh of lines with each cell c divided into two, the input cells 2c and 2c + 1.
 
-    They meet in the middle, those nearest to `point` there, unless it lies close to a node.
+    A cell is divided in its middle; the one nearest to `point` is divided there, unless the point
+    lies close to a node.
     """
     return _divided(mesh, 0.5, point)
 

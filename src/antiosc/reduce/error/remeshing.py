@@ -1,7 +1,7 @@
 """Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving.
 
-Meshes of lines are made finer everywhere alike: they are so small that the second solve which would
-say where costs more than the cells that it would save.
+Meshes of lines are made finer everywhere alike: they are small, and to estimate the error of each
+cell would cost more than the cells that this saves.
 """
 
 from __future__ import annotations

@@ -131,9 +131,10 @@ def edge_normals(part: MeshedStructure) -> Array:
 
 
 def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """(edges (n,), indices of two of their cells (2, n), number of all edge uses (n,)).
+    """(edges (n,), indices (2, n) of two uses of each edge by cells, number of its uses (n,)).
 
-    Places are among the edges of all cells in turn, those of an edge of one cell twice.
+    The indices are those in the flattened `cell_edges`; an edge of a single cell has its index
+    twice.
     """
     edge = cell_edges.ravel()
     order = np.argsort(edge, kind="stable")
@@ -193,11 +194,12 @@ def _connected(count: int, a: IntArray, b: IntArray) -> IntArray:
 
 
 def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray]:
-    """(the coordinate axis (cells,) at the largest angle to all normals of a piece, mask of cells
-    whose piece has none).
+    """(coordinate axis (cells,) for the directions in each cell, mask of cells without a common
+    one).
 
-    Where each axis comes near to a normal of the piece, cells get the one farthest from their own.
-    `along` (cells, 3): cosines between the axes and the normals of a cell.
+    It is the axis at the largest angle to all normals of the cell's piece. If every axis is near to
+    some normal of the piece, the cells have no common one: each gets the axis farthest from its own
+    normal. `along` (cells, 3): cosines between the axes and the normals of a cell.
     """
     near = np.zeros((int(number.max()) + 1, 3))
     np.maximum.at(near, number, along)
@@ -443,10 +445,10 @@ def layers_of(part: MeshedStructure, pieces: SmoothPieces, recovery: SheetRecove
 
 
 def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntArray]:
-    """(edge uses that are exterior (n,), pairs of uses at edges between two pieces (2, n)).
+    """(uses of exterior edges (n,), pairs of uses of edges between two pieces (2, n)).
 
-    The latter are edges of different pieces that meet at an angle of no fold. No beams stiffen
-    either.
+    The latter are edges at which two pieces meet without a fold. Edges that beams stiffen are in
+    neither.
     """
     edges, first, count = neighbours(compat.cell_entities(part.mesh.dolfinx, 1))
     for name in part.stiffeners:

@@ -232,8 +232,8 @@ LOCKED = 0.48
 def refuse_locking(structure: MeshedStructure) -> None:
     """InputError for linear elements of a nearly incompressible solid; a warning before that.
 
-    Plane stress and displacements of degree 2 do not lock. Of a material with directions counts
-    the Poisson's ratio of its mean stiffnesses in volume and in shear.
+    Plane stress and displacements of degree 2 do not lock. The Poisson's ratio of a
+    material with directions is that of its mean bulk and shear moduli.
     """
     if structure.form.degree > 1:
         return

@@ -64,7 +64,7 @@ def _check_model(model: AntiOscillators) -> None:
 def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
     """The model with second-order forces of the modes that its sites move most.
 
-    count : how many an impact takes, or "auto". Two more are found, to compare with.
+    count : number of modes that an impact takes, or "auto". Two more are computed, for the error.
     """
     part_of(structure)
     _check_model(model)
@@ -80,8 +80,8 @@ def stretch_of_map(
 ) -> Stretch:
     """The second-order forces in free modes phi (rows, J) for sites with displacements b (P, J).
 
-    Of several sites at most `MOST_OF_MAP` motions for all, the principal ones of Λ⁻¹b, Λ⁻²b and
-    Λ⁻³b. Without `shapes`.
+    Several sites share at most `MOST_OF_MAP` motions, the principal directions of all Λ⁻¹b, Λ⁻²b
+    and Λ⁻³b. The result has no `shapes`.
     """
     if len(b) == 1:
         modes = candidates(omega, b.T, MOST)
