@@ -325,7 +325,7 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
             continue
         weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
         used = owner[np.array(keep)[np.abs(weights) > DEPENDENT]]
-        follows.append((int(owner[k]), {int(one) for one in used}))
+        follows.append((int(owner[k]), {int(joint) for joint in used}))
     return np.array(keep, dtype=int), follows
 
 

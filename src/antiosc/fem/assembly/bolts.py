@@ -66,8 +66,8 @@ class Bolt(Between):
                 f"{label} has no length: {end_text(self.a)} and {end_text(self.b)} have the same "
                 "centre; use a Weld."
             )
-        for end, one in zip((self.a, self.b), ends, strict=True):
-            if not one.turns(layout.rotations):
+        for end, end_motion in zip((self.a, self.b), ends, strict=True):
+            if not end_motion.turns(layout.rotations):
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
                     'one: give a group of faces, or a radius, ("part", point, radius).'
@@ -82,7 +82,7 @@ class Bolt(Between):
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
         turn = scipy.sparse.block_diag([R] * 4, format="csr")
-        G = (turn @ scipy.sparse.vstack([one.six for one in ends])).tocsr()
+        G = (turn @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]
 
@@ -134,8 +134,8 @@ def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
     for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
         signs = np.array([1.0, sign, 1.0, sign])
         slopes = _slopes(_shear_share(beam, I, length), length, s)
-        own = np.einsum("iq,jq,q->ij", slopes, slopes, w)
-        B[np.ix_(dofs, dofs)] += own * np.outer(signs, signs)
+        product = np.einsum("iq,jq,q->ij", slopes, slopes, w)
+        B[np.ix_(dofs, dofs)] += product * np.outer(signs, signs)
     return a, B
 
 
@@ -180,8 +180,8 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
     x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     s = (x + 1) / 2
     w = w / 2 * L
-    one = 1 / (1 + phi)
-    v = one * np.stack(
+    factor = 1 / (1 + phi)
+    v = factor * np.stack(
         [
             1 - 3 * s**2 + 2 * s**3 + phi * (1 - s),
             L * (s - 2 * s**2 + s**3 + phi / 2 * (s - s**2)),
@@ -189,7 +189,7 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
             L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
         ]
     )
-    turn = one * np.stack(
+    turn = factor * np.stack(
         [
             6 / L * (-s + s**2),
             1 - 4 * s + 3 * s**2 + phi * (1 - s),

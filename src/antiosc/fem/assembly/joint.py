@@ -228,22 +228,26 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) 
         )
 
 
-def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool) -> Motion:
+def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bool) -> Motion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
-        apart = np.linalg.norm(one.points - in_space(end[1]), axis=1)
+        apart = np.linalg.norm(member.points - in_space(end[1]), axis=1)
         nearest = int(np.argmin(apart))
-        name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
-    if name not in one.part.ends:
+        name = list(member.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
+    if name not in member.part.ends:
         sites = name_list(
-            end_text(end), [f"{one.name}:{each}" for each in one.part.ends], "its sites and nodes"
+            end_text(end),
+            [f"{member.name}:{name_of_end}" for name_of_end in member.part.ends],
+            "its sites and nodes",
         )
-        raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
-    found = one.part.ends[name]
-    R = one.at.rotation
-    moves, turns = (R @ found.space[own, own] @ R.T for own in (slice(3), slice(3, 6)))
+        raise InputError(f"the part {member.name!r} has no site or node {end_text(end)}; {sites}.")
+    interface_of_end = member.part.ends[name]
+    R = member.at.rotation
+    moves, turns = (
+        R @ interface_of_end.space[span, span] @ R.T for span in (slice(3), slice(3, 6))
+    )
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
     if not allow_partial and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
         raise InputError(
@@ -251,9 +255,9 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, allow_partial: bool)
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    six = interface(one, found, layout.count)
+    six = interface(member, interface_of_end, layout.count)
     space = scipy.linalg.block_diag(moves, turns)
-    return Motion(six, space, one.at.placed(found.point[None])[0])
+    return Motion(six, space, member.at.placed(interface_of_end.point[None])[0])
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
@@ -285,10 +289,10 @@ def _of_point(
 def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
     """Quadrature points within a ball on a part's surface, its faces, sheets or lines."""
     faces = member.part.faces
-    own = member.at.own(place[None])[0]
-    close = np.linalg.norm(faces.centres - own, axis=1) <= faces.radii + radius
+    centre = member.at.own(place[None])[0]
+    close = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
     whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
-    inside = np.flatnonzero(np.linalg.norm(whole.x - own, axis=1) <= radius)
+    inside = np.flatnonzero(np.linalg.norm(whole.x - centre, axis=1) <= radius)
     if len(inside) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
@@ -331,8 +335,8 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     turns = axes[:, good] @ axes[:, good].T
     rest = _space(layout, member)[3:, 3:] @ (np.eye(3) - turns)
     if np.abs(rest).max() > 1e-9:
-        own = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
-        rotations = (rotations + scipy.sparse.csr_matrix(rest) @ own).tocsr()
+        of_nodes = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
+        rotations = (rotations + scipy.sparse.csr_matrix(rest) @ of_nodes).tocsr()
         turns = turns + rest
     space = scipy.linalg.block_diag(np.eye(3), turns)
     return Motion(stacked(displacements, rotations), space, centre)
@@ -366,9 +370,9 @@ def following(
     """The dofs of P nodes of a part follow motions [(names of components, (3P, n))]."""
     rows, pivots = [], []
     for names, motion in motions:
-        for name, own in layout.of_components(member, names, motion):
+        for name, of_component in layout.of_components(member, names, motion):
             pivots.append(layout.dofs(member, nodes, name))
-            rows.append(layout.units(pivots[-1]) - own)
+            rows.append(layout.units(pivots[-1]) - of_component)
     matrix = scipy.sparse.vstack(rows).tocsr()
     matrix.eliminate_zeros()
     return Rows(matrix, np.concatenate(pivots), label)
@@ -439,9 +443,9 @@ class Stiffness:
         some = np.flatnonzero(np.diff(self.G.indptr))
         values, vectors = np.linalg.eigh(self.k[np.ix_(some, some)])
         vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
-        found = np.zeros((vectors.shape[1], len(self.k)))
-        found[:, some] = vectors.T
-        return found
+        strains = np.zeros((vectors.shape[1], len(self.k)))
+        strains[:, some] = vectors.T
+        return strains
 
 
 class Joint(Checked):
@@ -505,14 +509,14 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
                 "not have."
             )
         return point.components(names)
-    found = []
+    rows_of_support = []
     for member, nodes in _nodes(layout, support):
         for kind in (DISPLACEMENTS, ROTATIONS):
             wanted = [kind.index(name) for name in names if name in kind]
-            own = layout.at_nodes(member, nodes, kind)
+            motions = layout.at_nodes(member, nodes, kind)
             rows = (3 * np.arange(len(nodes))[:, None] + wanted).ravel().astype(int)
-            found.append(own[rows])
-    result = scipy.sparse.vstack([layout.nothing(0), *found]).tocsr()
+            rows_of_support.append(motions[rows])
+    result = scipy.sparse.vstack([layout.nothing(0), *rows_of_support]).tocsr()
     if not result.nnz:
         raise InputError(
             f"the support {support.label} fixes nothing: no node of the assembly that can "
@@ -534,45 +538,47 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
     ]
 
 
-def attachment(layout: Layout, one: PointMass | Spring | Damper) -> list[Stiffness]:
+def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[Stiffness]:
     """Contributions of a mass, a grounded spring or a damper at each of its points."""
-    values = values_of(one, layout.plane)
+    values = values_of(attached, layout.plane)
     names = list(values)
     diagonal = np.diag(list(values.values()))
     zero = np.zeros_like(diagonal)
-    other = _places(layout, one.to)[0] if isinstance(one, Damper) and one.to is not None else None
-    found = []
-    for end in _places(layout, one.where):
+    other = None
+    if isinstance(attached, Damper) and attached.to is not None:
+        other = _places(layout, attached.to)[0]
+    terms = []
+    for end in _places(layout, attached.where):
         lost = end.lacking(names)
         if lost:
             raise InputError(
-                f"{type(one).__name__} at {one.where!r} acts on {', '.join(lost)}, which this "
-                "point does not have: points of solids have no rotations (act on a group or on a "
-                "reference point)."
+                f"{type(attached).__name__} at {attached.where!r} acts on {', '.join(lost)}, which"
+                " this point does not have: points of solids have no rotations (act on a group or"
+                " on a reference point)."
             )
         G = end.components(names)
         if other is not None:
-            if isinstance(one, Damper) and np.allclose(other.point, end.point):
-                raise InputError(damper_to_itself(one))
+            if isinstance(attached, Damper) and np.allclose(other.point, end.point):
+                raise InputError(damper_to_itself(attached))
             G = G - other.components(names)
-        if isinstance(one, PointMass):
-            found.append(Stiffness(G, zero, diagonal, one.mass))
-        elif isinstance(one, Spring):
-            found.append(Stiffness(G, diagonal, zero))
-        elif one.tau is None:
-            found.append(Stiffness(G, zero, zero, c=diagonal))
+        if isinstance(attached, PointMass):
+            terms.append(Stiffness(G, zero, diagonal, attached.mass))
+        elif isinstance(attached, Spring):
+            terms.append(Stiffness(G, diagonal, zero))
+        elif attached.tau is None:
+            terms.append(Stiffness(G, zero, zero, c=diagonal))
         else:
-            found.append(Stiffness(G, zero, zero, branches=[(diagonal, one.tau)]))
-        name = getattr(one, "name", None) or ""
-        found[-1] = replace(found[-1], name=name, point=end.point)
-    return found
+            terms.append(Stiffness(G, zero, zero, branches=[(diagonal, attached.tau)]))
+        name = getattr(attached, "name", None) or ""
+        terms[-1] = replace(terms[-1], name=name, point=end.point)
+    return terms
 
 
-def superelement(layout: Layout, one: Condensed) -> Stiffness:
+def superelement(layout: Layout, member: Condensed) -> Stiffness:
     """K and M of a superelement on its dofs."""
-    part = one.part
-    own = layout.units(np.arange(one.first, one.first + one.size))
-    return Stiffness(own, part.K, part.M, rigid=part.rigid)
+    part = member.part
+    functionals = layout.units(np.arange(member.first, member.first + member.size))
+    return Stiffness(functionals, part.K, part.M, rigid=part.rigid)
 
 
 def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:

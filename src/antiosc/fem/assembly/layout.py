@@ -147,8 +147,8 @@ class Layout:
         )
         members = self.members.values()
         condensed = self.condensed.values()
-        own = [*(one.places for one in members), *(one.places for one in condensed)]
-        return DofPlaces.joined([*own, six])
+        of_parts = [*(part.places for part in members), *(part.places for part in condensed)]
+        return DofPlaces.joined([*of_parts, six])
 
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
@@ -189,8 +189,8 @@ class Layout:
             path = form.components.get(name)
             if path is not None:
                 dofs = member.first + compat.cell_dofs(form.space, path, cell)
-                own = 0.5 * np.cross(gradient, np.eye(3)[axis])  # ½ ∇φ × e
-                entries.append((dofs, own @ member.at.rotation.T))
+                of_axis = 0.5 * np.cross(gradient, np.eye(3)[axis])  # ½ ∇φ × e
+                entries.append((dofs, of_axis @ member.at.rotation.T))
         return self._stacked(entries, len(cell))
 
     def _stacked(self, entries: Sequence[tuple[IntArray, Array]], count: int) -> Sparse:
@@ -231,15 +231,16 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     """Whether all parts are plane; InputError if only some are."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
-        sheet = next(name for name, one in plane.items() if one)
-        deep = next(name for name, one in plane.items() if not one)
+        sheet = next(name for name, flat_part in plane.items() if flat_part)
+        deep = next(name for name, flat_part in plane.items() if not flat_part)
         raise InputError(
             f"the part {sheet!r} is plane (it moves along x and y) and the part {deep!r} moves in "
             "space: an assembly has parts of one sort; read the mesh with gdim=3."
         )
     flat = any(plane.values())
-    for name, one in condensed.items():
-        if flat and np.abs(one.places.axes[one.places.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
+    for name, part in condensed.items():
+        along_z = part.places.axes[part.places.kind == MOVE, 2]
+        if flat and np.abs(along_z).max(initial=0.0) > 1e-12:
             raise InputError(
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."
@@ -278,21 +279,21 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     positions : (n, 3) where each dof is [m].
     """
     free = scipy.sparse.diags((~fixed).astype(float))
-    own = (functionals @ free).tocsr()
-    own.eliminate_zeros()
-    count = np.diff(own.indptr)
+    on_free = (functionals @ free).tocsr()
+    on_free.eliminate_zeros()
+    count = np.diff(on_free.indptr)
     dense = np.flatnonzero(count > DENSE_ROW)
     if not len(dense):
         return None
-    in_sparse_row = np.zeros(own.shape[1], dtype=bool)
-    in_sparse_row[own[count <= DENSE_ROW].indices] = True
-    pattern = abs(own[dense])
+    in_sparse_row = np.zeros(on_free.shape[1], dtype=bool)
+    in_sparse_row[on_free[count <= DENSE_ROW].indices] = True
+    pattern = abs(on_free[dense])
     shared = pattern @ pattern.T
     _, label = scipy.sparse.csgraph.connected_components(shared, directed=False)
     entries: list[tuple[IntArray, IntArray, Array]] = []
-    changed = np.zeros(own.shape[1], dtype=bool)
+    changed = np.zeros(on_free.shape[1], dtype=bool)
     for k in np.unique(label):
-        rows = own[dense[label == k]]
+        rows = on_free[dense[label == k]]
         columns = np.unique(rows.indices)
         if rows.shape[0] > MOST_SHARING or in_sparse_row[columns].any():
             # those of its dofs that others act on keep their places; few of them do no harm
@@ -304,10 +305,10 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     if not entries:
         return None
     rest = np.flatnonzero(~changed)
-    row, column, value = (np.concatenate(each) for each in zip(*entries, strict=True))
+    row, column, value = (np.concatenate(arrays) for arrays in zip(*entries, strict=True))
     value = np.concatenate([value, np.ones(len(rest))])
     where = np.concatenate([row, rest]), np.concatenate([column, rest])
-    return scipy.sparse.csr_matrix((value, where), shape=(own.shape[1],) * 2)
+    return scipy.sparse.csr_matrix((value, where), shape=(on_free.shape[1],) * 2)
 
 
 def rounded(matrix: Sparse) -> Sparse:
@@ -356,11 +357,11 @@ def _halved(
         sorted_ones = some[np.argsort(x[:, axis], kind="stable")]
         half = len(some) // 2
         parts: Sequence[IntArray] = (sorted_ones[:half], sorted_ones[half:])
-        found = [_halved(A, positions, part, blocks) for part in parts]
-        order = np.concatenate([part for part, _, _ in found])
-        vectors = scipy.linalg.block_diag(*(v for _, v, _ in found))
-        values = np.hstack([value for _, _, value in found])
+        halves = [_halved(A, positions, part, blocks) for part in parts]
+        order = np.concatenate([part for part, _, _ in halves])
+        vectors = scipy.linalg.block_diag(*(v for _, v, _ in halves))
+        values = np.hstack([value for _, _, value in halves])
     Q, R = scipy.linalg.qr(values.T)
-    kept = min(values.shape)
-    blocks.append((order, vectors @ Q[:, kept:]))
-    return order, vectors @ Q[:, :kept], R[:kept].T
+    rank = min(values.shape)
+    blocks.append((order, vectors @ Q[:, rank:]))
+    return order, vectors @ Q[:, :rank], R[:rank].T

@@ -61,8 +61,8 @@ class Facets(Entities):
     @property
     def degree(self) -> int:
         """Total polynomial degree of the displacements on a face."""
-        own = self.member.part.form.degree
-        return own if self.simplex else 2 * own
+        degree = self.member.part.form.degree
+        return degree if self.simplex else 2 * degree
 
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
         """(face, ξ, weight [m or m²]) of a quadrature for products of shape functions on all faces.
@@ -160,9 +160,9 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
         for side, on in zip((first, second), face, strict=True)
     ]
     (xi_1, x_1, in_1), (xi_2, x_2, in_2) = sides
-    found = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
+    common = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
     apart = np.linalg.norm(x_1 - x_2, axis=1)
-    return found.only(in_1 & in_2 & (apart <= gap))
+    return common.only(in_1 & in_2 & (apart <= gap))
 
 
 def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
@@ -170,8 +170,8 @@ def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
     edge, xi, weight = edges.rule(RULE_PIECES)
     x = edges.at(edge, xi)[0]
     face, eta, y = closest(faces, x, gap)
-    found = Overlap((edge, face), (xi, eta), (x, y), weight)
-    return found.only(np.linalg.norm(x - y, axis=1) <= gap)
+    common = Overlap((edge, face), (xi, eta), (x, y), weight)
+    return common.only(np.linalg.norm(x - y, axis=1) <= gap)
 
 
 def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
@@ -185,11 +185,11 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
     order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
     face = np.zeros(len(points), dtype=int)
     at = np.zeros((len(points), faces.dim))
-    found = np.full((len(points), 3), np.inf)
+    nearest = np.full((len(points), 3), np.inf)
     face[point[order]] = item[order]  # the nearest is written last
     at[point[order]] = xi[order]
-    found[point[order]] = x[order]
-    return face, at, found
+    nearest[point[order]] = x[order]
+    return face, at, nearest
 
 
 def _coordinates(

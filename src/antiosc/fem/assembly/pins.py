@@ -50,8 +50,8 @@ class _Pin(Between):
         warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
         a, b = (
-            carried(layout, label, end, one, x)
-            for end, one in zip((self.a, self.b), ends, strict=True)
+            carried(layout, label, end, end_motion, x)
+            for end, end_motion in zip((self.a, self.b), ends, strict=True)
         )
         directions = self._constrained()
         if layout.plane:
@@ -156,39 +156,39 @@ class Slider(_Axis):
         return scipy.linalg.block_diag(self._across(), np.eye(3))
 
 
-def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:
+def carried(layout: Layout, label: str, end: End, end_motion: Motion, x: Array) -> Motion:
     """The motion at point x, rigidly connected to an end."""
-    arm = x - own.point
+    arm = x - end_motion.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
-        return replace(own, point=x)
+        return replace(end_motion, point=x)
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
         across = layout.rotations
-    if not own.turns(across):
+    if not end_motion.turns(across):
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
             "carry it there: points of solids do not rotate; give a group of faces, or a point "
             "where the joint is."
         )
-    return own.at(x)
+    return end_motion.at(x)
 
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
     """b − a along directions (k, 6), without entries that are rounding of equal coefficients."""
     along = scipy.sparse.csr_matrix(directions)
-    found = (along @ (b - a)).tocsr()
-    distinct = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
-    return found.multiply(distinct).tocsr()
+    components = (along @ (b - a)).tocsr()
+    distinct = abs(components) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
+    return components.multiply(distinct).tocsr()
 
 
 def _check_rotations(label: str, joint: _Pin, directions: Array, a: Motion, b: Motion) -> None:
     """InputError if an end lacks a rotation that the joint constrains."""
     rotations = directions[directions[:, 3:].any(axis=1)]
-    for end, one in ((joint.a, a), (joint.b, b)):
+    for end, end_motion in ((joint.a, a), (joint.b, b)):
         for direction in rotations:
-            if not one.has(direction / np.linalg.norm(direction)):
+            if not end_motion.has(direction / np.linalg.norm(direction)):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
                     "solid, or a straight row of them, does not rotate; give a group of faces, a "
@@ -227,9 +227,9 @@ class Equation(Joint):
         """The single row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
-            own = motion(layout, end, allow_partial=True)
-            row = own.components([component])
-            if own.lacking([component]):
+            end_motion = motion(layout, end, allow_partial=True)
+            row = end_motion.components([component])
+            if end_motion.lacking([component]):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
                     "have no rotations, plane parts move along x and y, a site of a model along "
@@ -262,20 +262,20 @@ AXES = (*COMPONENTS, "axial")
 OF_AXES = checked_by(by_components, "Bushing", AXES)
 
 
-def _branches(_: str, given: object) -> tuple[tuple[dict[str, float], float], ...]:
+def _branches(_: str, branches: object) -> tuple[tuple[dict[str, float], float], ...]:
     """Checked stiffnesses by component, and relaxation times."""
-    if not isinstance(given, list | tuple) or any(
-        not isinstance(one, list | tuple) or len(one) != 2 for one in given
+    if not isinstance(branches, list | tuple) or any(
+        not isinstance(branch, list | tuple) or len(branch) != 2 for branch in branches
     ):
         raise InputError(
-            f"branches must list pairs ({{'z': 1e6}}, relaxation time in s); got {shown(given)}."
+            f"branches must list pairs ({{'z': 1e6}}, relaxation time in s); got {shown(branches)}."
         )
     return tuple(
         (
-            by_components("stiffness of a branch", own, "Bushing", AXES),
+            by_components("stiffness of a branch", stiffness, "Bushing", AXES),
             positive("a relaxation time", tau, "s"),
         )
-        for own, tau in given
+        for stiffness, tau in branches
     )
 
 
@@ -322,9 +322,9 @@ class Bushing(Between):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """A spring k (b − a)²/2 for each component."""
         a, b = (motion(layout, end, allow_partial=True) for end in (self.a, self.b))
-        given = [self.stiffness, self.damping, *(own for own, _ in self.branches)]
-        names = list(dict.fromkeys(name for own in given for name in own))
-        found = []
+        constants = [self.stiffness, self.damping, *(values for values, _ in self.branches)]
+        names = list(dict.fromkeys(name for values in constants for name in values))
+        functionals = []
         if "axial" in names:
             line = b.point - a.point
             length = float(np.linalg.norm(line))
@@ -332,7 +332,7 @@ class Bushing(Between):
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
             along = np.append(line / length, np.zeros(3))
             _check_has(label, "axial", along, (self.a, a), (self.b, b))
-            found.append(
+            functionals.append(
                 scipy.sparse.csr_matrix(line / length) @ (b.displacements - a.displacements)
             )
         others = [name for name in names if name != "axial"]
@@ -341,21 +341,21 @@ class Bushing(Between):
             here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
             for name in others:
                 _check_has(label, name, UNIT[name], (self.a, here[0]), (self.b, here[1]))
-            found.append(here[1].components(others) - here[0].components(others))
-        G = scipy.sparse.vstack(found).tocsr()
+            functionals.append(here[1].components(others) - here[0].components(others))
+        G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
         order = (["axial"] if "axial" in names else []) + others
-        k, c, *more = (np.diag([own.get(name, 0.0) for name in order]) for own in given)
-        branches = [(own, tau) for own, (_, tau) in zip(more, self.branches, strict=True)]
+        k, c, *more = (np.diag([values.get(name, 0.0) for name in order]) for values in constants)
+        branches = [(values, tau) for values, (_, tau) in zip(more, self.branches, strict=True)]
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
 
 def _check_has(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
     """InputError where an end does not move along the direction (6,) of a spring."""
     rotation = direction[3:].any()
-    for end, one in ends:
-        if (rotation or one.displacements.nnz) and not one.has(direction):
+    for end, end_motion in ends:
+        if (rotation or end_motion.displacements.nnz) and not end_motion.has(direction):
             kind = "rotation" if rotation else "displacement"
             raise InputError(
                 f"{label} acts on {name}, a {kind} that {end_text(end)} does not have."

@@ -189,31 +189,34 @@ def _projection(
         )
     projection = _Projection(D, phi.T @ weight)
     on_solid = follower.is_edge_of_sheet and not leader.member.has_rotations
-    found: list[Rows] = []
+    constraints: list[Rows] = []
     if on_solid:
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
         led: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
         rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
         free = follows & ~taken[rotations].any(axis=0)
         if free.any():
-            own = projection.of(free, rotated)
+            rotation_functionals = projection.of(free, rotated)
             middle = projection.load[free] @ normals
-            found.append(rotation_rows(layout, follower, nodes[free], middle, own, label))
+            constraints.append(
+                rotation_rows(layout, follower, nodes[free], middle, rotation_functionals, label)
+            )
     else:
         led = _led(layout, follower, leader, common)
     for names, motion in led:
-        for name, one in layout.of_components(follower.member, names, motion):
+        for name, functional in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
             free = follows & ~taken[dofs]
             if free.any():
-                row = layout.units(dofs[free]) - projection.component(free, one, layout, dofs)
-                found.append(Rows(row.tocsr(), dofs[free], label))
-    if not found:
+                projected = projection.component(free, functional, layout, dofs)
+                row = layout.units(dofs[free]) - projected
+                constraints.append(Rows(row.tocsr(), dofs[free], label))
+    if not constraints:
         raise InputError(
             f"{label} does nothing: all nodes of the surface on {follower.member.name!r} are fixed "
             "or follow other joints."
         )
-    return found
+    return constraints
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,8 +356,8 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     _, J = mesh.geometry.at(cells, edge.reference(common.face[0], common.xi[0]))
     across = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T
     normals = across / np.linalg.norm(across, axis=1, keepdims=True)
-    own = np.array([material.section.thickness for material, _ in member.part.parts])
-    return normals, own[member.part.part_of_cells()[cells]]
+    thickness = np.array([material.section.thickness for material, _ in member.part.parts])
+    return normals, thickness[member.part.part_of_cells()[cells]]
 
 
 def _combined(factors: Array, matrices: Array) -> Sparse:
@@ -388,11 +391,11 @@ def rotation_rows(
         least = np.eye(3)[np.argmin(np.abs(unit))]
         first = np.cross(unit, least)
         E = np.vstack([first / np.linalg.norm(first), np.cross(unit, first)])
-        own = E @ member.at.rotation  # on the components of the part
+        axes = E @ member.at.rotation  # on the components of the part
         drilling = int(np.argmax(np.abs(unit @ member.at.rotation)))
         others = [c for c in range(3) if c != drilling]
-        inverse = np.linalg.inv(own[:, others])
-        left = scipy.sparse.csr_matrix(inverse @ own) @ layout.units(dofs[i])
+        inverse = np.linalg.inv(axes[:, others])
+        left = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
         right = scipy.sparse.csr_matrix(inverse @ E) @ led[3 * i : 3 * i + 3]
         rows.append(left - right)
         pivots += list(dofs[i, others])
