@@ -329,10 +329,10 @@ def error_bound(
     """
     static = known.static
     poles = (kept.omega if omega is None else omega) ** 2
-    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
-    x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
-    change = driving_point.spectral_norms(known.stiffness(x) - elastic)
+    lowest = lowest_frequency_at_sites(static.k0, static.mass, poles)
+    x = samples(band, lowest, SAMPLE_STEP) ** 2
+    elastic = stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
@@ -393,13 +393,13 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     # amplitudes of the modes relative to the residual shapes, and to the static ones
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
-    left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    left += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
     for matrix, own, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
         off = np.abs(matrix[np.ix_(real, real)]) @ own
-        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
+        left += times * spectral_norms(own.transpose(0, 2, 1) @ off)
     return left
 
 
@@ -411,31 +411,10 @@ def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array)
 
     k0, m0 : (p, p) [N/m], [kg]. P : (N, p) [kg^1/2]. poles : (N,) omega_i^2 [rad^2/s^2].
     """
-    modes = known.modes
-    static = known.static
-    comm = structure.comm
-    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
-        raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
-            "rigid body: some part is attached by a hinge, a single common point or line; join it "
-            "along a face."
-        )
-    off = known.off
-    scale = np.sqrt(modes.omega**2 + structure.shift)
-    projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
-    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
-    sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    own = {"residual": off} if method == "modes" else {"projection": projection}
-    measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
-        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
-        "constraint": _displacement(comm, static.load, modes.phi),
-        "mass": _excess(static.mass, known.P),
-        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
-    }
-    for name, value in measured.items():
-        check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
-    return measured, int(np.sum(off < CONVERGED))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = poles / (poles - x[..., None])
+    outer = P[:, :, None] * P[:, None, :]
+    return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
 
 
 def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:

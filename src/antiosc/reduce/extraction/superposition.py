@@ -464,7 +464,7 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """Static deflection under a unit force without its part in the modes: (at the site, shape)."""
+    """(at the site, shape) of the static deflection under a unit force, minus that of the modes."""
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)
