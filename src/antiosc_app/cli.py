@@ -189,6 +189,6 @@ def _materials(options: argparse.Namespace) -> int:
 
 
 def _info(_options: argparse.Namespace) -> int:
-    """Print versions and what is missing."""
+    """Print versions, and packages that are missing."""
     print(info.report())
     return 0 if info.meshes_work() else 1

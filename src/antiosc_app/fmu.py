@@ -120,7 +120,7 @@ def _experiment(root: ET.Element, data: RunData) -> None:
 
 
 def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
-    """modelDescription.xml; version 3 writes as attributes what version 2 nests or counts."""
+    """The XML of modelDescription.xml; versions 2 and 3 differ in nesting and attributes."""
     is_fmi2 = fmi == 2
     root = ET.Element(
         "fmiModelDescription",
@@ -321,7 +321,7 @@ def text(title: str, data: RunData) -> str:
 
 
 def _sources() -> str:
-    """The C sources of a run as one text, without their #include of each other."""
+    """The C sources of a run as one text, without #include lines of their own files."""
     texts = sources()
     parts = [_OWN_INCLUDE.sub("", texts[file]) for file in _NEEDED]
     return _NOT_OF_A_RUN.sub("", "".join(parts))

@@ -199,7 +199,7 @@ def _yielding(law: ContactLaw) -> Data | None:
 
 
 def finite_parameters(law: ContactLaw) -> list[float]:
-    """Parameters of a law that JSON can hold: Hertz's law without its infinite range."""
+    """Parameters of a law as JSON numbers: the infinite range of Hertz's law is left out."""
     assert isinstance(law, Compiled)
     return [value for value in law.parameters() if np.isfinite(value)]
 

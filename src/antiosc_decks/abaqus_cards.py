@@ -377,7 +377,7 @@ CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), r
 
 
 def account_for(cards: list[Card], name: str) -> Account:
-    """What becomes of each card of a deck; the model and its first step are read."""
+    """The fate of each card of a deck; cards of the model and of the first step are read."""
     account = Account(name)
     count = 0
     step = -1
@@ -396,7 +396,7 @@ def account_for(cards: list[Card], name: str) -> Account:
 
 
 def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
-    """What reading does with a card in step `step` (from 0; -1: outside steps)."""
+    """The fate of a card in step `step` (from 0; -1: outside steps)."""
     if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
         return fate
     if step > 0:

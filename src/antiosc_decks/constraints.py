@@ -43,7 +43,7 @@ def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
 
 @dataclass
 class Constraints:
-    """Collects what joins the nodes of a deck, in the deck's units."""
+    """Collects constraints, springs, dampers and masses of nodes, in the deck's units."""
 
     deck: Deck
     #: nodes of elements, and those of elements with rotations

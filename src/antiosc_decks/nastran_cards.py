@@ -489,7 +489,7 @@ ENTRIES |= dict.fromkeys(("SUPORT", "SUPORT1"), _SUPORT)
 
 
 def fate_of(name: str) -> Fate:
-    """What becomes of an entry."""
+    """The fate of an entry: read, harmless, ignored, refused or unknown."""
     return ENTRIES.get(name, Fate("refused") if name.startswith("C") else UNKNOWN)
 
 
@@ -499,7 +499,7 @@ def is_other(name: str) -> bool:
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
-    """What becomes of each entry of a deck."""
+    """The fate of each entry of a deck."""
     account = Account(name, [(entry.name, entry.place, fate_of(entry.name)) for entry in entries])
     for entry in entries:
         if entry.name in NEAREST:

@@ -44,7 +44,7 @@ Constants = tuple[list[float], list[float]]
 
 @dataclass
 class Joints:
-    """Adds to the builder what entries join; masses are multiplied by `factor` (PARAM,WTMASS)."""
+    """Adds joints and masses of entries to a builder; `factor` (PARAM,WTMASS) scales masses."""
 
     found: NastranDeck
     builder: ModelBuilder

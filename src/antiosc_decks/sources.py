@@ -142,7 +142,7 @@ MOST_LINES = 4
 
 
 class Fate(NamedTuple):
-    """What becomes of a card; `what` says what a refused card is, or is a remark."""
+    """Treatment of a card: its kind, and a text on a refused card, or a remark."""
 
     kind: Kind
     what: str = ""
@@ -152,9 +152,7 @@ UNKNOWN = Fate("unknown")
 
 
 def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fate]:
-    """Fates of cards by name; `refused` maps what they are ("" for nothing to say) to their
-    names.
-    """
+    """Name of a card -> fate; `refused`: text on refused cards ("" for none) -> their names."""
     fates: dict[str, Fate] = {}
     for kind, names_of_kind in names.items():  # read, harmless, ignored
         fates |= dict.fromkeys(names_of_kind, Fate(kind))  # type: ignore[arg-type]

@@ -32,7 +32,7 @@ class MeshError(InputError):
 
 
 class UnmeshableError(MeshError):
-    """A geometry that can be read, but not be meshed as it was tried."""
+    """A geometry that can be read, but that this attempt could not mesh."""
 
 
 class PiecesError(MeshError):
@@ -60,7 +60,7 @@ class RangeError(AccuracyError):
 
 
 class NotDifferentiableError(AccuracyError):
-    """A result has no derivative where it was asked for; the message states why."""
+    """A result has no derivative at this run; the message states why."""
 
 
 class MissingDependencyError(AntioscError, ImportError):

@@ -63,7 +63,7 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
 
 
 def part_name(target: Path, suffix: str = "") -> Path:
-    """The name of a temporary file or folder beside `target`, by which its next writer knows it."""
+    """A new name of a temporary file or folder beside `target`, which `clear_parts` recognises."""
     return target.with_name(f"{_part_prefix(target)}{secrets.token_hex(6)}{suffix}")
 
 
@@ -74,7 +74,7 @@ def _part_prefix(target: Path) -> str:
 
 @contextlib.contextmanager
 def claimed(part: Path) -> Iterator[None]:
-    """Context manager: a temporary file or folder is this process's as long as it lives."""
+    """Context manager that locks a temporary file or folder, so that others do not remove it."""
     with contextlib.ExitStack() as stack:
         if fcntl is not None and os.path.lexists(part):
             handle = os.open(part, os.O_RDONLY | os.O_CLOEXEC)

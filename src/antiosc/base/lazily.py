@@ -33,7 +33,7 @@ def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[]
 
 
 def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
-    """`__all__` and `__getattr__` of a module that gives the names of its stub, as they are."""
+    """`__all__` and `__getattr__` for a module that imports the names of its stub on first use."""
     modules = listed(module)
     values: dict[str, Any] = {}
 

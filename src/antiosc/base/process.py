@@ -136,9 +136,9 @@ class _BelowWarning(logging.Filter):
 
 @contextmanager
 def loading() -> Iterator[None]:
-    """Context in which packages are imported: outside the working folder, and with a home.
+    """Context for imports of packages: outside the working folder, and with a home folder.
 
-    The working folder is one of the whole process, hence only what is loaded once belongs here.
+    It changes the working folder of the whole process, and is meant for imports only.
     """
     _give_home()
     with _lock:
@@ -244,7 +244,7 @@ def threads() -> int:
 
 
 def processor_features() -> set[str]:
-    """Names of what this processor can do ("avx2"), as Linux lists them; none elsewhere."""
+    """Instruction sets of the processor ("avx2"), as Linux lists them; empty elsewhere."""
     lines = _text("/proc/cpuinfo").splitlines()
     return set(next((line.split() for line in lines if line.startswith("flags")), []))
 

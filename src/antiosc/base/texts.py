@@ -68,7 +68,7 @@ TOUCHING = 3
 class Result(ReprMixin):
     """Base of results: text, JSON values, a status and a message.
 
-    Status 0: completed; the message tells what another one means.
+    Status 0 means completed; the message explains any other status.
     """
 
     status: Any
@@ -178,7 +178,7 @@ def _truncated(text: str) -> str:
 
 
 def value_text(value: object) -> str:
-    """A value in one short line; "" for None and what is empty."""
+    """A value in one short line; "" for None and empty values."""
     if value is None or (isinstance(value, np.ndarray) and not value.size):
         return ""
     if isinstance(value, dict | list | tuple) and not value:

@@ -150,7 +150,7 @@ def _store_factors(
 
 
 def _factor(name: str, matrix: object, size: int | None) -> Array:
-    """L (r, n) of matrix = L'L; InputError for what is not symmetric and semidefinite."""
+    """L (r, n) with L'L = matrix; InputError unless that is symmetric and semidefinite."""
     checked_matrix = checks.floats(name, matrix, (size, size))
     if checked_matrix.shape[0] != checked_matrix.shape[1]:
         raise InputError(f"{name} must be square; got shape {checked_matrix.shape}.")

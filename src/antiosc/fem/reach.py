@@ -23,7 +23,7 @@ class Reach:
     ----------
     what : the point in words.
     snap : largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element.
-    remedy : what the caller can do.
+    remedy : the remedy for messages.
     """
 
     what: str

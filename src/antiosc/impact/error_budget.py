@@ -360,9 +360,9 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """The safety factor of the mesh error, and a note if it is not the usual one.
 
-    The sentence says why: faces as large as the patch spread its load, so that strains are missed
-    which no recovery sees. They grow as the size of the faces over the radius, for the compliance
-    of a patch is inverse to its radius.
+    Faces as large as the patch spread its load, and the recovery of strains does not detect the
+    missing ones. As the compliance of a patch is inverse to its radius, this error grows with the
+    size of the faces over the radius.
     """
     safety = SAFETY
     doubts = []

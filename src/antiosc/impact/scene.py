@@ -474,9 +474,9 @@ def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> 
 
 
 def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) -> History:
-    """Simulate the same impact by another law, by the exact method to `tol`.
+    """Simulate the same impact with another law, by the exact method to `tol`.
 
-    Of a part that stretches its linear motion, with that by the law itself to compare with.
+    Second-order forces of the part are left out.
     """
     model = scene.model
     if isinstance(model, AntiOscillators) and model.stretch is not None:

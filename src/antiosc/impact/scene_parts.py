@@ -313,7 +313,8 @@ def set_axes(
 ) -> None:
     """Give sites without a direction (`SceneBody.axes`) the direction of their contacts.
 
-    Such sites that touch each other share one axis and sense, that of the first contact with one.
+    If two such sites touch each other, both get the direction of the first contact of either that
+    has one.
     """
     open_ends = [
         [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]

@@ -413,7 +413,7 @@ def _rotation_rows(pair: Pair) -> Array:
 
 
 class _Workspace:
-    """Memory that the march solves impacts with so many modes in."""
+    """Workspace of the C library for impacts with one number of modes."""
 
     def __init__(self, size: int) -> None:
         need = library.library.aom_batch_size(size)

@@ -77,7 +77,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
 
 
 def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:
-    """MeshError for sizes below what the coordinates of the part resolve."""
+    """MeshError for element sizes below the resolution of the part's coordinates."""
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
         if size is not None and size < RESOLVED_SHARE * extent:

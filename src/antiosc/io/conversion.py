@@ -343,9 +343,10 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
 
 
 def kept_apart(deck: Deck) -> bool:
-    """Whether quadrilaterals and triangles become two meshes: mostly quadrilaterals, no volumes.
+    """Whether quadrilaterals and triangles become two meshes.
 
-    Not beside volumes, whose faces may become triangles.
+    They do if there are triangles, at most half of the sheet elements are triangles, and there are
+    no volumes, whose faces may become triangles.
     """
     if any(DIMENSION[block.shape] == 3 for block in deck.blocks):
         return False
@@ -449,7 +450,7 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:
-    """Enter the file's nodes inside faces and cells as middle nodes of all their diagonals."""
+    """Use the file's nodes inside faces and cells as the middle nodes of their diagonals."""
     pairs = [[(face[k], face[k + 2]) for k in (0, 1)] for face in rectangles(block.shape)]
     if block.shape == "hexahedron":
         pairs.append(list(DIAGONALS))

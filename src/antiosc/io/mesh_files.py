@@ -195,7 +195,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
 
 
 def content(path: Path, name: str) -> meshio.Mesh:
-    """What meshio reads in a file."""
+    """The content of a file, read by meshio."""
     try:
         import meshio
     except ImportError as error:

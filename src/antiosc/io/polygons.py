@@ -115,7 +115,7 @@ def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
 
 
 def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
-    """Polygons in text, triangles in binary; None for what meshio reads or refuses."""
+    """Polygons in text, triangles in binary; None if meshio is to read the file."""
     content = content.replace(b"end_header\r\n", b"end_header\n", 1)
     head, _, data = content.partition(b"end_header\n")
     header = [line.split() for line in head.decode("latin-1").splitlines()]

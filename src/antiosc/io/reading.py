@@ -354,7 +354,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
 def piece_of_cells(raw: RawMesh) -> IntArray:
     """Number of the connected piece of each cell (cells,), 0 for the largest.
 
-    0 has the most cells, and of pieces with as many the widest box.
+    Piece 0 has the most cells; among pieces with equally many, it has the widest box.
     """
     first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
     ends = (first.ravel(), raw.cells[:, 1:].ravel())

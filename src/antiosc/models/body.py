@@ -263,10 +263,10 @@ def is_thin(body: object) -> bool:
 def resolved_frequency(source: Any) -> float:
     """Frequency [Hz] up to which a model has the motion of points far from its site.
 
-    The contact force sees the structure from its site, where few anti-oscillators tell all. A point
-    elsewhere feels every natural mode. The model has those below its last anti-oscillator that has
-    converged to an antiresonance: that frequency is returned. It grows with the number of
-    anti-oscillators, which must exceed the number of natural modes below it.
+    The contact force depends on the structure at its site only, for which few anti-oscillators are
+    enough. The motion elsewhere depends on every natural mode. The model represents those below its
+    last anti-oscillator that has converged to an antiresonance, whose frequency is returned. It
+    grows with the number of anti-oscillators, which must exceed that of the natural modes below it.
 
     Parameters
     ----------

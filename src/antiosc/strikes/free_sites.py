@@ -86,7 +86,7 @@ def free_sites(
 def _free_modes(
     structure: Structure, count: int | None, band: float | None, most: float, least: int
 ) -> Modes:
-    """The lowest elastic modes: `count`, or as many as exceed the band, `least` to `most`."""
+    """The lowest elastic modes: `count`, or `least` to `most` so that they exceed the band."""
     wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     modes = ModeSolver(structure).lowest(wanted, reach, most)

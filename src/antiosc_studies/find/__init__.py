@@ -369,7 +369,7 @@ def found_in(
     damping: Damping | None,
     expected: tuple[float, float],
 ) -> FoundImpact:
-    """The impact in one record."""
+    """The impact that explains a recording best, with its uncertainty."""
     seen = monitored.seen
     sites = monitored.seen.map_sites.sites
     if "place" not in unknown and len(sites) > 1:

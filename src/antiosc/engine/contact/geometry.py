@@ -241,7 +241,7 @@ def contact_stress(
 def hertz_pressure(stiffness: float, modulus: float, force: float) -> float:
     """Largest pressure [Pa] of Hertz's law with k_H [N m^-3/2] and E* [Pa] at a force [N].
 
-    Of an elliptic contact that of the circular one with the same k_H. Johnson, (4.24).
+    For an elliptic contact it is that of the circular one with the same k_H. Johnson, (4.24).
     """
     radius = (0.75 * stiffness / modulus) ** 2
     return float((6 * force * modulus**2 / (np.pi**3 * radius**2)) ** (1 / 3))

@@ -438,12 +438,12 @@ class ElasticPlastic(Hysteretic):
         return self.stiffness * self.yield_indentation**1.5
 
     def error_at(self, depth: float) -> tuple[float, float]:
-        """Measured errors of force and restitution at an indentation [m], patch included.
+        """(relative error of the force, error of restitution) at an indentation [m] with the patch.
 
-        The largest, relative of the force at equal indentation, absolute of restitution, against
-        small-strain finite elements of nu = 0.2 to 0.45, elastic shares to 0.74, without hardening
-        and with E/50 (benchmarks/elastoplastic), and what finite strain adds. Beyond
-        300 yield indentations a guess that grows; 0 below yield.
+        They are the largest differences from small-strain finite elements with nu = 0.2 to 0.45,
+        elastic shares up to 0.74, without hardening and with E/50 (benchmarks/elastoplastic), at
+        equal indentation, plus the effect of finite strain. Beyond 300 yield indentations they are
+        an estimate that grows; below yield they are 0.
         """
         depth = checks.nonnegative("depth", depth, "m")
         if depth <= self.yield_indentation:

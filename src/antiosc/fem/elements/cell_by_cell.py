@@ -97,7 +97,7 @@ class CellByCell(ABC):
     def product(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).
 
-        Of the precision of x, single or double.
+        In the precision of x, single or double.
         """
         if x.ndim == 1:
             return self._of_vector(x, k, m)

@@ -34,7 +34,7 @@ class CompiledCells(CellByCell):
 
     @cached_property
     def _cells(self) -> list[tuple[library.Cells, Array]]:
-        """What the C library takes of K and of M, with its memory."""
+        """Cells of K and of M in the form of the C library, each with its workspace."""
         return [(kernel.cells(), np.empty(kernel.room + kernel.dofs)) for kernel in self._kernels]
 
     def product(self, x: Array, k: float, m: float) -> Array:

@@ -480,9 +480,9 @@ INTERFACE = 6_000
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
     """The solver of A named by `choice`; "auto": by forecasts of memory and time.
 
-    `levels` tells what a multigrid needs of the part; `columns` how many right-hand sides are
-    solved for at once, inf where a factor serves more than its solves. Where A's product is by
-    strains the solver of its entries is refined to that accuracy.
+    `levels` has the data of the part for a multigrid. `columns` is the number of right-hand sides
+    of one call; inf requires a direct factor. If products with A are computed from strains,
+    solutions with the factor of its entries are refined to their accuracy.
     """
     levels = replace(levels, coarser=cache(levels.coarser))
     if by_strains(A):
@@ -539,7 +539,7 @@ def _faster(
 
 
 def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
-    """What a factor of A takes, and whether two levels may take its place, in words."""
+    """Text of the cost of a factor of A, and whether two levels may replace it."""
     entries = Plan(A).entries
     if not entries:
         return "not forecast"
@@ -600,7 +600,7 @@ def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
 
 
 def products_of(A: PETSc.Mat) -> Products:
-    """How products with A are taken."""
+    """Cost of products with A: from its entries, or cell by cell."""
     found: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
     return found
 
@@ -667,7 +667,7 @@ class Linear(Plan):
 def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
     """The Cholesky factor of A by the fastest method for the number of ranks.
 
-    `analysis`: what is known of A from before, on one rank.
+    `analysis`: the symbolic factor of A, if it is known, on one rank.
     """
     result = _factored(A, analysis)
     result.cost = of_factor(result.entries, 1.0)

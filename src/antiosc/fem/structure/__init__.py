@@ -421,7 +421,7 @@ class Plausibility(TypedDict, total=False):
 
 @dataclass(eq=False)
 class StructureMatrices:
-    """K and M of a structure; subclasses add what a mesh or nodes determine."""
+    """K and M of a structure; subclasses add data of a mesh or of nodes."""
 
     #: fixed dofs keep their rows: 1 on K's diagonal, 0 in M
     K: Matrix

@@ -270,7 +270,7 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 
 
 def error_scope(history: History) -> str:
-    """What the `error` of a history covers, and where the error of the mesh is found."""
+    """Text: what the `error` of a history covers, and where the error of the mesh stands."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if not any(info.structure for info in facts):

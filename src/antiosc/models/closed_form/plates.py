@@ -399,7 +399,7 @@ class PlatePatch(NamedTuple):
     Attributes
     ----------
     radius : of the disc, m.
-    local_compliance : what the shell's own compliance under it has too much, m/N.
+    local_compliance : excess of the shell's compliance under it over that of the plate, m/N.
     """
 
     radius: float
@@ -408,11 +408,11 @@ class PlatePatch(NamedTuple):
 
 @checks.within_range
 def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
-    """The patch that makes an isotropic shell answer a blow as a solid plate does.
+    """The patch with which an isotropic shell responds to an impact as a solid plate does.
 
-    Take `Site(…, radius=patch.radius)` and, as the compliance holds for the contact and not for
-    the shell, `dataclasses.replace(model, local_compliance=patch.local_compliance)`: Hertz's law
-    takes it out again. Smaller contacts than the thickness, away from edges.
+    Use `Site(…, radius=patch.radius)`, and for the model `dataclasses.replace(model,
+    local_compliance=patch.local_compliance)`: this compliance is then subtracted from Hertz's law.
+    Valid for contacts smaller than the thickness, away from edges.
 
     Parameters
     ----------

@@ -61,7 +61,8 @@ class SoilCone(FieldsRepr):
     def modal(self) -> ModalBody:
         """The soil alone, without a footing, as a body of an impact or a floor of a drop.
 
-        Without a mass of its own it has `LIGHT` c^2/k, which matters above k/(LIGHT c) [rad/s].
+        Soil without mass gets the mass `LIGHT` c^2/k, which has an effect above k/(LIGHT c)
+        [rad/s].
         """
         least = LIGHT * self.damping**2 / self.stiffness
         return self.model(max(0.0, least - self.mass)).modal()

@@ -38,7 +38,7 @@ class MeshErrors(ABC):
 
     Attributes
     ----------
-    not_included : a sentence on what no estimate of the part includes; "" if there is nothing.
+    not_included : a sentence on errors that no estimate includes; "" if there are none.
     """
 
     not_included: str = ""
