@@ -29,7 +29,7 @@ from antiosc.base.process import trim_heap
 from antiosc.fem.linalg.forecast import LevelSizes
 from antiosc.fem.linalg.multigrid import Multigrid
 from antiosc.fem.linalg.petsc_algebra import by_cells
-from antiosc.fem.linalg.solver_choice import Linear, Plan, sizes_of
+from antiosc.fem.linalg.solver_choice import Plan, PlanByLinear, sizes_of
 
 OUT = Path(__file__).parent / "speed" / "forecasts.md"
 COMPACT, PLATE = (0.2, 0.1, 0.08), (0.2, 0.2, 0.005)
@@ -85,7 +85,7 @@ def memory(name: str) -> int:
 def levels_of(part: ao.Structure) -> LevelSizes:
     """The two levels of a part by their sizes."""
     K = part.K
-    plan = Linear(K, part.matrices.coarser()) if by_cells(K) else Plan(K)
+    plan = PlanByLinear(K, part.matrices.coarser()) if by_cells(K) else Plan(K)
     return sizes_of(K, plan.entries)
 
 

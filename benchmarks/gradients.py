@@ -79,7 +79,7 @@ def difference(
 def costs(hit: Any, blow: tuple[Any, ...], goal: str, repeats: int) -> list[float]:
     """Seconds of `aom_solve`, `aom_gradient`, `simulate` and `gradient`."""
     found = recorded(hit)
-    options = library.Options(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
+    options = library.COptions(blow[-1], 1e-3, 0.0, 0.0, 1e-6, 10_000, 1_000_000, 0)
     wanted = seeds(found, goal, 0, None)
     places = wanted.arrays(2 * found.system.omega.size + 1)
     given = (found.system, found.run, found.states(), *places, wanted.force, wanted.time)

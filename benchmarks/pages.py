@@ -191,7 +191,7 @@ def at_end(strength: str) -> None:
 
     read = materials._read
 
-    def other(*row: Any) -> materials.Record:
+    def other(*row: Any) -> materials.MaterialRecord:
         found = read(*row)
         low, high = found.yield_range or (found.yield_strength,) * 2
         return replace(found, yield_strength=low if strength == "least" else high)

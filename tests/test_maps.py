@@ -29,7 +29,7 @@ from antiosc.strikes.map_results import hardest
 from antiosc_app import live as verdict, live_meshes as sites
 from antiosc_app.live import headline_of_map
 from antiosc_app.results import presentations
-from antiosc_app.scene_file.run import Results
+from antiosc_app.scene_file.run import SceneResults
 
 pytestmark = pytest.mark.fem
 
@@ -264,7 +264,7 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     hard = dataclasses.replace(found, peak_force=np.array([1.0, 2.0]))
     assert hardest(hard) == 0
     assert "1 doubtful" in hard.summary()
-    rows = dict(presentations(Results(map=hard))[1].sections["Map"][0])
+    rows = dict(presentations(SceneResults(map=hard))[1].sections["Map"][0])
     assert "1 doubtful" in rows["sites"]
     assert rows["peak force"] == "1.000 N to 1.000 N"
     assert headline_of_map(dataclasses.replace(hard, contact_time=hard.peak_force)).numbers[1:] == [

@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
-from antiosc.strikes.tradeoff import BRACKET, Member, Tradeoff
+from antiosc.strikes.tradeoff import BRACKET, Tradeoff, TradeoffMember
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.document import read
@@ -65,7 +65,7 @@ def test_members_are_what_extract_and_simulate_give():
 
 def some(*each: tuple[float, float]) -> Tradeoff:
     """Members with these seconds and bars."""
-    one = Member("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
+    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     table = tuple(replace(one, seconds=seconds, bar=bar) for seconds, bar in each)
     return Tradeoff(table, 0.01, None)  # type: ignore[arg-type]
 

@@ -25,7 +25,7 @@ from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
-from antiosc_app.scene_file.scene import STUDIES, Compiled
+from antiosc_app.scene_file.scene import STUDIES, CompiledScene
 from antiosc_app.scene_file.schema import schema
 from antiosc_studies.drops.body import MODES
 
@@ -161,7 +161,7 @@ def to_a_tolerance(document: Document) -> Document:
     return replace(document, data={**kept, "geometry": geometry, "strike": strike})
 
 
-def one_impact(scene: Compiled, path: str) -> Table:
+def one_impact(scene: CompiledScene, path: str) -> Table:
     """The arguments of `tradeoff`, from [strike] or from a meshed part and [simulate]."""
     if scene.striking and scene.history is not None:
         return scene.history.arguments
@@ -217,7 +217,7 @@ def _study(options: Namespace) -> int:
     return 0
 
 
-def _stored(scene: Compiled, path: str) -> Compiled:
+def _stored(scene: CompiledScene, path: str) -> CompiledScene:
     """The scene with a file for the runs of [monte_carlo]; an interrupted campaign continues."""
     comm = run.communicator()
     if comm is not None and comm.size > 1:
@@ -232,7 +232,7 @@ def _stored(scene: Compiled, path: str) -> Compiled:
 # -- `--dry-run`: the size and cost of a scene, without a factorization
 
 
-def _forecast(scene: Compiled) -> str:
+def _forecast(scene: CompiledScene) -> str:
     """Text of family, dofs, n, step and cost; the structure is built but not factored."""
     built = run.results(scene, ("structure", "impactor", "contact"))
     rows: list[tuple[str, str]] = []
@@ -264,7 +264,7 @@ def _factor(structure: Structure) -> str:
     return f"{forecast}; {free_memory() / 1e9:.3g} GB are free"
 
 
-def _model_rows(scene: Compiled, results: run.Results) -> list[tuple[str, str]]:
+def _model_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[str, str]]:
     """Rows on the reduced model."""
     if scene.model is None or results.structure is None:
         return []
@@ -293,7 +293,7 @@ def _fall_rows(section: Table) -> list[tuple[str, str]]:
     return rows
 
 
-def _impact_rows(scene: Compiled, results: run.Results) -> list[tuple[str, str]]:
+def _impact_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[str, str]]:
     """Rows on an impact: contact time, band, step."""
     section = scene.document.data.get("simulate", {})
     from antiosc.reduce.site.surface import PlaneOf

@@ -42,7 +42,7 @@ class Kept(OrderedDict[str, T]):
         return self[key]
 
 
-class FreeModes:
+class KeptModes:
     """Free modes of a structure, computed in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:

@@ -89,7 +89,7 @@ def geometry(points: Array, faces: IntArray) -> Data:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class PageSurface:
     """The surface of a structure on the page.
 
     points (P, 3), faces (T, 3); `node` (P,): the mesh node of each point.
@@ -100,7 +100,7 @@ class Surface:
     node: IntArray
 
 
-def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Surface:
+def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
     """Outer faces of cells at points (N, 3) as triangles, and lines as bars.
 
     The triangles are consistently oriented, those of solids outward. InputError if there are none.
@@ -122,7 +122,7 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> Surface:
     if not faces:
         raise InputError("nodes alone have no surface.")
     places, nodes = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return Surface(places, np.vstack(faces), nodes)
+    return PageSurface(places, np.vstack(faces), nodes)
 
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
@@ -355,7 +355,7 @@ def _skin(structure: Structure, mapped: float) -> Data | None:
     """The surface of a part behind a map, the same on all ranks; None if there is none."""
     try:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        skin: Surface = structure.comm.bcast(surface(points, cells), root=0)
+        skin: PageSurface = structure.comm.bcast(surface(points, cells), root=0)
     except InputError:
         return None
     if _area(skin.points, skin.faces) < LARGER_AREA * mapped:

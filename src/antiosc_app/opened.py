@@ -31,7 +31,7 @@ from antiosc.base.texts import capitalised
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
-from antiosc_app.kept import MODELS, FreeModes, Kept
+from antiosc_app.kept import MODELS, Kept, KeptModes
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Evaluation
@@ -42,7 +42,7 @@ from antiosc_app.scene_file.document import (
     SceneFileError,
     read as read_document,
 )
-from antiosc_app.scene_file.scene import Compiled, by_strengths, worst_by_strengths
+from antiosc_app.scene_file.scene import CompiledScene, by_strengths, worst_by_strengths
 from antiosc_app.set_up import (
     DURATION,
     FIRST,
@@ -51,8 +51,8 @@ from antiosc_app.set_up import (
     HAMMERS,
     MATERIALS,
     STRIKERS,
+    InspectedFile,
     SetUp,
-    Source,
     Table,
     face_of,
     read,
@@ -82,11 +82,11 @@ OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
 
-class Blow(NamedTuple):
+class PageImpact(NamedTuple):
     """An impact with its scene and inputs; `settled`: by the extracted model."""
 
     sections: Table
-    scene: Compiled
+    scene: CompiledScene
     structure: Structure
     model: AntiOscillators
     hit: History
@@ -97,7 +97,7 @@ class Dropped(NamedTuple):
     """A fall and its scene."""
 
     sections: Table
-    scene: Compiled
+    scene: CompiledScene
     fall: Fall
 
     @property
@@ -130,9 +130,9 @@ class Opened:
         self._turns: Kept[int] = Kept(TABS)
         self._structures: Kept[Structure] = Kept(STRUCTURES)
         self._models: Kept[AntiOscillators] = Kept(MODELS)
-        self._modes: Kept[FreeModes] = Kept(STRUCTURES)
+        self._modes: Kept[KeptModes] = Kept(STRUCTURES)
         self._falls: Kept[Dropped] = Kept(FALLS)
-        self._source: Source | None = None
+        self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
         #: the site that was struck last
@@ -216,7 +216,7 @@ class Opened:
         if not self._structures or self._waiting:
             return
         key, structure = next(reversed(self._structures.items()))
-        modes = self._modes.of(key, lambda: FreeModes(structure))
+        modes = self._modes.of(key, lambda: KeptModes(structure))
         with contextlib.suppress(AntioscError):  # then every click is extracted
             if modes.left and modes.search():
                 self._work.submit(self._search_modes)
@@ -231,7 +231,7 @@ class Opened:
 
         look = self._inspected()
         geometry = "size" in look.read and not look.of_deck
-        self._source = Source(self._path.name, look, {}, geometry)
+        self._source = InspectedFile(self._path.name, look, {}, geometry)
         thickness = None if look.family == "Solid" or look.of_deck else look.thickness
         set_up = SetUp(
             point=tuple(look.point),
@@ -268,13 +268,13 @@ class Opened:
 
     # -- a set-up as a scene, and its objects
 
-    def _compiled(self, sections: Table) -> Compiled:
+    def _compiled(self, sections: Table) -> CompiledScene:
         """A scene compiled as if it were read from its file."""
         text = toml(sections)
         path = self._path.with_suffix(".toml")
         return compiled(Document(path, tomllib.loads(text), Problems(path.name, text)))
 
-    def _structure(self, scene: Compiled) -> Structure:
+    def _structure(self, scene: CompiledScene) -> Structure:
         """The structure of a scene."""
         key = _key(scene, OF_STRUCTURE)
         structure = self._given
@@ -283,7 +283,7 @@ class Opened:
         call = scene.structure
         return self._structures.of(key, lambda: Evaluation(scene.document)(call))
 
-    def _extracted(self, scene: Compiled) -> AntiOscillators:
+    def _extracted(self, scene: CompiledScene) -> AntiOscillators:
         """The extracted model of a scene."""
 
         def extracted() -> AntiOscillators:
@@ -293,7 +293,7 @@ class Opened:
 
         return self._models.of(_key(scene, OF_MODEL), extracted)
 
-    def _from_modes(self, scene: Compiled) -> AntiOscillators | None:
+    def _from_modes(self, scene: CompiledScene) -> AntiOscillators | None:
         """The model from free modes; None if these are unknown, or the model was extracted."""
         modes = self._modes.get(_key(scene, OF_STRUCTURE))
         key = _key(scene, OF_MODEL)
@@ -301,7 +301,7 @@ class Opened:
             return None
         return modes.model(key, scene.model.arguments["site"].made)
 
-    def _struck(self, set_up: SetUp, quickly: bool = False) -> Blow:
+    def _struck(self, set_up: SetUp, quickly: bool = False) -> PageImpact:
         """The impact of a set-up, run until striker and part no longer touch.
 
         `quickly`: by a model from free modes, if they are known.
@@ -327,9 +327,9 @@ class Opened:
             duration *= 2
         assert scene.model is not None
         self.site = scene.model.arguments["site"].made
-        return Blow(sections, scene, structure, model, hit, approximate is None)
+        return PageImpact(sections, scene, structure, model, hit, approximate is None)
 
-    def _opened(self) -> Source:
+    def _opened(self) -> InspectedFile:
         """The opened part; InputError before that."""
         if self._source is None:
             raise InputError("the part is not open yet.")
@@ -414,7 +414,7 @@ class Opened:
                 stream.write(toml(result.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
-        page_results = run.Results(
+        page_results = run.SceneResults(
             compiled=compiled(read_document(scene)), title=result.sections["title"]
         )
         if isinstance(result, Dropped):
@@ -439,13 +439,13 @@ def _told_of_file(look: new.Inspection) -> str:
     return " ".join([f"{side} mm{taken}.", *map(capitalised, look.notes)])
 
 
-def _key(scene: Compiled, sections: tuple[str, ...]) -> str:
+def _key(scene: CompiledScene, sections: tuple[str, ...]) -> str:
     """Text of the sections that an object depends on."""
     data = scene.document.data
     return json.dumps({name: data[name] for name in sections if name in data}, sort_keys=True)
 
 
-def _evaluation(scene: Compiled, **known: object) -> Evaluation:
+def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
     """The evaluation of a scene in which some objects are already known, by name."""
     evaluate = Evaluation(scene.document)
     for name, value in known.items():
@@ -460,20 +460,20 @@ def _with_larger_patch(set_up: SetUp, error: RangeError) -> SetUp:
     return replace(set_up, radius=rounded_up(error.radius))
 
 
-def _strengths(blow: Blow) -> dict[str, Any]:
+def _strengths(blow: PageImpact) -> dict[str, Any]:
     """The stress fields for which strengths are known; {} if the stress is unknown."""
     with contextlib.suppress(AntioscError):
         return dict(by_strengths(blow.structure, blow.hit))
     return {}
 
 
-def _headline(blow: Blow, stresses: dict[str, Any]) -> live.Headline:
+def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
     """The headline of an impact."""
     budget = results.error_budget(blow.hit)
     return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None)
 
 
-def _told(blow: Blow) -> Data:
+def _told(blow: PageImpact) -> Data:
     """The page's data of an impact, with headline and site."""
     blow_data = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
     if blow_data is None:

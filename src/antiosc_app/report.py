@@ -39,7 +39,7 @@ from antiosc_app.results import (
     presentations,
     with_prefixes,
 )
-from antiosc_app.scene_file.run import Results, on_first
+from antiosc_app.scene_file.run import SceneResults, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
 
@@ -89,7 +89,7 @@ def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     return path
 
 
-def write_output(results: Results, parts: Sequence[Presentation], target: Path) -> list[Path]:
+def write_output(results: SceneResults, parts: Sequence[Presentation], target: Path) -> list[Path]:
     """Write the files that the scene requests, on the first rank; returns their paths."""
     output_call = results.compiled.output
     output = Output() if output_call is None else output_call.made
@@ -189,7 +189,7 @@ def write_report(
         from antiosc import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
-    page_results = Results(title=target.stem if title is None else checks.text("title", title))
+    page_results = SceneResults(title=target.stem if title is None else checks.text("title", title))
     page_results.tradeoff = compared
     if isinstance(reported, ImpactMap):
         page_results.map = reported
@@ -210,7 +210,7 @@ def write_report(
     return write_page(page_results, presentations(page_results), target)[0]
 
 
-def write_page(results: Results, parts: Sequence[Presentation], path: Path) -> list[Path]:
+def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path) -> list[Path]:
     """Write the report on the first rank, complete or absent; returns its path in a list.
 
     Every rank must call it, since fields and dimensions of a structure are distributed.
@@ -220,7 +220,7 @@ def write_page(results: Results, parts: Sequence[Presentation], path: Path) -> l
     return [path]
 
 
-def page(results: Results, parts: Sequence[Presentation]) -> str:
+def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of the page."""
     data, headline = _live(results)
     one_view = data is not None and data.get("part") is not None
@@ -303,7 +303,7 @@ def _uncommented(scene: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(results: Results) -> tuple[Data | None, live.Headline | None]:
+def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
     """(data of the live page, headline); None for scenes and sweeps."""
     fall = results.fall
     if fall is not None and hasattr(fall, "episodes"):

@@ -42,7 +42,7 @@ from antiosc.plot.charts import (
 from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
-from antiosc_app.scene_file.run import Results, varied
+from antiosc_app.scene_file.run import SceneResults, varied
 from antiosc_app.scene_file.scene import probe_times
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ class Presentation:
     pictures: Sequence[Picture] = ()
 
 
-def _model(results: Results) -> Presentation:
+def _model(results: SceneResults) -> Presentation:
     """The structure and its reduced model; a report shows them after the pictures."""
     presentation = Presentation()
     structure = results.structure
@@ -320,7 +320,7 @@ def _model(results: Results) -> Presentation:
     return presentation
 
 
-def advice_of(results: Results) -> Rows:
+def advice_of(results: SceneResults) -> Rows:
     """Rows on the structure, and on `advise`'s choice of the family if it has one."""
     if results.structure is None:
         return []
@@ -357,7 +357,7 @@ def _model_rows(model: AntiOscillators) -> Rows:
     return [*rows, ("antiresonances", f"{lowest or 'none'}{ellipsis} Hz")]
 
 
-def _impact(results: Results) -> Presentation:
+def _impact(results: SceneResults) -> Presentation:
     """A history with its probes and its largest stresses."""
     hit = results.history
     peaks = results.stresses or {}
@@ -481,7 +481,7 @@ def _margin_numbers(peak: PeakField) -> Columns:
     return {"margin": {key: getattr(peak.margin(), key) for key in keys}}
 
 
-def _of_impact(results: Results, probes: Sequence[Probe]) -> list[Picture]:
+def _of_impact(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
     """Pictures of an impact."""
     hit = results.history
     contacts = _contacts(results.history)
@@ -532,7 +532,7 @@ def _contacts(history: History) -> dict[tuple[str, str], Any]:
 class Probe:
     """One probe: its quantity, times [s], and values (n, c) by component."""
 
-    def __init__(self, results: Results, name: str) -> None:
+    def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments
         self.name = name
         self.quantity: str = arguments.get("quantity", "displacement")
@@ -614,7 +614,7 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
     curves(shares, "share of the largest value", ax)
 
 
-def _fall(results: Results) -> Presentation:
+def _fall(results: SceneResults) -> Presentation:
     """A fall or an ensemble of falls, with accelerometers and largest stress."""
     fall = results.fall
     worst = results.worst
@@ -676,7 +676,7 @@ def ended(message: str) -> str:
     return f"The fall ended: {message}."
 
 
-def _blow(results: Results) -> Presentation:
+def _blow(results: SceneResults) -> Presentation:
     """The result of `find_impact`."""
     blow = results.found
     about = "Signals in the band that is compared, and the contact force (N) that was found."
@@ -690,7 +690,7 @@ def _blow(results: Results) -> Presentation:
     )
 
 
-def _sweep(results: Results) -> Presentation:
+def _sweep(results: SceneResults) -> Presentation:
     """A sweep: the varied values, and the results of each impact."""
     batch = results.batch
     lists = {label(place): list(values) for place, values in varied(results.compiled).items()}
@@ -714,7 +714,7 @@ def _sweep(results: Results) -> Presentation:
     )
 
 
-def _sample(results: Results) -> Presentation:
+def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
     table = _quantiles(results.sample, QUANTITIES)
@@ -730,7 +730,7 @@ def _sample(results: Results) -> Presentation:
     )
 
 
-def _tradeoff(results: Results) -> Presentation:
+def _tradeoff(results: SceneResults) -> Presentation:
     """Methods that were compared for an impact."""
     compared = results.tradeoff
     assert compared is not None
@@ -761,7 +761,7 @@ def _tradeoff(results: Results) -> Presentation:
     )
 
 
-def _map(results: Results) -> Presentation:
+def _map(results: SceneResults) -> Presentation:
     """A map: the range of each quantity, and the hardest impact of each surface."""
     impact_map = results.map
     quantities = results.map.quantities()
@@ -815,19 +815,19 @@ def _range(values: Array, unit: str) -> str:
 
 
 #: Object of a scene -> function that makes its presentation.
-_KINDS: dict[str, Callable[[Results], Presentation]] = {
+_KINDS: dict[str, Callable[[SceneResults], Presentation]] = {
     **{"history": _impact, "fall": _fall, "found": _blow},
     **{"batch": _sweep, "sample": _sample, "map": _map, "tradeoff": _tradeoff},
 }
 
 
-def presentations(results: Results) -> list[Presentation]:
+def presentations(results: SceneResults) -> list[Presentation]:
     """The presentations of a scene: structure with model first, then the results."""
     present = (make for name, make in _KINDS.items() if getattr(results, name) is not None)
     return [_model(results), *(make(results) for make in present)]
 
 
-def text(results: Results, parts: Sequence[Presentation]) -> str:
+def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """Text of title, structure, model and results."""
     title = str(results.compiled.document.data.get("title", ""))
     pieces = [title, *(piece for presentation in parts for piece in presentation.text)]

@@ -173,9 +173,9 @@ class RunData:
         ]
         addresses = [array.ctypes.data for array in arrays]
         start = np.array([array.start for array in self.parameter_variables])
-        model = library.Model(
+        model = library.CModel(
             self.given.system,
-            library.Options(),
+            library.COptions(),
             len(self.site_modes),
             *addresses[:3],
             start.size,

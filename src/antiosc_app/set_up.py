@@ -47,7 +47,7 @@ TILT = (2.0, 1.0, 0.0)
 DURATION = 1e-3
 
 
-class Source(NamedTuple):
+class InspectedFile(NamedTuple):
     """The inspected file of a part.
 
     Attributes
@@ -162,7 +162,7 @@ def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
     return values
 
 
-def scene_of(source: Source, set_up: SetUp, duration: float) -> Table:
+def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     """The sections of the scene of a set-up; `duration` of the impact [s]."""
     look = source.look
     title = f"An impact on {source.name}"
@@ -191,7 +191,7 @@ def scene_of(source: Source, set_up: SetUp, duration: float) -> Table:
     }
 
 
-def _part(source: Source, set_up: SetUp) -> Table:
+def _part(source: InspectedFile, set_up: SetUp) -> Table:
     """The sections of the part: mesh or geometry with material, or the deck."""
     look = source.look
     read = dict(source.look.read)
@@ -208,7 +208,7 @@ def _part(source: Source, set_up: SetUp) -> Table:
     return {"geometry": {"source": source.name, **read}, "material": material}
 
 
-def face_of(source: Source, name: object) -> Mapping[str, Any]:
+def face_of(source: InspectedFile, name: object) -> Mapping[str, Any]:
     """The table of the support that holds a face."""
     if not isinstance(name, str) or name not in source.faces:
         raise InputError(f"the part has no face {checks.shown(name)}.")

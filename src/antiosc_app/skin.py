@@ -20,7 +20,7 @@ PLANE = "lowest plane"
 Held: TypeAlias = Mapping[str, Any]
 
 
-class Skin(NamedTuple):
+class PageSkin(NamedTuple):
     """Points and triangles of a part, each triangle with the number of its face.
 
     Attributes
@@ -35,7 +35,7 @@ class Skin(NamedTuple):
     held: list[str]
 
 
-def skin(structure: Structure, look: Inspection) -> Skin:
+def skin(structure: Structure, look: Inspection) -> PageSkin:
     """The skin of a part."""
     members = with_parts(structure).members()
     mesh = members[0].part.mesh
@@ -45,7 +45,7 @@ def skin(structure: Structure, look: Inspection) -> Skin:
         used, faces = np.unique(drawn.faces, return_inverse=True)
         shape = geometry(drawn.points[used], faces.reshape(-1, 3))
         shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
-        return Skin(shape, *_with_usual(_groups(mesh), look))
+        return PageSkin(shape, *_with_usual(_groups(mesh), look))
     outer = Faces(mesh, mesh.tdim < 3)
     held = _groups(mesh)
     owner = np.zeros(len(outer), dtype=int)
@@ -65,7 +65,7 @@ def skin(structure: Structure, look: Inspection) -> Skin:
     names = [name for number, name in enumerate(held, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
     all_faces, held_first = _with_usual(held, look) if beyond or not names else (held, names)
-    return Skin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
+    return PageSkin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck, IntArray, Numbering, Place
+from antiosc.io.deck import Deck, DeckPlace, IntArray, Numbering
 from antiosc_decks.abaqus_cards import OTHER, Card, Row, Scope, account_for, cards as read_cards
-from antiosc_decks.abaqus_mesh import NONE, Mesh, mesh_of
+from antiosc_decks.abaqus_mesh import NONE, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever
 from antiosc_decks.sources import Account, Sources
 
@@ -23,7 +23,7 @@ class Instance(Scope):
 
     whole: Whole
     cards: list[Card]
-    mesh: Mesh
+    mesh: AbaqusMesh
     first_node: int = 0
     first_element: int = 0
     first_other: int = 0
@@ -40,7 +40,7 @@ class Instance(Scope):
         name = self.prefix + name
         return self.whole.spelling.setdefault(name.upper(), name)
 
-    def rows(self, keyword: str, word: str, place: Place) -> IntArray:
+    def rows(self, keyword: str, word: str, place: DeckPlace) -> IntArray:
         """Rows of the node or element with the number `word`, or of the set of that name."""
         members = self.find(keyword, word)
         if members is None:
@@ -232,7 +232,7 @@ def read(sources: Sources) -> Whole:
     whole.deck.told += whole.account.unknown()
     top, parts, placed = _divided(cards, whole.steps)
     whole.add(Instance("", np.eye(3), np.zeros(3), whole, top, mesh_of(top, name)))
-    meshes: dict[str, Mesh] = {}
+    meshes: dict[str, AbaqusMesh] = {}
     used = {card.option("PART").upper() for card, _ in placed}
     for part, (spelled, _) in parts.items():
         if part not in used:
@@ -287,7 +287,11 @@ def _divided(
 
 
 def _placed(
-    whole: Whole, card: Card, instance_cards: list[Card], parts: Parts, meshes: dict[str, Mesh]
+    whole: Whole,
+    card: Card,
+    instance_cards: list[Card],
+    parts: Parts,
+    meshes: dict[str, AbaqusMesh],
 ) -> Instance:
     """The instance of an *INSTANCE card: its mesh, rotation and translation."""
     name = card.needed("NAME")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, IntArray, Place, Placed, real_number, whole_number
+from antiosc.io.deck import Array, DeckPlace, IntArray, Placed, real_number, whole_number
 from antiosc_decks.sources import BULK, UNKNOWN, Account, Fate, Sources, table
 
 #: Element rows from this number on stand for elements that are not cells (masses, springs).
@@ -26,7 +26,7 @@ SURFACE_OF_CGX = re.compile(r"\*\* Surfaces based on (\S+)$")
 class Row(Placed):
     """The fields of one data line; a trailing comma adds no field."""
 
-    def __init__(self, line: str, card: Card, place: Place) -> None:
+    def __init__(self, line: str, card: Card, place: DeckPlace) -> None:
         self.card = card
         self.place = place
         self.fields = [part.strip() for part in line.split(",")]
@@ -79,20 +79,20 @@ class Scope(ABC):
         """A set's name as it was first written; names are not case-sensitive."""
 
     @abstractmethod
-    def rows(self, keyword: str, word: str, place: Place) -> IntArray:
+    def rows(self, keyword: str, word: str, place: DeckPlace) -> IntArray:
         """Rows of the node or element with the number `word`, or of the set of that name."""
 
-    def nodes(self, word: str, place: Place) -> IntArray:
+    def nodes(self, word: str, place: DeckPlace) -> IntArray:
         """Rows of the node or node set that `word` names."""
         return self.rows("NSET", word, place)
 
-    def node(self, word: str, place: Place) -> int:
+    def node(self, word: str, place: DeckPlace) -> int:
         """Row of a single node, named by its number or by a set of one node."""
         nodes = self.nodes(word, place)
         place.needs(len(nodes) == 1, f"{word!r} must be one node; it is {len(nodes)}.")
         return int(nodes[0])
 
-    def elements(self, word: str, place: Place) -> IntArray:
+    def elements(self, word: str, place: DeckPlace) -> IntArray:
         """Rows of the cells that a number or the name of an element set stands for."""
         rows = self.rows("ELSET", word, place)
         return rows[rows < OTHER]
@@ -106,11 +106,11 @@ class Card(Placed):
     keyword: str
     #: name in upper case -> value as written; "" for those without one
     options: dict[str, str]
-    place: Place
+    place: DeckPlace
     #: data lines that are neither empty nor comments
     lines: list[str] = field(default_factory=list)
     #: file and line of each data line
-    places: list[Place] = field(default_factory=list)
+    places: list[DeckPlace] = field(default_factory=list)
     #: what its numbers and names refer to
     within: Scope = field(init=False, repr=False)
 
@@ -181,7 +181,7 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
         if not line or line.startswith("**"):
             surface = SURFACE_OF_CGX.match(line) or surface
             continue
-        place = Place(file, number)
+        place = DeckPlace(file, number)
         if surface and not line.startswith("*"):
             cards_read.append(_card(f"*SURFACE, NAME=S{surface[1]}", place))
         surface = None
@@ -217,7 +217,7 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
             sources.leave()
 
 
-def _card(line: str, place: Place) -> Card:
+def _card(line: str, place: DeckPlace) -> Card:
     """The card of a keyword line."""
     head, *rest = _outside_quotes(line[1:])
     keyword = "".join(head.split()).upper()

@@ -9,12 +9,12 @@ from itertools import combinations
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, IntArray, Place, real_number, whole_number
+from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number, whole_number
 from antiosc.io.neutral import CORNERS, EDGES, Term
 from antiosc_decks.abaqus_assembly import NONE, Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_sections import Orientations
-from antiosc_decks.constraints import Constraints, Motions
+from antiosc_decks.constraints import DeckConstraints, Motions
 
 #: Corners of the faces S1, S2, … of solids.
 SOLID_FACES = {
@@ -27,7 +27,7 @@ SOLID_FACES = {
 
 
 @dataclass
-class Surface:
+class DeckFaces:
     """Faces as (corner nodes, mid-side nodes; -1: none), in order around each face."""
 
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
@@ -41,13 +41,15 @@ class Surface:
         return nodes[nodes >= 0]
 
 
-def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
+def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
     """The surfaces of a deck by their names in upper case."""
-    surfaces: dict[str, Surface] = {}
+    surfaces: dict[str, DeckFaces] = {}
     for card in cards:
         if card.keyword != "SURFACE" or not card.option("NAME"):
             continue
-        surface = surfaces.setdefault((card.within.prefix + card.option("NAME")).upper(), Surface())
+        surface = surfaces.setdefault(
+            (card.within.prefix + card.option("NAME")).upper(), DeckFaces()
+        )
         of_nodes = card.option("TYPE").upper().startswith("NODE")
         for row in card.rows():
             if of_nodes:
@@ -67,7 +69,7 @@ def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, Surface]:
     return surfaces
 
 
-def _edge(block: Block, side: str, place: Place) -> int | None:
+def _edge(block: Block, side: str, place: DeckPlace) -> int | None:
     """Index of the edge that a side label of a flat element means; None if it means the face.
     The labels are S3, … for shells, S1, … for plane elements, and E1, … for both.
     """
@@ -78,7 +80,7 @@ def _edge(block: Block, side: str, place: Place) -> int | None:
     return edge if edge >= 0 else None
 
 
-def _faces(block: Block, side: str, place: Place) -> list[tuple[IntArray, IntArray]]:
+def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, IntArray]]:
     """(corner nodes, mid-side nodes) of the named side of each element of a block."""
     corners = tuple(range(CORNERS[block.shape]))
     if block.shape not in ("triangle", "quad"):
@@ -105,7 +107,11 @@ NEWTON_STEPS = 12
 
 
 def tie(
-    joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
+    joints: DeckConstraints,
+    slave: DeckFaces,
+    master: DeckFaces,
+    tolerance: float | None,
+    place: DeckPlace,
 ) -> list[str]:
     """Tie slave nodes to master faces by shape functions.
     Returns a sentence (in a list) if some nodes lie further than `tolerance` from the faces and are
@@ -215,7 +221,7 @@ LONGEST_EQUATION = 1_000_000
 TEMPERATURE = "11"
 
 
-def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> None:
+def read_joints(whole: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
     """Add the constraints of the cards to `joints`."""
     reader = _Joints(whole, joints, surfaces_of(whole, cards))
     for card in cards:
@@ -227,7 +233,9 @@ def read_joints(whole: Whole, joints: Constraints, cards: Sequence[Card]) -> Non
 class _Joints:
     """Reads cards that join nodes: one method for each card."""
 
-    def __init__(self, whole: Whole, joints: Constraints, surfaces: dict[str, Surface]) -> None:
+    def __init__(
+        self, whole: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
+    ) -> None:
         self.whole = whole
         self.joints = joints
         self.surfaces = surfaces
@@ -235,7 +243,7 @@ class _Joints:
         #: of the last *COUPLING: reference node, nodes, card
         self.current: tuple[int, IntArray, Card] | None = None
 
-    def _surface(self, name: str, place: Place) -> Surface:
+    def _surface(self, name: str, place: DeckPlace) -> DeckFaces:
         """The surface with this name."""
         message = f"there is no surface {name!r} (*SURFACE, NAME=)."
         return place.found(self.surfaces, name.upper(), message)
@@ -295,7 +303,7 @@ class _Joints:
 
     def mpc(self, card: Card) -> None:
         """*MPC; a list of nodes may continue on the following lines."""
-        lists: list[tuple[str, list[str], Place]] = []
+        lists: list[tuple[str, list[str], DeckPlace]] = []
         for row in card.rows():
             words = [word for word in row.fields if word]
             if not (words[0].isdigit() and lists):
@@ -332,7 +340,7 @@ class _Joints:
                     "remove it.",
                 )
 
-    def _pair(self, kind: str, nodes: list[int], place: Place) -> bool:
+    def _pair(self, kind: str, nodes: list[int], place: DeckPlace) -> bool:
         """Apply a TIE, PIN, LINK or BEAM between two nodes; False if `kind` is none of these."""
         joints = self.joints
         a, b = nodes
@@ -463,7 +471,7 @@ def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
     return [(node, c, factor * float(unit[c])) for node, factor in terms for c in order]
 
 
-def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
     """Equations that keep nodes in one plane, for small motions."""
 
     def normal(c: Sequence[int]) -> Array:
@@ -483,7 +491,7 @@ def _plane(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
             yield _along(normal(spanning) / area, [(node, 1.0), *others])
 
 
-def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
     """Equations that keep nodes on one straight line, for small motions."""
     end = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
     axis = x[end] - x[0]
@@ -497,7 +505,7 @@ def _straight(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
                 yield _along(t, [(node, 1.0), (nodes[0], s - 1), (nodes[end], -s)])
 
 
-def _mean_rotation(nodes: list[int], x: Array, place: Place) -> Iterator[list[Term]]:
+def _mean_rotation(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
     """The equation of CalculiX's MEANROT: a mean rotation of nodes about an axis.
     Motion 1 of the last node, whose coordinates are the axis, is that rotation.
     """

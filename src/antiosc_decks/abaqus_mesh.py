@@ -10,7 +10,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import LARGEST_NUMBER, Array, Block, IntArray, Numbering, Place, whole_number
+from antiosc.io.deck import (
+    LARGEST_NUMBER,
+    Array,
+    Block,
+    DeckPlace,
+    IntArray,
+    Numbering,
+    whole_number,
+)
 from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
 
@@ -163,7 +171,7 @@ def element_copies(
         yield copies, master + i @ steps, master
 
 
-def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: Place) -> Block:
+def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: DeckPlace) -> Block:
     """A copy of a block whose node numbers are raised by `shift` (one for each element)."""
     label = np.empty(len(nodes.labels), dtype=np.int64)
     label[nodes.order] = nodes.labels
@@ -185,7 +193,7 @@ NONE = np.zeros(0, dtype=np.int64)
 
 
 @dataclass
-class Mesh:
+class AbaqusMesh:
     """Nodes and elements of a part, numbered as in the part."""
 
     points: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -201,7 +209,7 @@ class Mesh:
     told: list[str] = field(default_factory=list)
 
 
-def mesh_of(cards: list[Card], name: str) -> Mesh:
+def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
     """The mesh that some cards define; `name` is the part's, for messages."""
     for card in cards:
         card.needs(
@@ -209,13 +217,13 @@ def mesh_of(cards: list[Card], name: str) -> Mesh:
             f"*{card.keyword} is not read here; write the "
             "nodes and elements that it makes into the deck.",
         )
-    mesh = Mesh()
+    mesh = AbaqusMesh()
     _read_nodes(mesh, cards)
     _read_elements(mesh, cards, name)
     return mesh
 
 
-def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
+def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL."""
     labels: list[int] = []
     points: list[list[float]] = []
@@ -259,7 +267,7 @@ def _read_nodes(mesh: Mesh, cards: list[Card]) -> None:
     mesh.sets = [(which, name, mesh.nodes.rows(members)) for which, name, members in mesh.sets]
 
 
-def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
+def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     """Fill `mesh` with the elements of *ELEMENT and *ELGEN."""
     cells: list[IntArray] = []
     others: list[int] = []
@@ -292,7 +300,7 @@ def _read_elements(mesh: Mesh, cards: list[Card], name: str) -> None:
     mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
 
-def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
+def _others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
     """Read one card's elements that are not cells; return their numbers."""
     width = next((count for pattern, count in POINTS.items() if re.fullmatch(pattern, kind)), 0)
     rows = [row for row in card.rows() if row.word(0)]
@@ -304,7 +312,7 @@ def _others(mesh: Mesh, card: Card, kind: str) -> list[int]:
     return [row.whole(0) for row in rows]
 
 
-def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
+def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     """Read one card's cells; return their numbers."""
     known = element_type(kind)
     assert known is not None
@@ -327,11 +335,13 @@ def _cells(mesh: Mesh, card: Card, kind: str) -> IntArray:
     return table[:, 0]
 
 
-def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[int]], list[Place]]:
+def _numbers(
+    mesh: AbaqusMesh, card: Card, width: int, kind: str
+) -> tuple[list[list[int]], list[DeckPlace]]:
     """Read elements that may take several lines: ([number, nodes …] of each, its place)."""
     least = 1 + width
     rows: list[list[int]] = []
-    places: list[Place] = []
+    places: list[DeckPlace] = []
     current: list[int] = []
     start = card.place
     longer = 0
@@ -359,7 +369,7 @@ def _numbers(mesh: Mesh, card: Card, width: int, kind: str) -> tuple[list[list[i
     return rows, places
 
 
-def _short(place: Place, label: object, kind: str, nodes: int, width: int) -> MeshError:
+def _short(place: DeckPlace, label: object, kind: str, nodes: int, width: int) -> MeshError:
     """The error of an element with too few nodes."""
     message = f"element {label} of type {kind} has {nodes} nodes; it must have {width}"
     return place.error(f"{message}: the deck is cut off, or of another program.")

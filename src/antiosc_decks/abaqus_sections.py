@@ -8,12 +8,12 @@ from typing import NoReturn
 
 import numpy as np
 
-from antiosc.io.deck import Array, Block, IntArray, Place, real_number
+from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
-from antiosc_decks.builder import Family, ModelBuilder
+from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.properties import Material, Profile, of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
@@ -95,7 +95,7 @@ class Orientations:
         orientation = self.find(name, by)
         return orientation is not None and orientation.option("SYSTEM").upper().startswith("C")
 
-    def at(self, name: str, by: Card, x: Array, place: Place | None = None) -> Array:
+    def at(self, name: str, by: Card, x: Array, place: DeckPlace | None = None) -> Array:
         """Directions 1, 2 and 3, as rows, at each of the points `x` (n, 3): (n, 3, 3)."""
         card = self.find(name, by)
         if card is None:
@@ -228,7 +228,7 @@ class Sections:
             if has_materials:
                 self._shells(card, name, elements)
             else:
-                family = Family("GivenSheet", self._stiffnesses(card), card.place)
+                family = GroupSection("GivenSheet", self._stiffnesses(card), card.place)
                 self.builder.add_shells(
                     name, elements, family, 0.0, self._zero_direction(card, elements)
                 )
@@ -248,7 +248,7 @@ class Sections:
         else:
             self._refuse(card, roles, {block.type for block in blocks})
         name = "rods" if kind == "Truss" else name
-        self.builder.add(name, elements, Family(kind, arguments, card.place))
+        self.builder.add(name, elements, GroupSection(kind, arguments, card.place))
 
     def _refuse_nodal(self, card: Card, blocks: Sequence[Block]) -> None:
         """Raise MeshError for beams whose dimensions are given at their nodes."""
@@ -280,7 +280,7 @@ class Sections:
             "as stress elements (of solids C3D…, shells S…, beams B…, trusses T…)."
         )
 
-    def _material(self, name: str, place: Place) -> Material:
+    def _material(self, name: str, place: DeckPlace) -> Material:
         """The material of this name."""
         message = f"there is no material {name!r} (*MATERIAL, NAME=)."
         return place.found(self.materials, name.upper(), message)
@@ -324,13 +324,13 @@ class Sections:
                 for value, members in self._by_thickness(elements, thickness):
                     arguments = {**elastic, "thickness": value * self.builder.units.length}
                     label = f"{name} of thickness {value:g}" if len(self.thickness) else name
-                    family = Family("Shell", arguments, card.place)
+                    family = GroupSection("Shell", arguments, card.place)
                     self.builder.add_shells(label, members, family, -share * value)
                 return
             rows = [Row(f"{thickness!r},,{material.name},0", card, card.place)]
         layers, axes = self._laminate(card, elements, rows)
         thickness = sum(layer["thickness"] for layer in layers) / self.builder.units.length
-        family = Family("Laminate", {"layers": layers}, card.place)
+        family = GroupSection("Laminate", {"layers": layers}, card.place)
         self.builder.add_shells(name, elements, family, -share * thickness, axes)
         nodes = self.whole.deck.nodes_of(elements)
         if len(self.thickness) and np.isfinite(self.thickness[nodes]).any():
@@ -443,7 +443,7 @@ class Sections:
                 self.builder.tell_once(f"{message} has it")
         return layers, axis
 
-    def _directions(self, name: str, card: Card, elements: IntArray, place: Place) -> Array:
+    def _directions(self, name: str, card: Card, elements: IntArray, place: DeckPlace) -> Array:
         """Direction 1 of an orientation in each element (n, 3).
         For a cylindrical orientation of shells it is direction 2 where direction 1 is the normal.
         """
@@ -490,7 +490,7 @@ class Sections:
         return "Beam", {**arguments, "orientation": first_axis.tolist(), "offset": offset * length}
 
 
-def _angle_between(axis: Array, direction: Array, normals: Array, place: Place) -> float:
+def _angle_between(axis: Array, direction: Array, normals: Array, place: DeckPlace) -> float:
     """Angle in degrees from one direction to another about the normals, equal in all elements."""
     flat = [v - np.einsum("ni,ni->n", v, normals)[:, None] * normals for v in (axis, direction)]
     sine = np.einsum("ni,ni->n", np.cross(*flat), normals)

@@ -17,10 +17,10 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
+from antiosc.io.deck import Block, Deck, DeckPlace, Numbering, real_number, whole_number
 from antiosc.io.neutral import CORNERS, EDGES, FileMesh, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc_decks.builder import MOTIONS, Family, ModelBuilder
+from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import Material
 
@@ -46,7 +46,7 @@ SHAPES = {
 HEAD = 11
 FIRST = 8
 MOTION_LABELS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(6), strict=True))
-Line = tuple[str, Place]
+Line = tuple[str, DeckPlace]
 
 
 @dataclass
@@ -59,7 +59,7 @@ class Archive:
     #: number of a type -> element of Ansys
     types: dict[int, int] = field(default_factory=dict)
     #: (material, type, real, section, number, nodes), place
-    elements: list[tuple[tuple[int, int, int, int, int, list[int]], Place]] = field(
+    elements: list[tuple[tuple[int, int, int, int, int, list[int]], DeckPlace]] = field(
         default_factory=list
     )
     #: name -> (whether of nodes, numbers)
@@ -78,7 +78,7 @@ def read(ask: Request) -> FileMesh:
     ask.allow(30 + 3e-5 * path.stat().st_size)
     lines = path.read_text(encoding="latin-1").splitlines()
     archive = Archive(ask.name)
-    rows = iter((line, Place(ask.name, k + 1)) for k, line in enumerate(lines))
+    rows = iter((line, DeckPlace(ask.name, k + 1)) for k, line in enumerate(lines))
     for text, place in rows:
         _take(archive, [word.strip() for word in text.split("!")[0].split(",")], place, rows)
     deck, owners = _deck(archive, ask.elements)
@@ -92,7 +92,7 @@ def read(ask: Request) -> FileMesh:
     return as_mesh(deck)
 
 
-def _take(archive: Archive, words: list[str], place: Place, rows: Iterator[Line]) -> None:
+def _take(archive: Archive, words: list[str], place: DeckPlace, rows: Iterator[Line]) -> None:
     """Read one command, with the lines of its block."""
     name = words[0].upper()
     if name == "NBLOCK":
@@ -130,7 +130,7 @@ def _take(archive: Archive, words: list[str], place: Place, rows: Iterator[Line]
         archive.supports.append((whole_number(words[1], place), words[2].upper()))
 
 
-def _property(archive: Archive, label: str, number: str, value: str, place: Place) -> None:
+def _property(archive: Archive, label: str, number: str, value: str, place: DeckPlace) -> None:
     """Set one constant of a material."""
     constants = archive.materials.setdefault(whole_number(number, place), {})
     constants[label.upper()] = real_number(value, place)
@@ -205,7 +205,7 @@ def _reals(archive: Archive, sets: int, rows: Iterator[Line]) -> None:
 
 def _deck(
     archive: Archive, groups: Mapping[str, Sequence[int]]
-) -> tuple[Deck, list[tuple[int, int, int, Place]]]:
+) -> tuple[Deck, list[tuple[int, int, int, DeckPlace]]]:
     """(deck, owner of each element: its material, real constants, section and place).
     `groups` names elements by their numbers.
     """
@@ -215,7 +215,7 @@ def _deck(
     nodes = Numbering(node_numbers)
     deck = Deck(archive.name, np.array(archive.points), labels=node_numbers)
     tables: dict[tuple[str, str, str], list[list[int]]] = {}
-    owners: dict[tuple[str, str, str], list[tuple[int, tuple[int, int, int, Place]]]] = {}
+    owners: dict[tuple[str, str, str], list[tuple[int, tuple[int, int, int, DeckPlace]]]] = {}
     for (material, kind, real, section, number, labels), place in archive.elements:
         element = archive.types.get(kind, 0)
         role = ROLES.get(element, "")
@@ -227,7 +227,7 @@ def _deck(
         tables.setdefault(key, []).append([len(labels), *labels])
         owners.setdefault(key, []).append((number, (material, real, section, place)))
     numbers: list[int] = []
-    belongs: list[tuple[int, int, int, Place]] = []
+    belongs: list[tuple[int, int, int, DeckPlace]] = []
     for (role, shape, kind_name), rows in tables.items():
         for width in sorted({row[0] for row in rows}):
             positions = [k for k, row in enumerate(rows) if row[0] == width]
@@ -261,7 +261,7 @@ def _deck(
 def _model(
     archive: Archive,
     deck: Deck,
-    owners: list[tuple[int, int, int, Place]],
+    owners: list[tuple[int, int, int, DeckPlace]],
     builder: ModelBuilder,
 ) -> None:
     """Add the sections of the elements and the supports to the builder."""
@@ -289,7 +289,7 @@ def _model(
         values = builder.isotropic(_material(archive, number, place), f"{role}s")
         if role == "shell":
             values["thickness"] = t * builder.units.length
-        family = Family("Shell" if role == "shell" else "Solid", values, place)
+        family = GroupSection("Shell" if role == "shell" else "Solid", values, place)
         builder.add(f"{role}s of material {number}", np.array(members, dtype=np.int64), family)
     builder.find_nodes()
     nodes = Numbering(deck.labels)
@@ -305,7 +305,7 @@ def _model(
     builder.hold()
 
 
-def _material(archive: Archive, number: int, place: Place) -> Material:
+def _material(archive: Archive, number: int, place: DeckPlace) -> Material:
     """The isotropic material of this number; MeshError if it is orthotropic."""
     constants = archive.materials.get(number, {})
     place.needs("EX" in constants, f"the material {number} has no EX (MP, MPDATA).")

@@ -10,9 +10,9 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.plausible import MASSLESS_WAVE
-from antiosc.io.deck import Array, Deck, IntArray, Place
+from antiosc.io.deck import Array, Deck, DeckPlace, IntArray
 from antiosc.io.neutral import Json, Term, UnitSystem
-from antiosc_decks.constraints import SPRINGS, Constraints, one_piece, separate_copies
+from antiosc_decks.constraints import SPRINGS, DeckConstraints, one_piece, separate_copies
 from antiosc_decks.properties import (
     Material,
     common_direction,
@@ -44,7 +44,7 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 LEAST_TERM = 1e-12
 
 
-class Family(NamedTuple):
+class GroupSection(NamedTuple):
     """The section of a group of elements: the name of a class of antiosc and its arguments.
 
     "Truss" has a further argument "torsion" in m⁴, which springs use and a truss ignores. "Panel"
@@ -55,7 +55,7 @@ class Family(NamedTuple):
 
     kind: str
     arguments: Json
-    place: Place
+    place: DeckPlace
 
 
 class ModelBuilder:
@@ -74,11 +74,11 @@ class ModelBuilder:
         self.density = density
         self.lumped = lumped
         #: sections; the group name of each; index of the section of each element (-1: none)
-        self.families: list[Family] = []
+        self.families: list[GroupSection] = []
         self.names: list[str] = []
         self.of_element = np.full(deck.n_elements, -1, dtype=np.int64)
         #: (node, place, kg, [kg m²])
-        self.masses: list[tuple[int, Place, float, list[float]]] = []
+        self.masses: list[tuple[int, DeckPlace, float, list[float]]] = []
         #: whether all elements are rods, which then form a truss
         self.truss = False
         #: nodes that are not merged with coincident nodes
@@ -89,7 +89,7 @@ class ModelBuilder:
         self.fixed = np.zeros((nodes, 6), dtype=bool)
         #: nodes of chosen elements; of those with rotations; of elements not chosen alone
         self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
-        self.joints = Constraints(deck, self.used, self.has_rotations)
+        self.joints = DeckConstraints(deck, self.used, self.has_rotations)
         self.chosen = chosen_elements(deck)
 
     def find_nodes(self) -> None:
@@ -178,7 +178,7 @@ class ModelBuilder:
             "angle": angle,
         }
 
-    def add(self, name: str, elements: IntArray, family: Family) -> None:
+    def add(self, name: str, elements: IntArray, family: GroupSection) -> None:
         """Set the section of elements, in place of an earlier one."""
         self.of_element[elements] = len(self.families)
         self.families.append(family)
@@ -188,7 +188,7 @@ class ModelBuilder:
         self,
         name: str,
         elements: IntArray,
-        family: Family,
+        family: GroupSection,
         offset: float,
         axes: Array | None = None,
     ) -> None:
@@ -219,7 +219,7 @@ class ModelBuilder:
 
     def grouped(
         self, elements: IntArray, values: Array
-    ) -> Iterator[tuple[str, Family, float, IntArray]]:
+    ) -> Iterator[tuple[str, GroupSection, float, IntArray]]:
         """Group elements by section and value: yields (name, section, value, elements)."""
         numbers = self.of_element[elements]
         for number in np.unique(numbers[numbers >= 0]):
@@ -251,17 +251,17 @@ class ModelBuilder:
             for motion in range(6 if self.has_rotations[copy] else 3):
                 self.joints.equations.append([(copy, motion, 1.0), (node, motion, -1.0)])
 
-    def link(self, by: str, what: str, terms: list[Term], value: float, place: Place) -> None:
+    def link(self, by: str, what: str, terms: list[Term], value: float, place: DeckPlace) -> None:
         """Add the spring (`what` "stiffness") or damper of a card, in the deck's units."""
         place.needs(value >= 0, f"{by} has a negative {what}, {value:g}.")
         (self.sprung if what == "stiffness" else self.damped)(terms, value)
 
-    def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
+    def mass(self, node: int, mass: float, inertia: list[float], place: DeckPlace) -> None:
         """Add a point mass and its moments of inertia (3), in the deck's units."""
         scaled = [value * self.units.mass * self.units.length**2 for value in inertia]
         self.masses.append((node, place, mass * self.units.mass, scaled))
 
-    def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
+    def body(self, node: int, matrix: Array, mass: float, place: DeckPlace) -> None:
         """Add a mass matrix (6, 6) for the motions of a node along x, y, z, in the deck's units."""
         size = np.array([1.0] * 3 + [self.units.length] * 3)
         M = matrix * np.outer(size, size) * self.units.mass
@@ -314,7 +314,7 @@ UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
 
 def add_mass(
-    builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: Place
+    builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: DeckPlace
 ) -> None:
     """Add mass per length, area or volume (`dimension` 1, 2, 3; 0: the elements' own dimension)."""
     sizes, across, _ = _sections(builder, elements, place)
@@ -325,7 +325,7 @@ def add_mass(
 
 
 def add_total(
-    builder: ModelBuilder, elements: IntArray, value: float, place: Place, by: str
+    builder: ModelBuilder, elements: IntArray, value: float, place: DeckPlace, by: str
 ) -> None:
     """Spread a total mass over elements by "measure" (length or area), "volume" or "mass"."""
     dimension, across, density = _sections(builder, elements, place)
@@ -338,13 +338,13 @@ def add_total(
     _spread(builder, elements, value / total * share)
 
 
-def _sections(builder: ModelBuilder, elements: IntArray, place: Place) -> Array:
+def _sections(builder: ModelBuilder, elements: IntArray, place: DeckPlace) -> Array:
     """Rows (3, n): dimension, thickness or area, and density of elements, in the deck's units."""
     place.needs(len(elements), "the nonstructural mass is on no element with a section.")
     return np.array([_section(builder, int(element), place) for element in elements], dtype=float).T
 
 
-def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, float, float]:
+def _section(builder: ModelBuilder, element: int, place: DeckPlace) -> tuple[int, float, float]:
     """(dimension, thickness or area, density) of one element in the deck's units."""
     number = builder.of_element[element]
     place.needs(number >= 0, "the nonstructural mass is on an element without a section.")

@@ -17,7 +17,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Block, Deck, IntArray, Place, listed
+from antiosc.io.deck import Block, Deck, DeckPlace, IntArray, listed
 from antiosc.io.neutral import Joints, Term, UnitSystem
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
@@ -42,7 +42,7 @@ def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
 
 
 @dataclass
-class Constraints:
+class DeckConstraints:
     """Collects constraints, springs, dampers and masses of nodes, in the deck's units."""
 
     deck: Deck
@@ -72,12 +72,12 @@ class Constraints:
             return self.deck.points[node]
         return self.more[node - count]
 
-    def equation(self, terms: Iterable[Term], place: Place) -> None:
+    def equation(self, terms: Iterable[Term], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0; motions of nodes with local axes are along these."""
         components = ((c, *component) for n, m, c in terms for component in self._along_axes(n, m))
         self._sum_is_zero([(*motion, c * value) for c, motion, value in components], place)
 
-    def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
+    def _sum_is_zero(self, terms: Iterable[Term], place: DeckPlace) -> None:
         """Add Σ coefficient × motion = 0, all motions along x, y, z."""
         coefficients: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
@@ -120,7 +120,9 @@ class Constraints:
                 self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
         return result
 
-    def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
+    def elongation(
+        self, a: int, b: int, place: DeckPlace, first: int = 0
+    ) -> tuple[list[Term], float]:
         """(terms of the elongation of a line from a to b, its length); the twist if `first`
         is 3.
         """
@@ -207,7 +209,7 @@ class Constraints:
         motions: Motions,
         nodes: IntArray,
         weights: Array,
-        place: Place,
+        place: DeckPlace,
         turning: BoolArray | None = None,
     ) -> None:
         """Let motions of a node follow the weighted mean motion of others (RBE3).

@@ -19,9 +19,9 @@ import numpy as np
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
-from antiosc.io.deck import Array, Place
+from antiosc.io.deck import Array, DeckPlace
 from antiosc.io.neutral import EDGES, Json, Model, Term
-from antiosc_decks.builder import MOTIONS, Family, ModelBuilder
+from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
 from antiosc_decks.constraints import SPRINGS, connected, held_apart
 from antiosc_decks.sources import lines
 
@@ -35,7 +35,7 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
     """
     rods = np.zeros(builder.deck.n_elements, dtype=bool)
     deck = builder.deck
-    masses: dict[int, tuple[float, Place]] = {}
+    masses: dict[int, tuple[float, DeckPlace]] = {}
     for block, members in deck.numbered():
         if block.role not in SPRINGS or (block.role == "rod" and builder.truss):
             continue
@@ -79,7 +79,7 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
         builder.deck.told.append(f"{message} is stiff are held (AUTOSPC).")
 
 
-def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
+def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
     """Add the springs of a rod; returns its volume."""
     units = builder.units
     a = family.arguments
@@ -90,7 +90,7 @@ def _rod(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
 
 
 def _spring(
-    builder: ModelBuilder, nodes: list[int], stretch: float, place: Place, twist: float = 0.0
+    builder: ModelBuilder, nodes: list[int], stretch: float, place: DeckPlace, twist: float = 0.0
 ) -> float:
     """Add the springs of a rod with rigidities `stretch` (E A) and `twist` (G J); returns its
     length.
@@ -104,7 +104,7 @@ def _spring(
     return length
 
 
-def _panel(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
+def _panel(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
     """Add the springs of a shear panel between its corners and along its sides; returns its
     volume.
     """
@@ -131,7 +131,7 @@ def _panel(builder: ModelBuilder, nodes: list[int], family: Family) -> float:
 
 
 def _shear(
-    nodes: list[int], x: Array, sides: Array, normal: Array, nu: float, place: Place
+    nodes: list[int], x: Array, sides: Array, normal: Array, nu: float, place: DeckPlace
 ) -> tuple[list[Term], float]:
     """Terms of the motion on which a panel's side forces work, and its compliance × G t / area.
 

@@ -29,7 +29,15 @@ from numpy.typing import NDArray
 
 from antiosc.base._types import Array, Matrix
 from antiosc.base.errors import InputError
-from antiosc.io.matrices import Entries, Labels, MatrixFormat, Source, fortran, is_text, of_labels
+from antiosc.io.matrices import (
+    Entries,
+    Labels,
+    MatrixFile,
+    MatrixFormat,
+    fortran,
+    is_text,
+    of_labels,
+)
 from antiosc_decks.nastran_cards import fields_of
 
 #: Form numbers: one triangle of a symmetric matrix; a full square matrix.
@@ -44,7 +52,7 @@ def is_dmig(content: bytes) -> bool:
     return is_text(content) and re.search(rb"(?im)^DMIG[ \t*,]", content) is not None
 
 
-def read_dmig(source: Source) -> dict[str, Entries]:
+def read_dmig(source: MatrixFile) -> dict[str, Entries]:
     """The matrices of a file with DMIG cards, by name."""
     forms: dict[str, int] = {}
     tables: dict[str, list[tuple[float, ...]]] = {}
@@ -70,7 +78,7 @@ def read_dmig(source: Source) -> dict[str, Entries]:
     }
 
 
-def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
+def _form(source: MatrixFile, number: int, name: str, fields: list[str]) -> int:
     """Form number of a DMIG header, which must be real."""
     try:
         form = int(fields[1])
@@ -84,7 +92,7 @@ def _form(source: Source, number: int, name: str, fields: list[str]) -> int:
     return form
 
 
-def _cards(source: Source) -> Iterator[tuple[int, list[str]]]:
+def _cards(source: MatrixFile) -> Iterator[tuple[int, list[str]]]:
     """Yields (line, fields) of each DMIG card with its continuations; the name is the first
     field.
     """
@@ -107,7 +115,7 @@ def _cards(source: Source) -> Iterator[tuple[int, list[str]]]:
         yield start, card
 
 
-def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
+def _label(source: MatrixFile, number: int, words: list[str]) -> tuple[int, int]:
     """(grid point, component) of two fields; component 0 is a scalar point."""
     try:
         grid = int(words[0])
@@ -120,7 +128,7 @@ def _label(source: Source, number: int, words: list[str]) -> tuple[int, int]:
     return grid, component
 
 
-def _number(source: Source, number: int, text: str) -> float:
+def _number(source: MatrixFile, number: int, text: str) -> float:
     """A real number of a DMIG field."""
     try:
         return float(fortran(text.encode()))
@@ -174,7 +182,7 @@ def is_harwell_boeing(content: bytes) -> bool:
     return len(lines) >= 4 and re.match(card, lines[2]) is not None
 
 
-def read_harwell_boeing(source: Source) -> Entries:
+def read_harwell_boeing(source: MatrixFile) -> Entries:
     """The matrix of a Harwell–Boeing file; right-hand sides are ignored."""
     lines = source.lines()
     source.needs(len(lines) >= 5, len(lines), "the file ends within its header.")
@@ -212,7 +220,7 @@ def read_harwell_boeing(source: Source) -> Entries:
     return Entries(source.name, row, column, value, rows, triangle=kind[1] == "S")
 
 
-def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:
+def _whole(source: MatrixFile, text: bytes, line: int, least: int) -> list[int]:
     """The integers of a line; at least `least`."""
     try:
         numbers = [int(word) for word in text.split()]
@@ -224,7 +232,7 @@ def _whole(source: Source, text: bytes, line: int, least: int) -> list[int]:
     return numbers
 
 
-def _format(source: Source, text: bytes) -> tuple[int, int]:
+def _format(source: MatrixFile, text: bytes) -> tuple[int, int]:
     """(numbers in a line, width of a number) of a Fortran format."""
     shown = text.decode("ascii", "replace").strip()
     match = _FORMAT.fullmatch(shown.upper().replace(" ", ""))
@@ -234,7 +242,7 @@ def _format(source: Source, text: bytes) -> tuple[int, int]:
 
 
 def _fields(
-    source: Source, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
+    source: MatrixFile, lines: list[bytes], first: int, form: tuple[int, int], wanted: int
 ) -> Array:
     """Read `wanted` numbers from line `first` on; `form` is (numbers in a line, width of a
     number).
@@ -297,7 +305,7 @@ def is_op4(content: bytes) -> bool:
     return True
 
 
-def read_op4(source: Source) -> dict[str, Entries]:
+def read_op4(source: MatrixFile) -> dict[str, Entries]:
     """The matrices of an OP4 file, by name."""
     reader = _Text(source) if is_text(source.content) else _Binary(source)
     matrices: dict[str, Entries] = {}
@@ -355,7 +363,7 @@ def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, in
 class _Text:
     """Reads OP4 records from text."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: MatrixFile) -> None:
         self._source = source
         self._lines = source.lines()
         self._at = 0
@@ -442,7 +450,7 @@ def _markers(content: bytes) -> tuple[str, int] | None:
 class _Binary:
     """Reads OP4 records from a binary file."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: MatrixFile) -> None:
         markers = _markers(source.content)
         if markers is None:
             raise source.at_byte(0, "the record marker of an OP4 header is expected.")

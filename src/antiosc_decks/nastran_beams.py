@@ -18,7 +18,7 @@ from antiosc.io.deck import Array, Block, IntArray
 from antiosc_decks import properties as profiles
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.nastran_cards import BEAMS, Entry, motions_of
-from antiosc_decks.nastran_mesh import Beam, NastranDeck
+from antiosc_decks.nastran_mesh import BeamPiece, NastranDeck
 
 #: Sections whose centroid may differ from the shear centre, on which the nodes of a CBEAM lie.
 LOPSIDED = ("T", "T1", "T2", "CHAN", "CHAN1", "CHAN2", "HAT", "BOX1")
@@ -350,7 +350,7 @@ def divide(deck: NastranDeck) -> list[End]:
             points += list(inner)
             for piece in range(pieces):
                 middle = (piece + 0.5) / pieces if pieces > 1 else 0.0
-                deck.beams[len(elements)] = Beam(middle, bool(ends_moved), heights[piece])
+                deck.beams[len(elements)] = BeamPiece(middle, bool(ends_moved), heights[piece])
                 lines.append((chain[piece], chain[piece + 1]))
                 elements.append(entry)
         no_nodes = np.zeros((len(lines), 0), dtype=np.int64)

@@ -9,7 +9,7 @@ from itertools import takewhile, zip_longest
 from typing import NamedTuple
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, Placed, real_number, whole_number
+from antiosc.io.deck import DeckPlace, Placed, real_number, whole_number
 from antiosc_decks.sources import UNKNOWN, Account, Fate, Sources, table
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
@@ -38,7 +38,7 @@ class Entry(Placed):
     """One entry of bulk data: its name, and its fields without the name, eight for each line."""
 
     name: str
-    place: Place
+    place: DeckPlace
     fields: list[str] = field(default_factory=list)
     #: error of its lines; raised only if the entry is read
     fault: MeshError | None = None
@@ -90,7 +90,7 @@ class Entry(Placed):
         return [self.real(k) for k in range(first, stop)]
 
 
-def motions_of(text: str, place: Place) -> list[int]:
+def motions_of(text: str, place: DeckPlace) -> list[int]:
     """Motions 0 to 5 of components such as "123" or "1 2 3"; none for "0" and ""."""
     digits = "".join(text.split())
     place.needs(set(digits) <= set("0123456"), f"{text!r} are not components from 1 to 6.")
@@ -120,7 +120,7 @@ class Continuations:
             for key in filter(None, marks):
                 self._open.setdefault(key, {})[id(entry)] = entry
 
-    def entry_of(self, name: str, place: Place) -> Entry:
+    def entry_of(self, name: str, place: DeckPlace) -> Entry:
         """The entry that a line with the first field `name` continues."""
         label = name[1:].strip().upper()
         entry = self._last
@@ -184,7 +184,7 @@ class Bulk:
         while number < len(lines) and not self._ended:
             number += 1
             line = lines[number - 1]
-            place = Place(file, number)
+            place = DeckPlace(file, number)
             line, comment, text = line.partition("$")
             for pattern in PROPERTY_NAMES if comment else ():
                 if noted := pattern.match("$" + text):
@@ -223,7 +223,7 @@ class Bulk:
         if match := _SELECTED.match(line):
             self.selected[match[1].upper(), self._subcase] = int(match[2][:18])
 
-    def _line(self, line: str, place: Place) -> None:
+    def _line(self, line: str, place: DeckPlace) -> None:
         """Read a line of bulk data."""
         words = line.upper().split()
         if words[0].startswith("ENDDATA"):
@@ -270,7 +270,7 @@ class Bulk:
         self.entries.append(entry)
         self._continuations.ends(entry, mark)
 
-    def _copy(self, name: str, fields: list[str], place: Place) -> None:
+    def _copy(self, name: str, fields: list[str], place: DeckPlace) -> None:
         """Copy the last entry: = repeats a field, == the remaining ones, *(2) adds 2."""
         place.needs(self.entries, "a copy (=) without an entry before it.")
         times = 1
@@ -292,7 +292,7 @@ def _begins(line: str) -> bool:
     return line.upper().split()[:2] == ["BEGIN", "BULK"]
 
 
-def _changed(old: str, change: str, place: Place) -> str:
+def _changed(old: str, change: str, place: DeckPlace) -> str:
     """A field of a copied entry."""
     if not change.startswith("*"):
         return old if change == "=" else change
@@ -325,7 +325,7 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     return name, fields, large, line[72:80]
 
 
-def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:
+def through(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]:
     """(first, last) of the ranges in a list with THRU; a single number is a range of one."""
     words = [word for word in words if word]
     k = 0

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Array, Block, Deck, IntArray, Numbering, Place, whole_number
+from antiosc.io.deck import Array, Block, Deck, DeckPlace, IntArray, Numbering, whole_number
 from antiosc.io.neutral import CORNERS
 from antiosc_decks import nastran_cards as cards
 from antiosc_decks.nastran_cards import CELLS, Bulk, Entry, through
@@ -25,7 +25,7 @@ from antiosc_decks.sources import Account, Fate, Sources
 
 
 @dataclass(frozen=True)
-class System:
+class CoordinateSystem:
     """A coordinate system: its origin, its axes as rows, and its kind."""
 
     origin: Array
@@ -64,10 +64,10 @@ class System:
         return np.asarray(np.stack(rows) @ self.axes)
 
 
-BASIC = System(np.zeros(3), np.eye(3))
+BASIC = CoordinateSystem(np.zeros(3), np.eye(3))
 
 
-def axes_of(points: list[Array], entry: Entry) -> System:
+def axes_of(points: list[Array], entry: Entry) -> CoordinateSystem:
     """The system of three points: origin, point on x, point in the xy plane."""
     a = points[0]
     x = points[1] - a
@@ -78,26 +78,26 @@ def axes_of(points: list[Array], entry: Entry) -> System:
     entry.needs(apart, f"the three points of {entry.name} lie on one line.")
     x = x / size
     z = z / np.linalg.norm(z)
-    return System(a, np.stack([x, np.cross(z, x), z]))
+    return CoordinateSystem(a, np.stack([x, np.cross(z, x), z]))
 
 
 class Systems:
     """The coordinate systems of a deck; each is computed on first use."""
 
-    def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
+    def __init__(self, entries: list[Entry], node: Callable[[int, DeckPlace], Array]) -> None:
         self._node = node
-        self._placed: dict[int, System] = {}
+        self._placed: dict[int, CoordinateSystem] = {}
         self._open: set[int] = set()
-        self._moved: Mapping[int, System] = {}
+        self._moved: Mapping[int, CoordinateSystem] = {}
         definitions = [entry for entry in entries if entry.name.startswith(("CORD1", "CORD2"))]
         self._given = defined_once(definitions, "coordinate system")
 
-    def move(self, moved: Mapping[int, System]) -> None:
+    def move(self, moved: Mapping[int, CoordinateSystem]) -> None:
         """Set the basic systems of parts that SELOC moves: scope -> system."""
         self._moved = moved
         self._placed.clear()
 
-    def __call__(self, number: int, place: Place) -> System:
+    def __call__(self, number: int, place: DeckPlace) -> CoordinateSystem:
         """The system `number`; MeshError if there is none, or it depends on itself."""
         current = number
         if not number:
@@ -112,7 +112,7 @@ class Systems:
             self._open.discard(number)
         return self._placed[number]
 
-    def _place(self, entry: Entry) -> System:
+    def _place(self, entry: Entry) -> CoordinateSystem:
         """Compute the system of an entry."""
         if entry.name.startswith("CORD1"):
             points = [self._node(entry.whole(k), entry.place) for k in (1, 2, 3)]
@@ -120,7 +120,7 @@ class Systems:
             base = self(entry.whole(1, 0), entry.place)
             points = [base.point(np.array(entry.reals(k, k + 3))) for k in (2, 5, 8)]
         z, x, y = axes_of(points, entry).axes  # z to the second point, y across all
-        return System(points[0], np.stack([x, y, z]), entry.name[-1])
+        return CoordinateSystem(points[0], np.stack([x, y, z]), entry.name[-1])
 
 
 # --- Parts ----------------------------------------------------------------------------------------
@@ -157,20 +157,20 @@ def label_of(number: int) -> str:
     return f"{label}" + (f" of part {part}" if part else "")
 
 
-def place_in(entries: list[Entry], entry: Entry, k: int) -> Place:
+def place_in(entries: list[Entry], entry: Entry, k: int) -> DeckPlace:
     """The place of an entry with the scope of the part that its field `k` names."""
     scoped = any(other.place.scope for other in entries)
     return replace(entry.place, scope=entry.whole(k, 0) * SCOPE * scoped)
 
 
 def moved_parts(
-    entries: list[Entry], node: Callable[[int, Place], Array], systems: Systems
-) -> dict[int, System]:
+    entries: list[Entry], node: Callable[[int, DeckPlace], Array], systems: Systems
+) -> dict[int, CoordinateSystem]:
     """Scope of a part -> its basic system after SELOC, which moves three nodes to three points."""
     points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
     moves = {}
 
-    def aim(number: int, place: Place) -> Array:
+    def aim(number: int, place: DeckPlace) -> Array:
         if number not in points:
             return node(number, place)
         point = points[number]
@@ -182,7 +182,7 @@ def moved_parts(
             a = axes_of([node(entry.whole(k), placement) for k in (1, 2, 3)], entry)
             b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
             rotation = a.axes.T @ b.axes
-            moves[placement.scope] = System(b.origin - a.origin @ rotation, rotation)
+            moves[placement.scope] = CoordinateSystem(b.origin - a.origin @ rotation, rotation)
     return moves
 
 
@@ -192,7 +192,7 @@ SETS = {"SPC": ("SPC", "SPC1"), "MPC": ("MPC",), "NSM": ("NSM", "NSM1", "NSML", 
 SCALARS = ("CELAS", "CDAMP", "CMASS")
 
 
-class Beam(NamedTuple):
+class BeamPiece(NamedTuple):
     """A beam, or a piece of one."""
 
     #: place of its middle, from 0 to 1
@@ -221,7 +221,7 @@ class NastranDeck:
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
     #: element -> its beam, if it was divided or has ends of its own
-    beams: dict[int, Beam] = field(default_factory=dict)
+    beams: dict[int, BeamPiece] = field(default_factory=dict)
 
     def named(self, *names: str) -> list[Entry]:
         """All entries with one of these names."""
@@ -268,7 +268,7 @@ class NastranDeck:
         """Numbers of the elements in the deck's order."""
         return np.array([entry.whole(0) for entry in self.elements], dtype=np.int64)
 
-    def row(self, label: int, place: Place) -> int:
+    def row(self, label: int, place: DeckPlace) -> int:
         """Row of the node numbered `label`."""
         row = int(self.nodes.rows(np.array([label + place.scope]))[0])
         place.needs(row >= 0, f"there is no GRID {label}.")
@@ -326,7 +326,7 @@ class NastranDeck:
         entry.needs(ends, f"{entry.name} acts on no node.")
         return ends
 
-    def frame(self, row: int, place: Place) -> Array:
+    def frame(self, row: int, place: DeckPlace) -> Array:
         """Directions of the displacements at a node, as rows (3, 3)."""
         number = max(self.systems_of.get(row, 0), 0)
         place = self.grids[row].place if row < len(self.grids) else place
@@ -404,7 +404,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     nodes = Numbering(np.concatenate([labels, scalar]))
     placed: dict[int, Array] = {}
 
-    def position(label: int, place: Place) -> Array:
+    def position(label: int, place: DeckPlace) -> Array:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
         if row not in placed:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, Place, real_number, whole_number
+from antiosc.io.deck import Array, DeckPlace, real_number, whole_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, add_mass, add_total
@@ -43,7 +43,7 @@ Constants = tuple[list[float], list[float]]
 
 
 @dataclass
-class Joints:
+class NastranJoints:
     """Adds joints and masses of entries to a builder; `factor` (PARAM,WTMASS) scales masses."""
 
     found: NastranDeck
@@ -403,8 +403,8 @@ class Joints:
 
 
 #: Rigid elements, in the order in which they are read.
-RIGID = {"RBE2": Joints._rbe2, "RBAR": Joints._rbar, "RBE3": Joints._rbe3}
-RIGID["SECONCT"] = Joints._seconct
+RIGID = {"RBE2": NastranJoints._rbe2, "RBAR": NastranJoints._rbar, "RBE3": NastranJoints._rbe3}
+RIGID["SECONCT"] = NastranJoints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
@@ -426,7 +426,7 @@ def model_of(deck: NastranDeck, units: UnitSystem, density: float | None) -> Mod
     Properties(deck, builder, factor).read()
     builder.find_nodes()
     _supports(deck, builder)
-    joints = Joints(deck, builder, factor)
+    joints = NastranJoints(deck, builder, factor)
     joints.read()
     beams.join(builder, ends)
     joints.read_masses()
@@ -447,7 +447,7 @@ def _supports(deck: NastranDeck, builder: ModelBuilder) -> None:
         for row, grid in enumerate(deck.grids)
         if (text := grid.text(6))
     ]
-    prescribed: list[Place] = []
+    prescribed: list[DeckPlace] = []
     for number in sorted(deck.used_sets("SPC")):
         for rows, components, entry in deck.constraints(number):
             entry.needs(len(rows), f"SPC1 {number} fixes a GRID that there is not.")

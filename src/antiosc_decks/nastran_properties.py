@@ -12,10 +12,10 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, IntArray
 from antiosc.io.neutral import CORNERS, Json
 from antiosc_decks import properties as geometry
-from antiosc_decks.builder import Family, ModelBuilder
+from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.nastran_beams import BeamProfiles, offsets_of, orientation
 from antiosc_decks.nastran_cards import CELLS, PROPERTIES, Entry
-from antiosc_decks.nastran_mesh import SCOPE, Beam, NastranDeck, defined_once, label_of
+from antiosc_decks.nastran_mesh import SCOPE, BeamPiece, NastranDeck, defined_once, label_of
 from antiosc_decks.properties import Material, symmetric, tube
 
 #: Material -> the field of its density.
@@ -133,7 +133,7 @@ class Properties:
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
         if stiffness is None:
-            family = Family("Solid", self.builder.isotropic(material, "solids"), entry.place)
+            family = GroupSection("Solid", self.builder.isotropic(material, "solids"), entry.place)
         else:
             entry.needs(
                 number not in ("", "-1"),
@@ -143,7 +143,7 @@ class Properties:
             )
             axes = self.found.axes(entry, entry.whole(2))[:2].tolist()
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material), "axes": axes}
-            family = Family("AnisotropicSolid", arguments, entry.place)
+            family = GroupSection("AnisotropicSolid", arguments, entry.place)
         self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -175,7 +175,7 @@ class Properties:
         arguments = self.builder.isotropic(self._material(entry, k), "rods")
         arguments |= {"area": area * length**2, "torsion": torsion * length**4}
         arguments["rho"] += self._extra_density(extra, area)
-        self.builder.add("rods", elements, Family("Truss", arguments, entry.place))
+        self.builder.add("rods", elements, GroupSection("Truss", arguments, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add PSHEAR."""
@@ -184,7 +184,7 @@ class Properties:
         arguments = self.builder.isotropic(self._material(entry, 1), "shear panels")
         arguments |= {"thickness": t * self.builder.units.length, "sides": sides}
         arguments["rho"] += self._extra_density(extra, t)
-        self.builder.add(name, elements, Family("Panel", arguments, entry.place))
+        self.builder.add(name, elements, GroupSection("Panel", arguments, entry.place))
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the beams of one property, grouped by place, orientation and offset."""
@@ -200,7 +200,7 @@ class Properties:
         tangents = geometry.tangents_of(self.found.deck, elements)
         groups: dict[tuple[float, ...], list[int]] = {}
         for k, (element, tangent) in enumerate(zip(elements, tangents, strict=True)):
-            beam = self.found.beams.get(int(element), Beam())
+            beam = self.found.beams.get(int(element), BeamPiece())
             entry_of = self.found.elements[element]
             height = (
                 orientation(self.found, entry_of, tangent) if beam.height is None else beam.height
@@ -233,7 +233,7 @@ class Properties:
                 "shear": section.sheared,
             }
             group = name if len(groups) == 1 else f"{name} along {key[:3]}"
-            self.builder.add(group, elements[members], Family("Beam", arguments, entry.place))
+            self.builder.add(group, elements[members], GroupSection("Beam", arguments, entry.place))
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add PSHELL."""
@@ -280,7 +280,7 @@ class Properties:
                 }
                 arguments["rho"] += extra
                 self.builder.add_shells(
-                    name, members, Family("Shell", arguments, entry.place), offset
+                    name, members, GroupSection("Shell", arguments, entry.place), offset
                 )
 
     def _by_thickness(
@@ -395,7 +395,9 @@ class Properties:
         """Add shells with a direction of 0°: one for all, or one for each element."""
         normals = geometry.normals_of(self.found.deck, elements)
         axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        self.builder.add_shells(name, elements, Family(kind, arguments, entry.place), offset, axes)
+        self.builder.add_shells(
+            name, elements, GroupSection(kind, arguments, entry.place), offset, axes
+        )
 
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.base._types import BoolArray
-from antiosc.io.deck import Array, Deck, IntArray, Place, Placed
+from antiosc.io.deck import Array, Deck, DeckPlace, IntArray, Placed
 
 
 @dataclass
@@ -17,7 +17,7 @@ class Material(Placed):
     """Linear elasticity and density in the deck's units."""
 
     name: str
-    place: Place
+    place: DeckPlace
     #: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; E3, nu13, nu23 may be nan (a lamina)
     constants: Array | None = None
     #: stiffness (6, 6) in the order 11, 22, 33, 23, 13, 12, if `constants` do not suffice

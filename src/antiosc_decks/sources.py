@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from antiosc.base.errors import MeshError, PiecesError
-from antiosc.io.deck import Place
+from antiosc.io.deck import DeckPlace
 
 #: Pattern of the first lines of Nastran's bulk data.
 BULK = re.compile(r"(?im)^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b|PSHELL[*, ]|INCLUDE\s+['\"])")
@@ -71,7 +71,7 @@ class Sources:
         self._open = [self.path.resolve()]
         return self.lines(self.path, self.name)
 
-    def enter(self, named: str, at: Place) -> list[str]:
+    def enter(self, named: str, at: DeckPlace) -> list[str]:
         """Lines of an included file, which stays open until `leave`.
 
         Raises MeshError if it is missing, outside the root, or already open.
@@ -166,9 +166,9 @@ class Account:
     """The cards of a deck, each with its place and its fate."""
 
     name: str
-    cards: list[tuple[str, Place, Fate]] = field(default_factory=list)
+    cards: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
     #: options and fields of cards that are read: (what it is, place of the card, fate)
-    options: list[tuple[str, Place, Fate]] = field(default_factory=list)
+    options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
     def refuse(self, between: Collection[str] = (), alone: bool = False) -> None:
         """Raise MeshError for the first card or option that is refused.
@@ -206,9 +206,9 @@ class Account:
         )
 
 
-def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:
+def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list[str]:
     """ "count name (lines)" of the cards of one fate."""
-    places: dict[str, list[Place]] = {}
+    places: dict[str, list[DeckPlace]] = {}
     for name, place, fate in sorted(entries, key=lambda entry: entry[0]):
         if fate.kind == kind:
             places.setdefault(f"{name} {fate.what}".strip(), []).append(place)
@@ -218,7 +218,7 @@ def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str
     ]
 
 
-def lines(places: Iterable[Place]) -> str:
+def lines(places: Iterable[DeckPlace]) -> str:
     """Text of lines and their file; a long list is shortened."""
     listed = list(places)
     shown = listed[:MOST_LINES]

@@ -248,10 +248,10 @@ def test_nothing_is_expected_of_a_law_that_is_none():
     """A table whose number of points is not that of its numbers is not read."""
     values = (ctypes.c_double * 2)(1e9, 0.0)
     one = (ctypes.c_double * 1)(1.0)
-    law = library.Law(library.TABLE, 2, ctypes.addressof(values), None)
+    law = library.CLaw(library.TABLE, 2, ctypes.addressof(values), None)
     at = ctypes.addressof(one)
-    contact = library.Contact(law, mass=1.0)
-    blow = library.System(
+    contact = library.CContact(law, mass=1.0)
+    blow = library.CSystem(
         n_modes=1, beta=at, loads=at, offsets=at, contacts=ctypes.addressof(contact), v=at
     )
     found = library.library.aom_expect(ctypes.byref(blow), 0, 1.0)

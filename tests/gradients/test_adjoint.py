@@ -52,7 +52,7 @@ def system(law: ao.ContactLaw, pull: float, m0: float, damped: bool, rng) -> Sys
 
 
 def run_of(s: System, tol: float) -> march.Run:
-    options = library.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
+    options = library.COptions(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
     return march.solve(s, options)[0]
 
 

@@ -31,7 +31,7 @@ def system(speed: float, law: ao.ContactLaw, pull: float = 0.0, arm: float = 0.0
 
 
 def run_of(s: System, tol: float) -> march.Run:
-    options = library.Options(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
+    options = library.COptions(END, tol, 0.0, 0.0, 1e-7, 10_000, 1_000_000, 1)
     return march.solve(s, options)[0]
 
 

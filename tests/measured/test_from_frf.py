@@ -12,7 +12,7 @@ import antiosc as ao
 from antiosc.models.body import ModelInfo
 from antiosc_studies.measured import anti_oscillators, fit
 from antiosc_studies.measured.fit import Measured, refined
-from antiosc_studies.measured.frf import Modes, Tail
+from antiosc_studies.measured.frf import FittedModes, Tail
 
 F = np.linspace(8.0, 4000.0, 500)
 W = 2 * np.pi * F
@@ -56,7 +56,7 @@ def test_derivatives_are_those_of_differences():
     tail = Tail(np.array([3e4]), np.array([0.1]), np.array([[1.0, 0.5]]), np.array([0.7]))
     root = np.array([[1e-4, 0.0], [2e-5, 5e-5]])
     for hysteretic in (False, True):
-        one = Modes(OMEGA[:3], ZETA[:3], B[:3], tail, root, np.diag([1.0, 0.5]), hysteretic)
+        one = FittedModes(OMEGA[:3], ZETA[:3], B[:3], tail, root, np.diag([1.0, 0.5]), hysteretic)
         pairs, w = [(0, 0), (0, 1), (1, 1)], W[::40]
         values, J = one.values, one.jacobian(w, pairs)
         assert np.allclose(one.at(values).receptance(w, pairs), one.receptance(w, pairs))
@@ -230,7 +230,7 @@ def test_fitted_bodies_become_passive_models():
     for k in range(24):
         p, J = 1 + k % 2, int(random.integers(1, 12))
         omega = np.sort(10 ** random.uniform(2, 4, J))
-        body = Modes(
+        body = FittedModes(
             omega,
             10 ** random.uniform(-2.5, -1, J),
             random.standard_normal((J, p)),
@@ -264,7 +264,7 @@ def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
 def test_gauss_newton_meets_the_noise():
     """At the true body chi^2 is one, and refining it stays there."""
     tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:, :1] ** 2, np.full(2, 0.5))
-    true = Modes(OMEGA, ZETA, B[:, :1], tail, np.array([[1e-9**0.5]]))
+    true = FittedModes(OMEGA, ZETA, B[:, :1], tail, np.array([[1e-9**0.5]]))
     H = noisy(part()[:, 0, 0])
     data = Measured(W, H[:, None], [(0, 0)], 1, np.abs(H[:, None]) * 0.01, 0)
     _, _, chi2 = refined(data, 1 / data.sigma, true, 20)
@@ -274,7 +274,7 @@ def test_gauss_newton_meets_the_noise():
 @pytest.mark.filterwarnings("error::antiosc.AntioscWarning")
 def test_broad_modes_of_a_fit_are_nobodys_input(tmp_path):
     none = Tail(np.zeros(0), np.zeros(0), np.zeros((0, 1)), np.zeros(0))
-    body = Modes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
+    body = FittedModes(OMEGA[:2], np.array([0.015, 0.3]), B[:2, :1], none, np.array([[1e-5]]))
     made = anti_oscillators(body, (), ModelInfo())
     assert max(made.damping.ratio) == pytest.approx(0.3)
     made.save(tmp_path / "fit.npz")
@@ -296,7 +296,7 @@ def test_equations_of_a_fit_are_those_of_the_whole_record(monkeypatch: pytest.Mo
     """Block by block, with a slope that is that of the sum of squares."""
     root = np.array([[1e-5, 0.0], [2e-6, 1e-5]])
     tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:] ** 2, np.ones(2))
-    modes = Modes(OMEGA, ZETA, B, tail, root)
+    modes = FittedModes(OMEGA, ZETA, B, tail, root)
     pairs = [(0, 0), (0, 1)]
     data = Measured(W, noisy(modes.receptance(W, pairs)), pairs, 2, None, 0)
     weight = 1 / np.abs(data.H)

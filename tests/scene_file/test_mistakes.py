@@ -22,7 +22,7 @@ from antiosc_app.scene_file.document import (
     lines_of,
     read,
 )
-from antiosc_app.scene_file.scene import Compiled
+from antiosc_app.scene_file.scene import CompiledScene
 from antiosc_app.scene_file.schema import FAMILIES, IMPACTORS, JOINTS, LAWS, kinds_of
 from scene_files import (
     ASKED,
@@ -315,7 +315,7 @@ def scene(tmp_path, monkeypatch):
     for name in ("part.msh", "part.inp", "model.npz", "box.geo", "plate.geo", "signals.csv"):
         (tmp_path / name).write_text("not read")
 
-    def of(text: str) -> Compiled:
+    def of(text: str) -> CompiledScene:
         (tmp_path / "scene.toml").write_text(text)
         return compiled(read("scene.toml"))
 

@@ -21,8 +21,8 @@ from antiosc.base.texts import engineering
 from antiosc_app import info, live as assets, report as output, results as shown
 from antiosc_app.new import write_scene
 from antiosc_app.scene_file.build import Call
-from antiosc_app.scene_file.run import Results
-from antiosc_app.scene_file.scene import Compiled
+from antiosc_app.scene_file.run import SceneResults
+from antiosc_app.scene_file.scene import CompiledScene
 from antiosc_app.scene_file.schema import Output
 from browser import BROWSER, browse
 from scene_files import BEAM, PROBE, antiosc, numbers, written
@@ -52,11 +52,13 @@ TWO = Map(points=POINTS, names=np.array(["u", "v", "u", "v"]), skipped=3,
           write=lambda path: path, plot=lambda path: path.write_bytes(b"drawn"))  # fmt: skip
 
 
-def results(folder, output=None, asked=None, **variables) -> Results:
+def results(folder, output=None, asked=None, **variables) -> SceneResults:
     document = SimpleNamespace(path=folder / "scene.toml", data={"title": "a title"})
     probes = {name: Call(None, arguments) for name, arguments in (asked or {}).items()}
     wanted = None if output is None else Call(Output, output, made=Output(**output))
-    return Results(compiled=Compiled(document=document, probes=probes, output=wanted), **variables)
+    return SceneResults(
+        compiled=CompiledScene(document=document, probes=probes, output=wanted), **variables
+    )
 
 
 @pytest.mark.parametrize(

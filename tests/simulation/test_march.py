@@ -47,19 +47,25 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
     sizes = (ctypes.c_size_t * 19)()
     built().part_sizes(sizes)
-    mirrored = (library.UserLaw, library.Law, library.Contact, library.System)
+    mirrored = (library.UserLaw, library.CLaw, library.CContact, library.CSystem)
     mirrored += (
-        library.Options,
-        library.Record,
-        library.Summary,
-        library.Difference,
-        library.Solution,
+        library.COptions,
+        library.CRecord,
+        library.CSummary,
+        library.CDifference,
+        library.CSolution,
     )
     expected = [ctypes.sizeof(each) for each in mirrored]
     expected += [8 * library.EXIT, library.READING.itemsize]
-    expected += map(ctypes.sizeof, (library.Goal, library.Slopes))
+    expected += map(ctypes.sizeof, (library.CGoal, library.CSlopes))
     expected += [library.TOUCH.itemsize]
-    batches = library.Numbers, library.Impact, library.Expected, library.Outcome, library.PulseNodes
+    batches = (
+        library.CNumbers,
+        library.CImpact,
+        library.CExpected,
+        library.COutcome,
+        library.CPulseNodes,
+    )
     assert list(sizes) == [*expected, *map(ctypes.sizeof, batches)]
 
 

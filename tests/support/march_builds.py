@@ -60,7 +60,7 @@ class Stepper:
         size = self.library.aom_memory_size(byref(given.system))
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.at = c_void_p()
-        options = library.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
+        options = library.COptions(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
         made = self.library.aom_create(
             byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.at)
         )

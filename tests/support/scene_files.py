@@ -12,7 +12,7 @@ import numpy as np
 from antiosc_app import cli
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
-from antiosc_app.scene_file.run import Results, results
+from antiosc_app.scene_file.run import SceneResults, results
 from antiosc_app.scene_file.scene import STUDIES
 from paths import DEMOS, MESHES
 
@@ -196,7 +196,7 @@ def numbers(folder: Path) -> dict[str, Any]:
     return found
 
 
-def objects(path: Path, command: str = "run") -> Results:
+def objects(path: Path, command: str = "run") -> SceneResults:
     """What a scene makes when it runs."""
     return results(compiled(read(path)), STUDIES[command].makes)
 

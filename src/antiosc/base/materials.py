@@ -20,7 +20,7 @@ PROPOSED = 6
 
 
 @dataclass(frozen=True)
-class Record:
+class MaterialRecord:
     """A material as the table has it, SI units.
 
     Attributes
@@ -61,7 +61,7 @@ class Record:
         return f"{engineering(along, 'Pa')}, {self.rho:g} kg/m³, {strength}"
 
 
-def record(name: object) -> Record:
+def record(name: object) -> MaterialRecord:
     """The material of this name, or the only one whose name contains it; else InputError."""
     known = names()
     checked = checks.text("material", name)
@@ -107,11 +107,11 @@ def _table() -> dict[str, Any]:
         return tomllib.load(stream)
 
 
-def _read(name: str, row: Mapping[str, Any]) -> Record:
+def _read(name: str, row: Mapping[str, Any]) -> MaterialRecord:
     brittle = row["yield_strength"] == "none"
     low_high = row.get("range")
     rate = row.get("rate")
-    return Record(
+    return MaterialRecord(
         name=name,
         E=row["E"],
         nu=row["nu"],

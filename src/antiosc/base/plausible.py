@@ -61,7 +61,7 @@ UNITS = (
 
 
 @runtime_checkable
-class Material(Protocol):
+class ExaminedMaterial(Protocol):
     """The properties of a material that are examined here."""
 
     def bar_speed(self) -> float:
@@ -69,7 +69,7 @@ class Material(Protocol):
         ...
 
 
-def of_material(material: Material) -> str:
+def of_material(material: ExaminedMaterial) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed = material.bar_speed()
     name = type(material).__name__

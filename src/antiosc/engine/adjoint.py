@@ -68,12 +68,12 @@ def gradient(
     """
     packed = system.packed
     space = take_space(packed)
-    options = library.Options(float(run.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
+    options = library.COptions(float(run.time[-1]), 1.0, 0.0, 0.0, 0.0, 0, 0, 1)
     check_status(library.library.aom_start(space.stepper, byref(packed.system), byref(options)))
     arrays = [run.time, run.force, run.depth, states, run.exits, readings, weights, force, time]
     contiguous = [np.ascontiguousarray(array) for array in arrays]
     at = [library.address(array) for array in contiguous]
-    record = library.Record(
+    record = library.CRecord(
         n_nodes=run.time.size,
         n_states=len(states),
         n_exits=len(contiguous[4]),
@@ -84,7 +84,7 @@ def gradient(
         states=at[3],
         exits=at[4],
     )
-    goal = library.Goal(len(readings), *at[5:])
+    goal = library.CGoal(len(readings), *at[5:])
     out, slopes = _slopes_of(system)
     if space.work is None:
         space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
@@ -95,7 +95,7 @@ def gradient(
     return Slopes(*out), slopes.grazing, status
 
 
-def _slopes_of(system: System) -> tuple[list[Array], library.Slopes]:
+def _slopes_of(system: System) -> tuple[list[Array], library.CSlopes]:
     """Zero arrays of the shapes of `Slopes`, and their addresses for the C library."""
     s = system
     shapes = [s.omega.shape, s.decay.shape, s.beta.shape, s.R.shape, s.loads.shape, s.offsets.shape]
@@ -105,7 +105,7 @@ def _slopes_of(system: System) -> tuple[list[Array], library.Slopes]:
     block = np.zeros(places[-1].stop)
     out = [block[place].reshape(shape) for place, shape in zip(places, shapes, strict=True)]
     begin = library.address(block)
-    slopes = library.Slopes(*[begin + 8 * place.start for place in places])
+    slopes = library.CSlopes(*[begin + 8 * place.start for place in places])
     if s.gamma is None:
         slopes.gamma = None
         if not s.decay.any():

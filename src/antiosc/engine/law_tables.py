@@ -105,12 +105,12 @@ class CallbackLaw:
         return int(self.error is not None)
 
 
-def packed(law: ContactLaw) -> tuple[library.Law, object]:
+def packed(law: ContactLaw) -> tuple[library.CLaw, object]:
     """A law as the C library takes it, and the objects whose memory it refers to."""
     if is_compiled(law):
         return law.kernel
     callbacks = CallbackLaw(law)
-    return library.Law(library.USER, 0, None, addressof(callbacks.kernel)), callbacks
+    return library.CLaw(library.USER, 0, None, addressof(callbacks.kernel)), callbacks
 
 
 def raise_error(memory: object) -> None:

@@ -85,24 +85,24 @@ class UserLaw(Structure):
     ]
 
 
-class Law(Structure):
+class CLaw(Structure):
     """`aom_law`"""
 
     _fields_ = _fields("int kind, n_params; pointer params, user")
 
 
-class Contact(Structure):
+class CContact(Structure):
     """`aom_contact`"""
 
     _fields_ = [
-        ("law", Law),
+        ("law", CLaw),
         *_fields("double friction, tangential_stiffness; int first_tangential, n_tangential"),
         *_fields("double mass, expected_depth, expected_speed, slowest, preload"),
         *_fields("pointer state; int closed"),
     ]
 
 
-class System(Structure):
+class CSystem(Structure):
     """`aom_system`"""
 
     _fields_ = [
@@ -112,7 +112,7 @@ class System(Structure):
     ]
 
 
-class Options(Structure):
+class COptions(Structure):
     """`aom_options`"""
 
     _fields_ = [
@@ -121,7 +121,7 @@ class Options(Structure):
     ]
 
 
-class Record(Structure):
+class CRecord(Structure):
     """`aom_record`"""
 
     _fields_ = [
@@ -131,13 +131,13 @@ class Record(Structure):
     ]
 
 
-class Goal(Structure):
+class CGoal(Structure):
     """`aom_goal`"""
 
     _fields_ = _fields("int64 n_readings; pointer readings, weights, force, time")
 
 
-class Slopes(Structure):
+class CSlopes(Structure):
     """`aom_slopes`"""
 
     _fields_ = [
@@ -146,7 +146,7 @@ class Slopes(Structure):
     ]
 
 
-class Summary(Structure):
+class CSummary(Structure):
     """`aom_summary`"""
 
     _fields_ = _fields(
@@ -154,71 +154,71 @@ class Summary(Structure):
     )
 
 
-class Difference(Structure):
+class CDifference(Structure):
     """`aom_difference`"""
 
     _fields_ = _fields("double force, peak, until")
 
 
-class Solution(Structure):
+class CSolution(Structure):
     """`aom_solution`"""
 
     _fields_ = [
         *_fields("int best, answer; double force, peak, certain, share"),
-        ("summary", Summary),
+        ("summary", CSummary),
         *_fields("int present, before, runs, worse, failed, scaled; int64 used; double finer"),
-        ("earlier", Summary),
+        ("earlier", CSummary),
     ]
 
 
-class Numbers(Structure):
+class CNumbers(Structure):
     """`aom_numbers`"""
 
     _fields_ = _fields("double peak, impulse, contact_time, restitution, closed; int64 steps")
 
 
-class Impact(Structure):
+class CImpact(Structure):
     """`aom_impact`"""
 
     _fields_ = [
-        *(("system", System), ("options", Options)),
+        *(("system", CSystem), ("options", COptions)),
         *_fields("int n_turning; pointer turning"),
     ]
 
 
-class Expected(Structure):
+class CExpected(Structure):
     """`aom_expected`"""
 
     _fields_ = _fields("double depth, speed, time")
 
 
-class Outcome(Structure):
+class COutcome(Structure):
     """`aom_outcome`"""
 
     _fields_ = [
         *_fields("int64 status, contacts, touches, open, n_nodes, body"),
-        ("numbers", Numbers),
+        ("numbers", CNumbers),
         *_fields("double force_error, peak_error, certain, time, lasting, gained, highest, turned"),
     ]
 
 
-class PulseNodes(Structure):
+class CPulseNodes(Structure):
     """`aom_pulse_nodes`"""
 
     _fields_ = _fields("int64 max_nodes, n_nodes; pointer time, force")
 
 
-class Model(Structure):
+class CModel(Structure):
     """`axm_model` of `csrc/export/antiosc_model.h`"""
 
     _fields_ = [
-        *(("system", System), ("options", Options)),
+        *(("system", CSystem), ("options", COptions)),
         *_fields("int n_sites; pointer site_modes, site_forces, site_shifts; int n_parameters"),
         *_fields("pointer parameters, start; int n_outputs; pointer outputs"),
     ]
 
 
-class Cells(Structure):
+class CCells(Structure):
     """`aom_cells`"""
 
     _fields_ = [
@@ -229,13 +229,13 @@ class Cells(Structure):
     ]
 
 
-class Tetra(Structure):
+class CTetra(Structure):
     """`aom_tetra`"""
 
     _fields_ = _fields("int64 n_groups; pointer nodes, data")
 
 
-class Supernodes(Structure):
+class CSupernodes(Structure):
     """`aom_supernodes`"""
 
     _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values")
@@ -268,12 +268,12 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_law_slopes": (None, c_void_p, c_double, c_void_p),
     "aom_gradient_size": (c_size_t, c_void_p),
     "aom_gradient": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_size_t),
-    "aom_summarize": (Summary, c_void_p),
+    "aom_summarize": (CSummary, c_void_p),
     "aom_modal_state": (None, c_void_p, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
     "aom_energies": (None, c_int64, c_int, c_void_p, c_void_p, c_void_p),
     "aom_compare": (
-        Difference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
+        CDifference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
         c_void_p,
     ),
     "axm_size": (c_size_t, c_void_p),
@@ -281,11 +281,11 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
     "aom_touches": (c_int64, c_void_p, c_int, c_int, c_void_p, c_void_p),
     "aom_read_contact": (
-        Numbers, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p, c_ssize_t,
+        CNumbers, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p, c_ssize_t,
     ),
     "aom_arrow_modes": (c_int, c_double, c_double, c_int, c_void_p, c_void_p, c_void_p, c_void_p),
     "aom_main_impact": (c_double, c_int64, c_void_p),
-    "aom_expect": (Expected, c_void_p, c_int, c_double),
+    "aom_expect": (CExpected, c_void_p, c_int, c_double),
     "aom_law_deepest": (c_double, c_void_p, c_double, c_double, c_double, c_double, c_double),
     "aom_batch_size": (c_size_t, c_int),
     "aom_batch_nodes": (c_int64, c_int),

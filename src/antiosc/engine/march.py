@@ -18,7 +18,7 @@ from antiosc.engine.system import ContactState, Key, PackedSystem, System
 
 Array = NDArray[np.float64]
 
-_RECORDS = library.Record * 3  # the runs with three steps of which the last two are compared
+_RECORDS = library.CRecord * 3  # the runs with three steps of which the last two are compared
 _FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
 FINE = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
@@ -104,7 +104,7 @@ class Run:
 class Buffers:
     """Arrays into which a run is written: times, forces, depths, states, events."""
 
-    def __init__(self, record: library.Record, p: int, m: int, size: int) -> None:
+    def __init__(self, record: library.CRecord, p: int, m: int, size: int) -> None:
         self.record = record
         self.shape = (p, m, size)
         self.arrays: tuple[Array, ...] = ()
@@ -165,7 +165,7 @@ class Buffers:
         r.n_states = len(half)
         r.every = 2 * r.every
 
-    def run(self, answer: int, summary: library.Summary, keep: bool) -> Run:
+    def run(self, answer: int, summary: library.CSummary, keep: bool) -> Run:
         """The run that was written, as a copy; `keep`: with states and exits."""
         r = self.record
         time, force, depth, states, events, exits = self.arrays
@@ -287,15 +287,15 @@ def check_status(status: int) -> None:
 
 
 def solve(
-    system: System, options: library.Options, keep: bool = True
-) -> tuple[Run, library.Solution]:
+    system: System, options: library.COptions, keep: bool = True
+) -> tuple[Run, library.CSolution]:
     """The run with these options, or the finest of several with the estimates of its errors."""
     if system.first is not None:
         system = system.marched
     packed = system.packed
     m, size = system.beta.shape
     space = take_space(packed)
-    solution = library.Solution()
+    solution = library.CSolution()
     buffers = space.buffers
     for buffers_of_run in buffers:
         buffers_of_run.keep(keep)
@@ -339,7 +339,9 @@ def run(
     of a contact is its largest force so far. With `step` [s] the steps under contact are that step,
     or halvings of it where this error needs them.
     """
-    options = library.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1)
+    options = library.COptions(
+        duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1
+    )
     return solve(system, options, keep)[0]
 
 
@@ -376,7 +378,7 @@ def converge(
     `contact_time_estimate`: the shortest expected duration of a contact [s].
     """
     fine = contact_time_estimate / FINE
-    options = library.Options(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
+    options = library.COptions(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
     run, solution = solve(system, options)
     return Converged(run, solution.share, solution.force, solution.peak, solution.certain)
 

@@ -25,7 +25,7 @@ from antiosc.engine.stretch import stretch_energy
 Array = NDArray[np.float64]
 
 #: ctypes keeps this type as long as it is referred to; to make it anew takes 50 µs.
-_ONE = library.Contact * 1
+_ONE = library.CContact * 1
 _AT_START = np.zeros(1)  # the one time of loads that are constant
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
@@ -359,16 +359,16 @@ class PackedSystem:
             s.pressed.tolist(),
             strict=True,
         )
-        self.contacts = (library.Contact * p)(
+        self.contacts = (library.CContact * p)(
             *[
-                library.Contact(law, *slip, *tangents, *expected)
+                library.CContact(law, *slip, *tangents, *expected)
                 for (law, _), slip, tangents, *expected in rows_of_contacts
             ]
         )
         self.states = [] if s.contact_states is None else self._continued(s.contact_states, s.laws)
         self.tensors = [np.ascontiguousarray(x) for x in (s.quadratic, s.cubic) if x is not None]
         stretch = 0 if s.cubic is None else len(s.cubic), *map(library.address, self.tensors)
-        self.system = library.System(
+        self.system = library.CSystem(
             size,
             m,
             p,

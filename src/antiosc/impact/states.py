@@ -28,12 +28,12 @@ STATES_AT_ONCE = 1 << 22
 MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
-def record_of(run: Run) -> tuple[library.Record, list[Array]]:
+def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
     """A run as the C library reads it, and the arrays to which it refers."""
     arrays = [np.ascontiguousarray(array) for array in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
     counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
-    return library.Record(time=time, force=force, events=events, **counts), arrays
+    return library.CRecord(time=time, force=force, events=events, **counts), arrays
 
 
 def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void], bool]:

@@ -64,7 +64,7 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
 
 
 @dataclass(frozen=True)
-class Motion:
+class StretchedMotion:
     """The motion of a body with second-order forces in a run.
 
     Attributes
@@ -85,7 +85,7 @@ class Motion:
         return self.forces.turned(self.turn[:, :count])
 
 
-def motion_of(history: History, name: str) -> Motion | None:
+def motion_of(history: History, name: str) -> StretchedMotion | None:
     """The motion of a body in a linear run; None for a body without second-order forces."""
     a = history.assembly
     body = history.assembly.bodies[name]
@@ -102,7 +102,7 @@ def motion_of(history: History, name: str) -> Motion | None:
     follows = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
     largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
     change = float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300)
-    return Motion(forces, turn.T, change)
+    return StretchedMotion(forces, turn.T, change)
 
 
 def check_body(body: SceneBody) -> None:

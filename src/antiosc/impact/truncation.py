@@ -204,7 +204,7 @@ class TruncationError:
 
 
 @dataclass(frozen=True)
-class Choice:
+class CountChoice:
     """The number of anti-oscillators for a scene.
 
     Attributes
@@ -252,7 +252,7 @@ def truncation_error(
     return TruncationError(model.n, **with_floor(errors))
 
 
-def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
+def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice:
     """Smallest truncation of `model` with an estimated error <= `tol`, or the missing number.
 
     `run(model, tol)` is the impact, as for `truncation_error`. To extract as many anti-oscillators
@@ -282,11 +282,11 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
         low = high
         high = min(2 * high, model.n)
     if error(high).worst > tol:
-        return Choice(model.n, error(high), _missing(known, tol))
+        return CountChoice(model.n, error(high), _missing(known, tol))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if error(middle).worst <= tol else (middle, high)
-    return Choice(high, error(high), 0)
+    return CountChoice(high, error(high), 0)
 
 
 def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:

@@ -276,9 +276,9 @@ def impact_band(
     return BAND_OVER_PULSE / (2 * pulse)
 
 
-CONTACT = cast("np.dtype[np.void]", np.dtype(library.Contact))
-IMPACT = cast("np.dtype[np.void]", np.dtype(library.Impact))
-OUTCOME = cast("np.dtype[np.void]", np.dtype(library.Outcome))
+CONTACT = cast("np.dtype[np.void]", np.dtype(library.CContact))
+IMPACT = cast("np.dtype[np.void]", np.dtype(library.CImpact))
+OUTCOME = cast("np.dtype[np.void]", np.dtype(library.COutcome))
 
 #: Modes times attempted steps between two looks for an interrupt: some 0.05 s.
 _WORK_PER_CALL = 4_000_000
@@ -331,9 +331,9 @@ class ImpactRows:
         if any(impact.impactor is not impacts[0].impactor for impact in impacts):
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
         turning = _rotation_rows(self.pair)
-        options = library.Options(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
+        options = library.COptions(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
         turns = len(turning), library.address(turning) if len(turning) else None
-        example = library.Impact(system.packed.system, options, *turns)
+        example = library.CImpact(system.packed.system, options, *turns)
         self.rows = _copies(example, IMPACT, count)
         self.rows["options"]["duration"] = durations
         bodies = self.rows["system"]
@@ -422,7 +422,7 @@ class _Workspace:
         room = max(library.library.aom_batch_nodes(size), _NODES)
         self.time = np.empty(room)
         self.force = np.empty(room)
-        self.nodes = library.PulseNodes(room, 0, *map(library.address, (self.time, self.force)))
+        self.nodes = library.CPulseNodes(room, 0, *map(library.address, (self.time, self.force)))
         self.batch = c_void_p()
         self.size = -1
 

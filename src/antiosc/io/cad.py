@@ -216,7 +216,7 @@ def _colour(gmsh: ModuleType, face: tuple[int, int]) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder:
+class CylindricalFace:
     """A cylindrical face."""
 
     face: tuple[int, int]
@@ -237,12 +237,12 @@ def _holes(
     """Pairs ("hole 6 mm (1)", its faces): coaxial cylindrical faces that enclose empty space."""
     solid = gmsh.model.getDimension() == 3
     hollow = [cylinder for face in faces if solid and (cylinder := _hollow(gmsh, face)) is not None]
-    joined: list[list[Cylinder]] = []
+    joined: list[list[CylindricalFace]] = []
     for cylinder in hollow:
         beside = [hole for hole in joined if any(_beside(cylinder, other) for other in hole)]
         joined = [hole for hole in joined if hole not in beside]
         joined.append([cylinder, *(other for hole in beside for other in hole)])
-    by_size: dict[str, list[list[Cylinder]]] = {}
+    by_size: dict[str, list[list[CylindricalFace]]] = {}
     for hole in joined:
         if len(frozenset[int]().union(*(cylinder.sectors for cylinder in hole))) == SECTORS:
             name = f"hole {2e3 * scale * hole[0].radius:.4g} mm"
@@ -253,7 +253,7 @@ def _holes(
             yield f"{name} ({number})", [cylinder.face for cylinder in hole]
 
 
-def _beside(first: Cylinder, second: Cylinder) -> bool:
+def _beside(first: CylindricalFace, second: CylindricalFace) -> bool:
     """Whether two cylinders share an edge, the axis and the radius."""
     near = ALIKE * first.radius
     apart = float(np.linalg.norm(first.foot - second.foot))
@@ -263,7 +263,7 @@ def _beside(first: Cylinder, second: Cylinder) -> bool:
     return parallel and abs(first.radius - second.radius) < near and apart < 10 * near
 
 
-def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
+def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:
     """The cylinder of a face that encloses empty space; None for any other face."""
     tag = face[1]
     low, high = gmsh.model.getParametrizationBounds(*face)
@@ -293,7 +293,7 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> Cylinder | None:
     curves = gmsh.model.getBoundary([face], oriented=False)
     edges = frozenset(curve for _, curve in curves)
     middle = centres.mean(axis=0)
-    return Cylinder(face, radius, foot, axis, _sectors(centres - x, axis), middle, edges)
+    return CylindricalFace(face, radius, foot, axis, _sectors(centres - x, axis), middle, edges)
 
 
 def _spread(points: Array, axis: Array) -> float:

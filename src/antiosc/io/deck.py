@@ -63,7 +63,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Place:
+class DeckPlace:
     """File and line of an entry of a deck, for messages."""
 
     file: str
@@ -92,7 +92,7 @@ class Place:
 class Placed:
     """A card, an entry or a line of a deck."""
 
-    place: Place
+    place: DeckPlace
 
     def needs(self, holds: object, text: str) -> None:
         """Raise MeshError with file, line and the sentence `text` unless `holds` is true."""
@@ -191,7 +191,7 @@ class Numbering:
         return np.asarray(self.order[low:high][(some - first) % step == 0])
 
 
-def whole_number(text: str, place: Place) -> int:
+def whole_number(text: str, place: DeckPlace) -> int:
     """An integer of a deck; MeshError if the text is not an integer."""
     try:
         value = int(text)
@@ -208,7 +208,7 @@ def whole_number(text: str, place: Place) -> int:
     return value
 
 
-def real_number(text: str, place: Place) -> float:
+def real_number(text: str, place: DeckPlace) -> float:
     """A finite number of a deck, also 1.5D+7 and Nastran's 1.5+7; MeshError for other text."""
     word = text.strip().upper().replace("D", "E")
     try:

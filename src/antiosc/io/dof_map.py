@@ -11,7 +11,7 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.io.matrices import Labels, Source
+from antiosc.io.matrices import Labels, MatrixFile
 
 #: Largest number of a dof: Abaqus's temperatures have 11 to 30.
 LARGEST_DOF = 30
@@ -122,7 +122,7 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
             return None
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
     if isinstance(source, str | os.PathLike):
-        name, table = _table(Source(source))
+        name, table = _table(MatrixFile(source))
     elif isinstance(source, tuple) and 2 <= len(source) <= 3 and size > 3:
         name = "map"
         table = _of_columns(source, size)
@@ -187,7 +187,7 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     return DofMap(labels[:, 0], labels[:, 1], points)
 
 
-def _table(source: Source) -> tuple[str, Array]:
+def _table(source: MatrixFile) -> tuple[str, Array]:
     """The numbers of a map file; names of components become their numbers."""
     lines: list[bytes] = []
     numbers: list[int] = []
@@ -207,7 +207,7 @@ def _table(source: Source) -> tuple[str, Array]:
     return source.name, table
 
 
-def _numbered(source: Source, number: int, words: Sequence[bytes]) -> bytes:
+def _numbered(source: MatrixFile, number: int, words: Sequence[bytes]) -> bytes:
     result = []
     for word in words:
         text = word.decode("ascii", "replace")

@@ -43,7 +43,7 @@ SIDES = ((0, 1), (1, 2), (2, 0))
 
 
 @dataclass
-class Skin:
+class FacetSkin:
     """A surface of triangles.
 
     Attributes
@@ -134,7 +134,7 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
     return ends[first, 0] != ends[second, 0], owner[first], owner[second]
 
 
-def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
+def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
     """The surface without degenerate and repeated triangles, small holes closed, oriented.
 
     Raises
@@ -162,7 +162,7 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> Skin:
     if holes:
         notes.append(f"{name}: {holes} small holes of the surface are closed.")
         triangles, piece = oriented(points, np.vstack([triangles, more]))
-    return Skin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), notes)
+    return FacetSkin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), notes)
 
 
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
@@ -252,7 +252,7 @@ def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntAr
 # --- Reading --------------------------------------------------------------------------------------
 
 
-def skin_of(ask: Request) -> Skin:
+def skin_of(ask: Request) -> FacetSkin:
     """The cleaned surface in a file."""
     path = Path(ask.path)
     points, triangles = triangles_of(path.read_bytes(), ask.name) or _by_meshio(path, ask.name)
@@ -344,7 +344,7 @@ def fill(
     return skin.told, {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
 
 
-def _finer(skin: Skin, size: float) -> Skin:
+def _finer(skin: FacetSkin, size: float) -> FacetSkin:
     """Triangles cut into four until their sides are below `size`, or MOST_CUT is reached.
 
     gmsh finds no parameters of a side that is one triangle, and keeps triangles that it cannot
@@ -368,7 +368,7 @@ def _finer(skin: Skin, size: float) -> Skin:
     return replace(skin, points=points, triangles=triangles, piece=piece)
 
 
-def sides(skin: Skin) -> IntArray:
+def sides(skin: FacetSkin) -> IntArray:
     """Number of the smooth side of each triangle; sharp edges separate sides."""
     a, b = _neighbours(skin.triangles)[1:]
     x = skin.points[skin.triangles]
@@ -378,7 +378,7 @@ def sides(skin: Skin) -> IntArray:
     return _components(a[smooth], b[smooth], len(x))
 
 
-def _put(gmsh: ModuleType, skin: Skin, piece: int) -> int:
+def _put(gmsh: ModuleType, skin: FacetSkin, piece: int) -> int:
     """The triangles of a piece as a discrete surface of gmsh; its tag."""
     triangles = skin.triangles[skin.piece == piece]
     nodes = np.unique(triangles)
@@ -388,7 +388,7 @@ def _put(gmsh: ModuleType, skin: Skin, piece: int) -> int:
     return tag
 
 
-def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntArray:
+def _first_triangles(gmsh: ModuleType, skin: FacetSkin, surfaces: list[int]) -> IntArray:
     """For each surface of gmsh's model, a triangle of the skin on it."""
     from scipy.spatial import cKDTree
 
@@ -402,7 +402,7 @@ def _first_triangles(gmsh: ModuleType, skin: Skin, surfaces: list[int]) -> IntAr
     return np.asarray(tree.query(np.array(middles))[1])
 
 
-def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
+def _bodies(skin: FacetSkin, name: str, alone: bool = False) -> list[list[int]]:
     """The surfaces of each body: the outer surface, then its cavities.
 
     `alone`: only one body is to be filled, so that bodies may intersect.
@@ -428,7 +428,7 @@ def _bodies(skin: Skin, name: str, alone: bool = False) -> list[list[int]]:
     return list(bodies.values())
 
 
-def _inside(skin: Skin, count: int) -> Array:
+def _inside(skin: FacetSkin, count: int) -> Array:
     """Share of the sample points of each piece (k) that lie inside another (m): (count, count)."""
     middles = skin.points[skin.triangles].mean(axis=1)
     inside = np.zeros((count, count))
@@ -446,7 +446,7 @@ def _inside(skin: Skin, count: int) -> Array:
     return inside
 
 
-def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
+def _by_volume(skin: FacetSkin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
     """The pieces of one body, by their rank in volume (1 is the largest)."""
     if piece > len(bodies):
         raise MeshError(f"{name} has {len(bodies)} bodies; there is no piece {piece}.")
@@ -454,7 +454,7 @@ def _by_volume(skin: Skin, bodies: list[list[int]], piece: int, name: str) -> li
     return sorted(bodies, key=lambda body: -volume[body[0]])[piece - 1]
 
 
-def winding(skin: Skin, piece: int, points: Array) -> Array:
+def winding(skin: FacetSkin, piece: int, points: Array) -> Array:
     """Winding number of a piece about points (p, 3): solid angle over 4π (Van Oosterom 1983)."""
     corners = skin.points[skin.triangles[skin.piece == piece]]
     angle = np.zeros(len(points))

@@ -25,7 +25,7 @@ from antiosc.io.request import loaded, registered
 _FORTRAN = re.compile(rb"([0-9.])[dD]([+-]?[0-9])|([0-9.])([+-][0-9]{1,3})(?![0-9.])")
 
 
-class Source:
+class MatrixFile:
     """The content of one matrix file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -212,7 +212,7 @@ class MatrixFormat(NamedTuple):
     #: whether a file with this content is of the format
     matches: Callable[[bytes], bool]
     #: the matrix of a file, or several by their names
-    read: Callable[[Source], Entries | dict[str, Entries]]
+    read: Callable[[MatrixFile], Entries | dict[str, Entries]]
     #: writes symmetric matrices by their names, with node and dof of each row
     write: Callable[[Path, dict[str, Matrix], Labels], None] | None = None
     #: of the files that are written
@@ -230,7 +230,7 @@ def matrix_formats() -> list[MatrixFormat]:
 BANNER = b"%%MatrixMarket"
 
 
-def read_matrix_market(source: Source) -> Entries:
+def read_matrix_market(source: MatrixFile) -> Entries:
     """The matrix of a Matrix Market file."""
     lines = source.lines()
     words = lines[0].decode("ascii", "replace").lower().split()
@@ -256,7 +256,7 @@ def read_matrix_market(source: Source) -> Entries:
     return read_as(source, shape, data, numbers, symmetry == "symmetric")
 
 
-def _shape(source: Source, line: bytes, number: int, columns: int) -> list[int]:
+def _shape(source: MatrixFile, line: bytes, number: int, columns: int) -> list[int]:
     values = source.table([line], [number], columns)[0]
     if (values < 1).any() or (values != np.floor(values)).any():
         raise source.error(number, "sizes must be positive whole numbers.")
@@ -264,7 +264,7 @@ def _shape(source: Source, line: bytes, number: int, columns: int) -> list[int]:
 
 
 def _coordinate(
-    source: Source, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
+    source: MatrixFile, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
 ) -> Entries:
     size = shape[0]
     count = shape[2]
@@ -282,7 +282,7 @@ def _coordinate(
 
 
 def _array(
-    source: Source, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
+    source: MatrixFile, shape: list[int], lines: list[bytes], numbers: list[int], triangle: bool
 ) -> Entries:
     size = shape[0]
     count = size * (size + 1) // 2 if triangle else size * size
@@ -296,7 +296,7 @@ def _array(
     return Entries(source.name, row[some], column[some], value[some], size, triangle)
 
 
-def _complete(source: Source, count: int, lines: list[bytes]) -> None:
+def _complete(source: MatrixFile, count: int, lines: list[bytes]) -> None:
     if len(lines) != count:
         last = len(source.lines())
         raise source.error(last, f"the header promises {count:g} entries; there are {len(lines)}.")
@@ -315,7 +315,7 @@ def write_matrix_market(out: TextIO, matrix: Matrix, comment: str = "") -> None:
 
 
 @dataclass(frozen=True)
-class Pair:
+class MatrixPair:
     """K and M, and (node, component) of each row where the files name them."""
 
     K: scipy.sparse.csr_matrix
@@ -327,7 +327,7 @@ def read_pair(
     stiffness: str | os.PathLike[str],
     mass: str | os.PathLike[str],
     names: tuple[str, str] | None = None,
-) -> Pair:
+) -> MatrixPair:
     """Read K and M.
 
     Parameters
@@ -368,7 +368,7 @@ def read_pair(
             f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: "
             "most dofs have neither stiffness nor mass; is the file complete?"
         )
-    return Pair(K.matrix(), M.matrix(), labels)
+    return MatrixPair(K.matrix(), M.matrix(), labels)
 
 
 def _on(K: Entries, M: Entries) -> Entries:
@@ -387,7 +387,7 @@ def _on(K: Entries, M: Entries) -> Entries:
 
 
 def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:
-    source = Source(path)
+    source = MatrixFile(path)
     matrices = _matrices(source)
     if isinstance(matrices, Entries):
         return checked(matrices)
@@ -405,7 +405,7 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
     return checked(matrices[wanted[0]])
 
 
-def _matrices(source: Source) -> Entries | dict[str, Entries]:
+def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:
     content = source.content
     if content[:14].lower() == BANNER.lower():
         return read_matrix_market(source)
@@ -423,7 +423,7 @@ def _matrices(source: Source) -> Entries | dict[str, Entries]:
 # --- Abaqus ---------------------------------------------------------------------------------------
 
 
-def read_abaqus(source: Source) -> Entries:
+def read_abaqus(source: MatrixFile) -> Entries:
     """The matrix of Abaqus `*MATRIX GENERATE`.
 
     Lines of node, dof, node, dof, value, or of row, column, value: `*MATRIX OUTPUT` writes the

@@ -22,7 +22,7 @@ import numpy as np
 from antiosc.base.errors import MeshError, MissingDependencyError
 from antiosc.io import med
 from antiosc.io.conversion import as_mesh
-from antiosc.io.deck import Block, Deck, Numbering, Place, real_number, whole_number
+from antiosc.io.deck import Block, Deck, DeckPlace, Numbering, real_number, whole_number
 from antiosc.io.neutral import (
     CELLS,
     CORNERS,
@@ -382,7 +382,7 @@ def read_universal(ask: Request) -> FileMesh:
     return as_mesh(deck)
 
 
-Lines = list[tuple[str, Place]]
+Lines = list[tuple[str, DeckPlace]]
 
 
 def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
@@ -392,7 +392,7 @@ def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
     for k, line in enumerate(lines):
         if line.strip() != "-1":
             if rows is not None:
-                rows.append((line, Place(name, k + 1)))
+                rows.append((line, DeckPlace(name, k + 1)))
             continue
         if rows is None:
             rows = []
@@ -429,13 +429,17 @@ def _take(content: _Content, number: int, rows: Lines) -> None:
         _groups(content, rows, GROUPS[number])
 
 
-def _node(content: _Content, label: list[str], at: Place, x: list[str], place: Place) -> None:
+def _node(
+    content: _Content, label: list[str], at: DeckPlace, x: list[str], place: DeckPlace
+) -> None:
     place.needs(label and len(x) == 3, "a node needs a number and three coordinates.")
     content.labels.append(whole_number(label[0], at))
     content.points.append([real_number(word, place) for word in x])
 
 
-def _wholes(rows: Lines, k: int, least: int, message: str, place: Place) -> tuple[list[int], int]:
+def _wholes(
+    rows: Lines, k: int, least: int, message: str, place: DeckPlace
+) -> tuple[list[int], int]:
     """(at least `least` integers from line k on, number of the following line)."""
     numbers: list[int] = []
     while len(numbers) < least:

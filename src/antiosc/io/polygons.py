@@ -14,7 +14,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Place, real_number, whole_number
+from antiosc.io.deck import DeckPlace, real_number, whole_number
 from antiosc.io.neutral import IntArray
 
 #: Corner of a facet of an ASCII STL file.
@@ -63,7 +63,7 @@ def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
     faces: list[tuple[int, int, int]] = []
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].split()
-        place = Place(name, number)
+        place = DeckPlace(name, number)
         if words[:1] == ["v"]:
             place.needs(len(words) > 3, "a point (v) needs three coordinates.")
             points.append([real_number(word, place) for word in words[1:4]])
@@ -86,12 +86,12 @@ def _checked(
 
 def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
     """Triangles of an OFF file: header, numbers of points and faces, points, faces with sizes."""
-    rows: list[tuple[list[str], Place]] = []
+    rows: list[tuple[list[str], DeckPlace]] = []
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].split()
         words = words[1:] if words and words[0].upper().endswith("OFF") else words
         if words:
-            rows.append((words, Place(name, number)))
+            rows.append((words, DeckPlace(name, number)))
     if not rows or len(rows[0][0]) < 2:
         raise MeshError(f"{name} does not give its numbers of points and faces: it is no OFF file.")
     count, faces = (whole_number(word, rows[0][1]) for word in rows[0][0][:2])
@@ -142,7 +142,7 @@ def _of_ply_text(
     """Polygons of a text file, a line for each point and face; None if others come first."""
     begin = 1 + sum(words[:1] != ["end_header"] for words in header)
     rows = [
-        (words, Place(name, number))
+        (words, DeckPlace(name, number))
         for number, line in enumerate(lines, begin + 1)
         if (words := line.split())
     ]

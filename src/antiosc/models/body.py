@@ -39,7 +39,7 @@ class Band(TypedDict, total=False):
     error_bound: float
 
 
-class Patch(TypedDict, total=False):
+class PatchData(TypedDict, total=False):
     """Data of a site's patch for the error budget.
 
     faces : size of the faces under it [m]; radius : of a second patch [m]; compliance : its
@@ -153,7 +153,7 @@ class ModelInfo(ReprMixin):
     band: Band | None = None
     inside_element: bool | None = None
     model: BeamSection | str | None = None
-    patch: Patch | None = None
+    patch: PatchData | None = None
     geometry: FacetGaps | None = None
     not_included: str | None = None
     measured: MeasuredBand | None = None
@@ -239,7 +239,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "model": ((Mapping, str), "a dict or a text"),
 }
 _RECORDS: dict[str, Any] = {
-    "geometry": FacetGaps, "model": BeamSection, "patch": Patch,
+    "geometry": FacetGaps, "model": BeamSection, "patch": PatchData,
     "measured": MeasuredBand,
 }  # fmt: skip
 _NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")

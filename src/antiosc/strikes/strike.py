@@ -46,7 +46,7 @@ from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.reduce.error import bisection
 from antiosc.reduce.error.model_errors import estimator
-from antiosc.reduce.error.remeshing import Source, source_of
+from antiosc.reduce.error.remeshing import MeshSource, source_of
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
 from antiosc.strikes import second_order
@@ -99,7 +99,7 @@ FINER = 1.5
 NEGLIGIBLE = 1e-8
 
 
-class Run(Protocol):
+class RunFunction(Protocol):
     """A function that simulates the impact on a model, to a tolerance."""
 
     def __call__(self, model: AntiOscillators, error: float) -> History: ...
@@ -183,7 +183,7 @@ def simulated(
     model: AntiOscillators,
     error: float,
 ) -> History:
-    """The impact on a model, to a tolerance: a `Run` with the first four arguments bound."""
+    """The impact on a model, to a tolerance: a `RunFunction` with four bound arguments."""
     return simulate(model, impactor, contact, duration, tol=error, **shared)
 
 
@@ -191,7 +191,7 @@ def struck(
     source: str | Path | Mesh | Structure,
     site: Site,
     impactor: LinearBody,
-    run: Run,
+    run: RunFunction,
     tol: float,
     material: Material | None,
     supports: Sequence[Support],
@@ -273,7 +273,7 @@ def _material_of(
 
 
 def _begin(
-    place: Source, site: Site, impactor: LinearBody, material: Material, order: int
+    place: MeshSource, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
     """(site with a radius, first mesh): the coarsest mesh for which an error budget is reliable."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
@@ -326,7 +326,7 @@ class Answer:
     seconds: float
 
 
-def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
+def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:
     """Extract and simulate, again with more anti-oscillators if the truncation requires it."""
     started = time.perf_counter()
     accuracy = accuracy_of_steps(tol)
@@ -349,7 +349,7 @@ def accuracy_of_steps(tol: float) -> float:
 
 
 def corrected(
-    structure: Structure, hit: History, run: Run, accuracy: float, n: int, started: float
+    structure: Structure, hit: History, run: RunFunction, accuracy: float, n: int, started: float
 ) -> Answer:
     """The answer from the run of a raw model whose work began at the time `started`."""
     model = hit.model
@@ -414,14 +414,14 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     return max(share, remaining * max(bar.mesh for bar in budget.values()))
 
 
-def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
+def next_n(answer: Answer, run: RunFunction, tol: float, growth: float) -> int:
     """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
     error = max(bar.truncation for bar in answer.budget.values())
     enough = _enough(answer.raw.model, run, error, tol)
     return int(np.clip(enough, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
 
 
-def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:
+def _enough(model: AntiOscillators, run: RunFunction, error: float, tol: float) -> int:
     """Number of anti-oscillators whose truncation error is the allowed share of the tolerance.
 
     It is extrapolated from the errors of `model` and of a model with half as many.

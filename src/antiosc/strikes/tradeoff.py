@@ -38,7 +38,7 @@ from antiosc.strikes import second_order
 from antiosc.strikes.strike import (
     Answer,
     Material,
-    Run,
+    RunFunction,
     accuracy_of_steps,
     corrected,
     simulated,
@@ -61,7 +61,7 @@ MATRIX_BYTES, FACTOR_BYTES = 24.0, 8.0 * 1.3
 
 
 @dataclass(frozen=True)
-class Member:
+class TradeoffMember:
     """One method to compute the impact, with its cost and accuracy.
 
     Attributes
@@ -121,11 +121,11 @@ class Tradeoff(Result):
     hit : the history of the last mesh, as of `strike`.
     """
 
-    table: tuple[Member, ...]
+    table: tuple[TradeoffMember, ...]
     tol: float
     hit: History
 
-    def best(self, tol: float | None = None, seconds: float | None = None) -> Member:
+    def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
 
         Raises InputError unless one of both is given, and where no member meets it.
@@ -156,9 +156,9 @@ class Tradeoff(Result):
         return f"{sentence}. {self.hit.message}"
 
     @property
-    def front(self) -> tuple[Member, ...]:
+    def front(self) -> tuple[TradeoffMember, ...]:
         """The methods that no other exceeds in both speed and accuracy, the fastest first."""
-        kept: list[Member] = []
+        kept: list[TradeoffMember] = []
         for one in sorted(self.table, key=lambda one: one.seconds):
             if not kept or one.bar < kept[-1].bar:
                 kept.append(one)
@@ -208,7 +208,7 @@ class Tradeoff(Result):
         """Draw bars and differences over "seconds" or "gigabytes" into axes of matplotlib."""
         checks.choice("over", over, tuple(AXES))
 
-        def points(members: Sequence[Member], of: str) -> tuple[list[float], list[float]]:
+        def points(members: Sequence[TradeoffMember], of: str) -> tuple[list[float], list[float]]:
             x = [getattr(one, over) for one in members]
             return x, [100 * getattr(one, of) for one in members]
 
@@ -269,7 +269,7 @@ def tradeoff(
     tol = checks.tolerance(tol)
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)
-    made: list[tuple[Answer, Member]] = []
+    made: list[tuple[Answer, TradeoffMember]] = []
     given = material, supports, order, limit
 
     def add(answer: Answer) -> None:
@@ -293,7 +293,7 @@ def tradeoff(
     return Tradeoff(table, tol, hit)
 
 
-def _of_few(structure: Structure, site: Site, run: Run, accuracy: float, n: int) -> Answer:
+def _of_few(structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int) -> Answer:
     """The result with a given number of anti-oscillators, at any truncation error."""
     started = time.perf_counter() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
@@ -301,14 +301,14 @@ def _of_few(structure: Structure, site: Site, run: Run, accuracy: float, n: int)
     return corrected(structure, hit, run, accuracy, n, started)
 
 
-def _with_member(answer: Answer) -> tuple[Answer, Member]:
+def _with_member(answer: Answer) -> tuple[Answer, TradeoffMember]:
     structure = answer.structure
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh
     entries = getattr(structure.factorize(), "entries", 0.0)
     one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(one, mesh.dolfinx)
-    return answer, Member(
+    return answer, TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),
         order=matrices.form.degree,

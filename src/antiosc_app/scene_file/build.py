@@ -33,9 +33,9 @@ from antiosc_app.scene_file.schema import (
     KIND,
     SECTIONS,
     WITHHELD,
-    Kind,
     Parameter,
-    Section,
+    SceneSection,
+    ValueKind,
     constructors_of,
     only_checks,
     parameters,
@@ -173,7 +173,9 @@ class Builder:
 
     # -- sections, each by its form: [x], [[x]], [x.NAME]
 
-    def known_sections(self, data: Table, known: Mapping[str, Section], place: Place = ()) -> None:
+    def known_sections(
+        self, data: Table, known: Mapping[str, SceneSection], place: Place = ()
+    ) -> None:
         """Note sections that do not exist and sections of the wrong form."""
         for name, value in data.items():
             at = (*place, name)
@@ -227,7 +229,7 @@ class Builder:
 
     def call(
         self,
-        section: Section | Sequence[str],
+        section: SceneSection | Sequence[str],
         table: object,
         place: Place,
         given: Table | None = None,
@@ -241,9 +243,9 @@ class Builder:
         given : arguments from other sections; None for one with a mistake.
         methods : laws of bodies, which `kind` may name, too.
         """
-        makes = section.makes if isinstance(section, Section) else section
+        makes = section.makes if isinstance(section, SceneSection) else section
         given = dict(given or {})
-        withheld = {*given, *(section.given.split() if isinstance(section, Section) else ())}
+        withheld = {*given, *(section.given.split() if isinstance(section, SceneSection) else ())}
         try:
             if not isinstance(table, dict):
                 got = checks.shown(table)
@@ -326,7 +328,7 @@ class Builder:
         try:
             with warnings_to(messages.append):
                 made = call.make(**replaced(dict(call.arguments)))
-                if isinstance(made, plausible.Material):
+                if isinstance(made, plausible.ExaminedMaterial):
                     plausible.warn_each([plausible.of_material(made)])
         except Exception as error:
             self.note(*call.refused(error))
@@ -346,7 +348,9 @@ class Builder:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted
 
-    def _converted(self, kinds: Sequence[Kind], value: object, place: Place, about: str) -> object:
+    def _converted(
+        self, kinds: Sequence[ValueKind], value: object, place: Place, about: str
+    ) -> object:
         fitting = [kind for kind in kinds if kind.fits(value)]
         for kind in [kind for kind in fitting if kind.first_entry_fits(value)] or fitting:
             return self._of_kind(kind, value, place, about)
@@ -363,7 +367,7 @@ class Builder:
         what = f"{label(place)} must be {words(kinds)}{_about(about)}"
         self._wrong(place, f"{what}; got {got}{hint}")
 
-    def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> object:
+    def _of_kind(self, kind: ValueKind, value: Any, place: Place, about: str) -> object:
         if isinstance(value, list) and len(value) > LONGEST_LIST:
             self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
         if kind.name == "path":

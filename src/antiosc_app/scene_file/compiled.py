@@ -9,7 +9,7 @@ from antiosc_app.scene_file.build import Builder, Call
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.scene import (
     MESHED,
-    Compiled,
+    CompiledScene,
     model,
     pair,
     requested,
@@ -95,12 +95,12 @@ def _one_of(names: str) -> str:
     return f"{headed(first)}, {SECTIONS[first].about}"
 
 
-def compiled(document: Document) -> Compiled:
+def compiled(document: Document) -> CompiledScene:
     """The calls of a document; SceneFileError with all its mistakes."""
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)
-    scene = Compiled(document=document, warnings=build.warnings)
+    scene = CompiledScene(document=document, warnings=build.warnings)
     scene.structure = structure(build)
     scene.model = model(build, scene.structure)
     if "find" in build.data:

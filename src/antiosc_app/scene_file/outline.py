@@ -32,7 +32,7 @@ from antiosc.io.neutral import SIDES
 from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in
 from antiosc_app.scene_file.document import Place, label, unknown
-from antiosc_app.scene_file.scene import Compiled
+from antiosc_app.scene_file.scene import CompiledScene
 
 if TYPE_CHECKING:
     from antiosc import Placement
@@ -91,7 +91,7 @@ class Outline:
         return replace(self, low=x.min(axis=0), high=x.max(axis=0))
 
 
-def check(compiled: Compiled) -> list[str]:
+def check(compiled: CompiledScene) -> list[str]:
     """Sentences on the box and the groups of each file, or on why it was not read.
 
     SceneFileError for groups that do not exist and points outside the part.
@@ -121,7 +121,7 @@ def check(compiled: Compiled) -> list[str]:
     return sentences
 
 
-def _picture(compiled: Compiled, error: InputError) -> str:
+def _picture(compiled: CompiledScene, error: InputError) -> str:
     """Draw the unconnected pieces of a part beside the scene; returns a sentence on the picture.
 
     "" for other errors.
@@ -134,7 +134,7 @@ def _picture(compiled: Compiled, error: InputError) -> str:
     return ""
 
 
-def outlines(compiled: Compiled) -> list[Outline]:
+def outlines(compiled: CompiledScene) -> list[Outline]:
     """The outlines of all files that can be read."""
     known = []
     for _, call in _meshes(compiled):
@@ -143,7 +143,7 @@ def outlines(compiled: Compiled) -> list[Outline]:
     return known
 
 
-def _check_points(compiled: Compiled, calls: list[Call], known: Mapping[str, Outline]) -> None:
+def _check_points(compiled: CompiledScene, calls: list[Call], known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
         from antiosc.extension import placement
@@ -171,7 +171,7 @@ def _check_points(compiled: Compiled, calls: list[Call], known: Mapping[str, Out
             compiled.document.problems.add(place, sentence)
 
 
-def _meshes(compiled: Compiled) -> Iterator[tuple[str, Call]]:
+def _meshes(compiled: CompiledScene) -> Iterator[tuple[str, Call]]:
     """Yields (name of a part or "", its call of read_mesh or read_model)."""
     source = compiled.structure
     if source is None and compiled.history is not None and compiled.striking:

@@ -15,7 +15,7 @@ from antiosc.base import progress
 from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
-from antiosc_app.scene_file.scene import Compiled, Objects, model, pair, source, structure
+from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
 from antiosc_app.scene_file.schema import (
     DATA,
     DISTRIBUTIONS,
@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 @dataclass(kw_only=True)
-class Results(Objects[Any]):
+class SceneResults(Objects[Any]):
     """The objects of a scene, or of a program without one (`compiled` None), for a report.
 
     `tradeoff`: the comparison of methods, the last of which gave the history.
@@ -50,11 +50,11 @@ class Results(Objects[Any]):
     tradeoff: Tradeoff | None = None
 
 
-def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
+def results(compiled: CompiledScene, wanted: Sequence[str]) -> SceneResults:
     """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails."""
     evaluate = Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
-    results_of_run = Results(compiled=compiled, title=title, warnings=list(compiled.warnings))
+    results_of_run = SceneResults(compiled=compiled, title=title, warnings=list(compiled.warnings))
     with collected_warnings(results_of_run.warnings):
         for name in wanted:
             setattr(results_of_run, name, evaluate(getattr(compiled, name)))
@@ -142,7 +142,7 @@ def variant(
 # -- [sweep]
 
 
-def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
+def varied(build: Builder | CompiledScene) -> dict[Place, list[object]]:
     """The lists of [sweep] by the place of the varied value in the scene."""
     data = build.data if isinstance(build, Builder) else build.document.data
     table = data.get("sweep")
@@ -151,7 +151,7 @@ def varied(build: Builder | Compiled) -> dict[Place, list[object]]:
     return {}
 
 
-def sweep(build: Builder, compiled: Compiled) -> Call | None:
+def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of the batch; None without [sweep], or after a mistake in it."""
     lists = varied(build)
     known = _known(build)
@@ -199,7 +199,7 @@ def _of_batch() -> list[str]:
 
 
 def _batch(
-    build: Builder, compiled: Compiled, lists: Mapping[Place, list[object]], count: int
+    build: Builder, compiled: CompiledScene, lists: Mapping[Place, list[object]], count: int
 ) -> Call | None:
     """The call of `simulate_many` with the arguments of [simulate] and the lists of [sweep]."""
     table = build.part("simulate")
@@ -263,7 +263,7 @@ def _model(build: Builder) -> Call | None:
 # -- [monte_carlo]
 
 
-def monte_carlo(build: Builder, compiled: Compiled) -> Call | None:
+def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of [monte_carlo]; None without this section, or after a mistake in it."""
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
@@ -318,7 +318,9 @@ def _surface(build: Builder, structure: Call | None, table: object) -> Call | No
     return build.call(("impact_map",), table, ("monte_carlo", POINT), withheld)
 
 
-def _nearby(build: Builder, compiled: Compiled, inputs: Mapping[Place, Call | None]) -> Call | None:
+def _nearby(
+    build: Builder, compiled: CompiledScene, inputs: Mapping[Place, Call | None]
+) -> Call | None:
     """The call of `nearby`, which gives models of structures with other values."""
     sites = build.named("sites")
     if compiled.structure is None or len(sites) != 1:
@@ -369,7 +371,7 @@ def _run(
 # -- [map]
 
 
-def surface(build: Builder, compiled: Compiled) -> Call | None:
+def surface(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of [map]; None without this section."""
     arguments: dict[str, object] = {"structure": compiled.structure}
     table = dict(build.part("map"))

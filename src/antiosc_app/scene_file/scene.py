@@ -87,7 +87,7 @@ class Objects(Generic[T]):
 
 
 @dataclass(kw_only=True)
-class Compiled(Objects[Call | None]):
+class CompiledScene(Objects[Call | None]):
     """The calls of a document's sections; `output` describes the files to be written."""
 
     document: Document
@@ -114,7 +114,7 @@ class Study(NamedTuple):
 
     Attributes
     ----------
-    result : name of the result in `Compiled`.
+    result : name of the result in `CompiledScene`.
     lacking : end of the message for a scene without this result.
     makes : names of the objects that the command makes, in order.
     """
@@ -307,7 +307,7 @@ def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call 
     return build.call(SECTIONS["contact"], table, place, methods=methods)
 
 
-def single(build: Builder, found: Compiled) -> None:
+def single(build: Builder, found: CompiledScene) -> None:
     both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
@@ -332,7 +332,7 @@ def single(build: Builder, found: Compiled) -> None:
     found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
 
 
-def _with_second_order(build: Builder, found: Compiled, impact: Call | None) -> Call | None:
+def _with_second_order(build: Builder, found: CompiledScene, impact: Call | None) -> Call | None:
     """The impact, with second-order forces if they matter, unless [extract] decides on them."""
     given_there = "stretch" in build.part("extract")
     if impact is None or None in (found.structure, found.model) or given_there:
@@ -363,7 +363,7 @@ def _struck_by(
 _CLOSING = {"initial_velocity", "gravity"}
 
 
-def _warn_of_opening(build: Builder, compiled: Compiled) -> None:
+def _warn_of_opening(build: Builder, compiled: CompiledScene) -> None:
     """Add a warning if the impactor moves away from the structure."""
     speed = getattr(getattr(compiled.impactor, "made", None), "velocity", 0.0)
     if isinstance(speed, float) and speed < 0 and not _CLOSING & set(build.part("simulate")):
@@ -373,7 +373,7 @@ def _warn_of_opening(build: Builder, compiled: Compiled) -> None:
         )
 
 
-def search(build: Builder, compiled: Compiled) -> None:
+def search(build: Builder, compiled: CompiledScene) -> None:
     sensors = list(build.named("sensors").values())
     arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
     both = zip(("impactor", "contact"), pair(build), strict=True)
@@ -415,7 +415,7 @@ Bodies: TypeAlias = Mapping[str, Call | None]
 STRUCTURE = "structure"
 
 
-def several(build: Builder, compiled: Compiled) -> None:
+def several(build: Builder, compiled: CompiledScene) -> None:
     structure = {STRUCTURE: compiled.model} if source(build) else {}
     named = build.named("bodies")
     tables = build.part("bodies")
@@ -488,7 +488,7 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def requested(build: Builder, found: Compiled) -> None:
+def requested(build: Builder, found: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:

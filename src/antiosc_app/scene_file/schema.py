@@ -48,7 +48,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str, str, dict[str, object]]] = {
 
 
 @dataclass(frozen=True)
-class Kind:
+class ValueKind:
     """One kind of value.
 
     Attributes
@@ -63,8 +63,8 @@ class Kind:
     name: str
     options: tuple[str, ...] = ()
     kind: type = object
-    items: tuple[Kind, ...] = ()
-    each: tuple[tuple[Kind, ...], ...] = ()
+    items: tuple[ValueKind, ...] = ()
+    each: tuple[tuple[ValueKind, ...], ...] = ()
 
     def fits(self, value: object) -> bool:
         """Whether a TOML value is of this kind; its entries are not checked."""
@@ -103,18 +103,18 @@ class Kind:
 
 
 NUMBER, WHOLE, TEXT, FLAG, PATH, DATA = map(
-    Kind, ("number", "whole", "text", "flag", "path", "data")
+    ValueKind, ("number", "whole", "text", "flag", "path", "data")
 )
-NUMBERS = Kind("list", items=(NUMBER,))
+NUMBERS = ValueKind("list", items=(NUMBER,))
 
 
-def words(kinds: Sequence[Kind]) -> str:
+def words(kinds: Sequence[ValueKind]) -> str:
     """The permitted kinds of a value in words: "a number or a text"."""
     *texts, last = dict.fromkeys(kind.text for kind in kinds)
     return f"{', '.join(texts)} or {last}" if texts else last
 
 
-def plural(kinds: Sequence[Kind]) -> str:
+def plural(kinds: Sequence[ValueKind]) -> str:
     """The permitted kinds of several values in words: "numbers or texts"."""
     return " or ".join(dict.fromkeys(kind.plural_text for kind in kinds))
 
@@ -131,14 +131,14 @@ class _Names(dict[str, object]):
         return next((value for value in known if value is not None), Unknown)
 
 
-_PLAIN: dict[object, Kind] = {
+_PLAIN: dict[object, ValueKind] = {
     **{float: NUMBER, int: WHOLE, str: TEXT, bool: FLAG, Any: DATA},
     **{Path: PATH, os.PathLike: PATH, Unknown: DATA},
 }
 _LISTS = (collections.abc.Sequence, collections.abc.Iterable, list, tuple, set)
 
 
-def kinds_of(annotation: object) -> tuple[Kind, ...]:
+def kinds_of(annotation: object) -> tuple[ValueKind, ...]:
     """The kinds of an annotation; () if no file can hold it: None, functions, communicators."""
     if isinstance(annotation, dataclasses.InitVar):
         return kinds_of(annotation.type)
@@ -155,20 +155,20 @@ def kinds_of(annotation: object) -> tuple[Kind, ...]:
         texts = tuple(text for text in arguments if isinstance(text, str))
         flags = (FLAG,) if len(texts) < len(arguments) else ()
         if texts:
-            return (Kind("choice", texts), *flags)
+            return (ValueKind("choice", texts), *flags)
         return flags
     if origin is np.ndarray:
-        return (Kind("list", items=(NUMBER, NUMBERS)),)
+        return (ValueKind("list", items=(NUMBER, NUMBERS)),)
     if origin is tuple and arguments and arguments[-1] is not ...:
-        return (Kind("list", each=tuple(map(kinds_of, arguments))),)
+        return (ValueKind("list", each=tuple(map(kinds_of, arguments))),)
     if origin in _LISTS:
-        return (Kind("list", items=kinds_of(arguments[0]) or (DATA,)),)
+        return (ValueKind("list", items=kinds_of(arguments[0]) or (DATA,)),)
     if origin in (collections.abc.Mapping, dict):
-        return (Kind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
+        return (ValueKind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
     known = _PLAIN.get(origin or annotation)
     module = getattr(annotation, "__module__", "")
     if known is None and isinstance(annotation, type) and module.startswith("antiosc"):
-        known = Kind("object", kind=annotation)
+        known = ValueKind("object", kind=annotation)
     if known is None:
         return ()
     return (known,)
@@ -201,7 +201,7 @@ class Parameter:
     """One key of a section: permitted kinds, whether it is required, meaning, and check."""
 
     name: str
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ValueKind, ...]
     needed: bool = True
     default: object = None
     about: str = ""
@@ -227,7 +227,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         full = f"{function}.{name}"
         kinds = kinds_of(parameter.annotation)
         if full in OBJECTS:
-            kinds = (Kind("object", kind=resolved(OBJECTS[full])), TEXT)
+            kinds = (ValueKind("object", kind=resolved(OBJECTS[full])), TEXT)
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if kinds and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
@@ -361,7 +361,7 @@ JOINTS = "Bolt Bushing Equation Ball Hinge Slider Weld Mean Rigid Tie"
 
 
 @dataclass(frozen=True)
-class Section:
+class SceneSection:
     """One section of a scene file.
 
     Attributes
@@ -378,7 +378,7 @@ class Section:
     names: str
     about: str
     given: str = ""
-    inner: Mapping[str, Section] = field(default_factory=dict)
+    inner: Mapping[str, SceneSection] = field(default_factory=dict)
     alone: bool = False
 
     @property
@@ -417,81 +417,82 @@ def headed(name: str) -> str:
     return FORMS["table" if section.alone else section.form][2].format(name)
 
 
-_STRUCTURE: dict[str, Section] = {
-    "geometry": Section("table", "read_mesh", "the mesh or CAD file of the structure"),
-    "deck": Section("table", "read_model",
+_STRUCTURE: dict[str, SceneSection] = {
+    "geometry": SceneSection("table", "read_mesh", "the mesh or CAD file of the structure"),
+    "deck": SceneSection("table", "read_model",
         "a deck of Abaqus, CalculiX or Nastran with materials and supports", "supports attached"),
-    "material": Section("named", FAMILIES,
+    "material": SceneSection("named", FAMILIES,
         'the material, of all cells or of named groups of them; by name: material = "steel S235"',
         alone=True),
-    "supports": Section("list", "Support", "displacements that are fixed"),
-    "attached": Section("list", "PointMass Spring Damper Footing",
+    "supports": SceneSection("list", "Support", "displacements that are fixed"),
+    "attached": SceneSection("list", "PointMass Spring Damper Footing",
         "point masses, springs, dampers, footings on soil"),
-    "structure": Section("table", "Structure", "options of the structure",
+    "structure": SceneSection("table", "Structure", "options of the structure",
         "mesh material supports attached prestress"),
 }  # fmt: skip
-SECTIONS: dict[str, Section] = {
-    "title": Section("text", "", "what the scene shows; for tables and the report"),
+SECTIONS: dict[str, SceneSection] = {
+    "title": SceneSection("text", "", "what the scene shows; for tables and the report"),
     **_STRUCTURE,
-    "prestress": Section("table", "Prestress",
+    "prestress": SceneSection("table", "Prestress",
         "loads that the structure carries all the time: spin, pressure, tensions"),
-    "matrices": Section("table", "Structure.from_files",
+    "matrices": SceneSection("table", "Structure.from_files",
         "stiffness and mass matrices of another program"),
-    "parts": Section("named", "", "the parts of an assembly, each with its own sections",
+    "parts": SceneSection("named", "", "the parts of an assembly, each with its own sections",
         inner=_STRUCTURE),
-    "joints": Section("list", JOINTS, "how the parts are joined"),
-    "at": Section("named", "Placement", "where each part stands"),
-    "points": Section("table", "", "reference points of the assembly: name = [x, y, z]"),
-    "assembly": Section("table", "assemble", "options of the assembly",
+    "joints": SceneSection("list", JOINTS, "how the parts are joined"),
+    "at": SceneSection("named", "Placement", "where each part stands"),
+    "points": SceneSection("table", "", "reference points of the assembly: name = [x, y, z]"),
+    "assembly": SceneSection("table", "assemble", "options of the assembly",
         "parts joints at points supports attached prestress"),
-    "model": Section("table", "AntiOscillators.load",
+    "model": SceneSection("table", "AntiOscillators.load",
         "a reduced model that antiosc has saved"),
-    "frf": Section("table", "read_frf",
+    "frf": SceneSection("table", "read_frf",
         "measured frequency responses in place of a structure"),
-    "from_frf": Section("table", "from_frf", "the model of a measurement", "frf"),
-    "sites": Section("named", "Site", "where the structure is struck"),
-    "extract": Section("table", "extract", "the reduction to a model", "structure site"),
-    "surface": Section("table", "AntiOscillators.with_surface",
+    "from_frf": SceneSection("table", "from_frf", "the model of a measurement", "frf"),
+    "sites": SceneSection("named", "Site", "where the structure is struck"),
+    "extract": SceneSection("table", "extract", "the reduction to a model", "structure site"),
+    "surface": SceneSection("table", "AntiOscillators.with_surface",
         "what a model without a mesh is made of where it is struck, for the law of the contact",
         "self"),
-    "impactor": Section("table", IMPACTORS, "what strikes the structure"),
-    "contact": Section("table", LAWS,
+    "impactor": SceneSection("table", IMPACTORS, "what strikes the structure"),
+    "contact": SceneSection("table", LAWS,
         'the contact law between structure and impactor; without it the one they need, "auto"'),
-    "simulate": Section("table", "simulate", "the impact of the impactor",
+    "simulate": SceneSection("table", "simulate", "the impact of the impactor",
         "model impactor contact"),
-    "strike": Section("table", "strike",
+    "strike": SceneSection("table", "strike",
         "the impact to a tolerance, for which mesh, model and step are chosen",
         "source site impactor contact material supports prestress"),
-    "bodies": Section("named", f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
+    "bodies": SceneSection("named", f"{IMPACTORS} RigidBody AntiOscillators.load soil_cone",
         "bodies of a scene of several contacts"),
-    "contacts": Section("list", "Contact", "contacts between the sites of bodies"),
-    "loads": Section("list", "Load", "forces in time"),
-    "base": Section("table", "Base", "acceleration of the supports"),
-    "motion": Section("named", "Motion", "how free bodies start"),
-    "scene": Section("table", "Scene", "options of a scene of several contacts",
+    "contacts": SceneSection("list", "Contact", "contacts between the sites of bodies"),
+    "loads": SceneSection("list", "Load", "forces in time"),
+    "base": SceneSection("table", "Base", "acceleration of the supports"),
+    "motion": SceneSection("named", "Motion", "how free bodies start"),
+    "scene": SceneSection("table", "Scene", "options of a scene of several contacts",
         "bodies contacts loads base motion"),
-    "run": Section("table", "Scene.run", "the simulation of a scene of several contacts"),
-    "sweep": Section("table", "", "values of a sweep: impactor.velocity = [1.0, 2.0]"),
-    "map": Section("table", "impact_map", "the same impact at many points of the surface",
+    "run": SceneSection("table", "Scene.run", "the simulation of a scene of several contacts"),
+    "sweep": SceneSection("table", "", "values of a sweep: impactor.velocity = [1.0, 2.0]"),
+    "map": SceneSection("table", "impact_map", "the same impact at many points of the surface",
         "structure impactor contact"),
-    "monte_carlo": Section("table", "monte_carlo",
+    "monte_carlo": SceneSection("table", "monte_carlo",
         'runs with random values: n, seed, impactor.velocity = {kind = "normal", …}',
         "run inputs executor store"),
-    "drop": Section("table", "drop",
+    "drop": SceneSection("table", "drop",
         "the fall of the structure from a height onto a floor, in place of an impact",
         "part executor"),
-    "accelerometers": Section("named", "Fall.peak",
+    "accelerometers": SceneSection("named", "Fall.peak",
         "points of a fall whose peak acceleration is reported", "self quantity"),
-    "worst": Section("table", "Fall.worst", "the largest stress of a fall at every node",
+    "worst": SceneSection("table", "Fall.worst", "the largest stress of a fall at every node",
         "self"),
-    "sensors": Section("named", "Sensor", "sensors whose signals identify a blow, in their order"),
-    "find": Section("table", "find_impact",
+    "sensors": SceneSection("named", "Sensor",
+        "sensors whose signals identify a blow, in their order"),
+    "find": SceneSection("table", "find_impact",
         "a blow that is looked for in the signals of sensors, in place of an impact",
         "structure sensors impactor contact"),
-    "stress": Section("table", "peak_field", "the largest stress of the impact at every node",
+    "stress": SceneSection("table", "peak_field", "the largest stress of the impact at every node",
         "structure history"),
-    "probes": Section("named", "probe", "points whose motion is written", "structure"),
-    "output": Section("table", "output", "the files that are written"),
+    "probes": SceneSection("named", "probe", "points whose motion is written", "structure"),
+    "output": SceneSection("table", "output", "the files that are written"),
 }  # fmt: skip
 #: Sections of which exactly one says what is struck.
 SOURCES = ("geometry", "deck", "matrices", "parts", "model", "frf")
@@ -528,11 +529,11 @@ def _many(schema: object) -> dict[str, object]:
     return {"type": "object", "additionalProperties": schema}
 
 
-def _sections(known: Mapping[str, Section]) -> dict[str, object]:
+def _sections(known: Mapping[str, SceneSection]) -> dict[str, object]:
     return _closed({n: {"description": s.about, **_section(n, s)} for n, s in known.items()})
 
 
-def _section(name: str, section: Section) -> dict[str, object]:
+def _section(name: str, section: SceneSection) -> dict[str, object]:
     taken = section.given.split()
     if section.form == "text":
         return {"type": "string"}
@@ -589,14 +590,14 @@ def _parameter(parameter: Parameter) -> dict[str, object]:
     return kinds
 
 
-def _any(kinds: Sequence[Kind]) -> dict[str, object]:
+def _any(kinds: Sequence[ValueKind]) -> dict[str, object]:
     schemas = [_kind(kind) for kind in kinds]
     if len(schemas) == 1:
         return schemas[0]
     return {"anyOf": schemas}
 
 
-def _kind(kind: Kind) -> dict[str, object]:
+def _kind(kind: ValueKind) -> dict[str, object]:
     if kind.each:
         entries = [_any(entry) for entry in kind.each]
         return {"type": "array", "prefixItems": entries, "minItems": len(entries)}

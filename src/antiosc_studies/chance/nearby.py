@@ -48,7 +48,7 @@ RATES = 40
 
 
 @dataclass(eq=False)
-class Family:
+class StructureFamily:
     """The family of structures and sites that `build` and `site` make from values of `names`.
 
     Attributes
@@ -130,7 +130,7 @@ class NearbyModels(ReprMixin):
     error: float = np.nan
     extractions: int = 0
     assemblies: int = 0
-    _family: Family | None = None
+    _family: StructureFamily | None = None
     _made: tuple[int, float, int] = (0, 0.0, 20)
     _terms: list[tuple[int, ...]] = field(default_factory=list)
     _coefficients: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -212,7 +212,7 @@ def nearby(
     check_signature("build", build, limits)
     tol = checks.tolerance(tol)
     n = checks.whole("n", n)
-    family = Family(build, site, tuple(limits))
+    family = StructureFamily(build, site, tuple(limits))
     low, high = np.array(list(limits.values())).T
 
     def at(x: Array) -> Array:
@@ -297,7 +297,7 @@ def _powers(x: Array, terms: list[tuple[int, ...]]) -> Array:
 
 
 def _model(row: Array, rigid: int, shift: float, n: int) -> AntiOscillators:
-    """The model of a row of `Family.projected`; the first `rigid` modes are rigid-body modes."""
+    """The model of a row of `StructureFamily.projected`; the first `rigid` modes are rigid."""
     size = int(np.sqrt(row.size / 2))  # 2 size² + size + 1 entries
     K, M = (block.reshape(size, size) for block in row[: 2 * size**2].reshape(2, -1))
     b = row[2 * size**2 : -1]

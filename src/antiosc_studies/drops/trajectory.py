@@ -223,7 +223,7 @@ def _around(points: Array, close: float) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Impact:
+class FallImpact:
     """One impact: contacts that follow within the longest modal period or the first's duration.
 
     Attributes
@@ -258,7 +258,7 @@ UNITS = (
 )  # fmt: skip
 
 
-class Impacts(tuple[Impact, ...]):
+class Impacts(tuple[FallImpact, ...]):
     """The impacts of a fall; its text is a table."""
 
     def column(self, name: str) -> Array:
@@ -319,7 +319,7 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> Impact:
+def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> FallImpact:
     """The impact that consists of the given episodes."""
     impulses: dict[int, float] = {}
     peak = 0.0
@@ -334,7 +334,7 @@ def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> Im
     before = episodes[0].start
     after = episodes[-1].end
     energies = [sum(s.energies(body, gravity)) for s in (before, after)]
-    return Impact(
+    return FallImpact(
         time=before.time,
         contact_time=after.time - before.time,
         place=body.points[strongest] - body.balls[strongest] * before.R[2] + body.centre,

@@ -32,9 +32,9 @@ from antiosc.models.free_modes import residual
 from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import ABOVE, FreeSites, Where, free_sites
-from antiosc_studies.find.forward import Struck, Surface, has_stiffness
+from antiosc_studies.find.forward import MapSurface, Struck, has_stiffness
 from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
-from antiosc_studies.find.search import POOR, Fit, Scan, most_probable, scan
+from antiosc_studies.find.search import POOR, ProbableImpact, Scan, most_probable, scan
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -379,7 +379,7 @@ def found_in(
     elements = seen.map_sites.elements if "place" in unknown else seen.map_sites.elements[:0]
     model = Struck(
         data,
-        Surface(sites.points, sites.directions, elements),
+        MapSurface(sites.points, sites.directions, elements),
         omega,
         decay,
         monitored.rows,
@@ -402,7 +402,7 @@ def found_in(
 
 
 def _result(
-    model: Struck, scanned: Scan, fits: list[Fit], unknown: Sequence[str], scale: float
+    model: Struck, scanned: Scan, fits: list[ProbableImpact], unknown: Sequence[str], scale: float
 ) -> FoundImpact:
     """The result from the best fits; `scale` is the relative error common to all modes."""
     best = fits[0]
@@ -465,7 +465,7 @@ def _result(
     )
 
 
-def _bars(fit: Fit, scale: float) -> dict[str, float]:
+def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
     """Half-widths of 95 % intervals by name; `scale`: relative error of the whole model."""
     variance = np.diag(fit.covariance)
     of_place = np.array([name == "place" for name in fit.names])
@@ -486,7 +486,7 @@ def _bars(fit: Fit, scale: float) -> dict[str, float]:
 
 
 def _verdict(
-    fit: Fit, rank: int, limits: Array, others: list[Array], data: Recording
+    fit: ProbableImpact, rank: int, limits: Array, others: list[Array], data: Recording
 ) -> tuple[int, str]:
     """(status, message)."""
     count = len(limits)

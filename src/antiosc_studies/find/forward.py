@@ -61,7 +61,7 @@ def _quadratics(y: Array) -> Array:
     return np.column_stack([np.ones(len(y)), y, *products])
 
 
-class Surface:
+class MapSurface:
     """The sites of a map and the elements between them.
 
     Parameters
@@ -214,7 +214,7 @@ class Struck:
     """
 
     data: Recording
-    surface: Surface
+    surface: MapSurface
     omega: Array
     decay: Array
     rows: Array

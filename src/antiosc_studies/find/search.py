@@ -141,7 +141,7 @@ ENOUGH = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ProbableImpact:
     """The most probable impact near a start.
 
     Attributes
@@ -195,7 +195,7 @@ class Search:
         site_data = self.model.modes_at(chart, np.zeros(len(chart.axes)))
         return chart, site_data, self.model.seen(blow, site_data)
 
-    def refined(self, blow: Blow, steps: int) -> Fit:
+    def refined(self, blow: Blow, steps: int) -> ProbableImpact:
         """The impact of least cost near the start, after at most `steps` steps."""
         damping = 1e-3
         step = -1
@@ -313,7 +313,7 @@ class Search:
 
     def _finished(
         self, blow: Blow, chart: Chart, seen: Seen, residual: Array, J: Array, gains: Array
-    ) -> Fit:
+    ) -> ProbableImpact:
         """The fit at the end of a search."""
         d = len(chart.axes)
         k = len(self.logs)
@@ -326,7 +326,7 @@ class Search:
         covariance_of_unknowns = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
         cost = float(residual @ residual)
-        return Fit(
+        return ProbableImpact(
             blow,
             chart,
             seen.hit,
@@ -372,7 +372,7 @@ def most_probable(
     weight: float,
     spread: float,
     doubt: float,
-) -> list[Fit]:
+) -> list[ProbableImpact]:
     """Impacts of least cost, the best first, at different places if there are several.
 
     Parameters
@@ -411,7 +411,7 @@ def _heavier(blow: Blow, by: float) -> Blow:
     return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
-def _kept(model: Struck, begun: list[Fit]) -> list[Fit]:
+def _kept(model: Struck, begun: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to be continued: the best, and the best at another place or the second best."""
     first, *rest = begun
     least_distance = APART * model.surface.spacing(first.blow.site)

@@ -23,7 +23,7 @@ from antiosc.base.errors import (
 from antiosc.base.texts import percent
 from antiosc.models.body import MeasuredBand, ModelInfo
 from antiosc_studies.measured.fit import Fit, Measured, fitted, unclear, with_other_noise
-from antiosc_studies.measured.frf import FRF, POWER, Modes, Pairs, Tail
+from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs, Tail
 
 DampingForm = Literal["viscous", "hysteretic"]
 #: Largest number of values in a fit.
@@ -210,7 +210,7 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
         )
 
 
-def _warn_unclear(data: Measured, modes: Modes) -> None:
+def _warn_unclear(data: Measured, modes: FittedModes) -> None:
     """Warn that the measurement does not show whether the part is supported."""
     taken = "free, k0 = 0" if modes.rigid is not None else "supported"
     warn(
@@ -247,7 +247,7 @@ def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
     return MeasuredBand(top=float(data.w[-1]), draws=len(noisy), omega=omega, decay=decay, b=b, r=r)
 
 
-def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], float]:
+def _free_modes(modes: FittedModes) -> tuple[list[float], list[float], list[float], float]:
     """(omega, decay, b, r) of one site; the rigid-body mode is the first."""
     zero = [] if modes.rigid is None else [0.0]
     rigid_b = [] if modes.rigid is None else [float(modes.rigid[0, 0])]
@@ -257,7 +257,9 @@ def _free_modes(modes: Modes) -> tuple[list[float], list[float], list[float], fl
     return zero + omega, zero + decay, rigid_b + b, float(modes.root[0, 0] ** 2)
 
 
-def anti_oscillators(modes: Modes, sites: tuple[str, ...], info: ModelInfo) -> AntiOscillators:
+def anti_oscillators(
+    modes: FittedModes, sites: tuple[str, ...], info: ModelInfo
+) -> AntiOscillators:
     """The model of a fitted body."""
     order = np.argsort(modes.omega)
     omega = modes.omega[order]

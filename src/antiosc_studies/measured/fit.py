@@ -29,7 +29,7 @@ from antiosc.base._types import Array, BoolArray, ComplexArray
 from antiosc_studies.measured.frf import (
     BEYOND,
     TYPICAL,
-    Modes,
+    FittedModes,
     Pairs,
     Tail,
     drawn,
@@ -171,8 +171,8 @@ class Measured:
 
 
 def refined(
-    data: Measured, weight: Array, modes: Modes, steps: int, shift: Array | float = 0.0
-) -> tuple[Modes, Array, float]:
+    data: Measured, weight: Array, modes: FittedModes, steps: int, shift: Array | float = 0.0
+) -> tuple[FittedModes, Array, float]:
     """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom).
 
     `shift` is added to all residuals: it stands for other noise.
@@ -181,7 +181,7 @@ def refined(
     residual = residuals(data, weight, modes) + shift
     top = float(data.w[-1])
 
-    def moved(step: Array) -> tuple[Modes, Array]:
+    def moved(step: Array) -> tuple[FittedModes, Array]:
         trial = modes.at(modes.values + _within(modes, step, top, LONGEST[0]))
         return trial, residuals(data, weight, trial) + shift
 
@@ -229,7 +229,7 @@ def lowered(
     return None, damping
 
 
-def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Array:
+def _within(modes: FittedModes, step: Array, top: float, widths: float = np.inf) -> Array:
     """The step, shortened so that modes move by at most `widths` widths of their peaks."""
     seen = modes.seen
     count = len(modes.omega)
@@ -244,13 +244,15 @@ def _within(modes: Modes, step: Array, top: float, widths: float = np.inf) -> Ar
     return step
 
 
-def residuals(data: Measured, weight: Array, modes: Modes) -> Array:
+def residuals(data: Measured, weight: Array, modes: FittedModes) -> Array:
     """Weighted residuals: real parts, imaginary parts, then those of the tail."""
     misfit = weight * (modes.receptance(data.w, data.pairs) - data.H)
     return np.append(whitened(misfit.reshape(-1)), modes.expected())
 
 
-def _equations(data: Measured, weight: Array, modes: Modes, residual: Array) -> tuple[Array, Array]:
+def _equations(
+    data: Measured, weight: Array, modes: FittedModes, residual: Array
+) -> tuple[Array, Array]:
     """J'J (n, n) and J' residual (n,), J being the derivatives of `residuals` by `values`.
 
     Computed by blocks of frequencies so that an interrupt takes effect in between.
@@ -273,7 +275,7 @@ def _blocks(count: int) -> list[slice]:
     return [slice(first, first + ROWS) for first in range(0, count, ROWS)]
 
 
-def _derivatives(data: Measured, weight: Array, modes: Modes, rows: slice) -> ComplexArray:
+def _derivatives(data: Measured, weight: Array, modes: FittedModes, rows: slice) -> ComplexArray:
     """Weighted derivatives (rows, M, n) of the receptances by `values`."""
     return modes.jacobian(data.w[rows], data.pairs) * weight[rows, :, None]
 
@@ -292,7 +294,7 @@ def covariance(normal: Array) -> Array:
     return np.asarray(half @ half.T / size / size[:, None])
 
 
-def lifted(data: Measured, modes: Modes) -> Modes:
+def lifted(data: Measured, modes: FittedModes) -> FittedModes:
     """The body with small values in place of zero residual terms, where the cost has no
     gradient.
     """
@@ -319,7 +321,7 @@ def _not_zero(root: Array, least: float) -> Array:
     return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
 
 
-def noise(data: Measured, modes: Modes) -> Array:
+def noise(data: Measured, modes: FittedModes) -> Array:
     """Most likely standard deviations (W, M): a share of |H| plus a floor of the measured
     quantity.
     """
@@ -394,11 +396,11 @@ class Fit:
     its probability; tails : bodies with other tails that are hardly less probable.
     """
 
-    modes: Modes
+    modes: FittedModes
     weight: Array
     chi2: float
     cost: float
-    tails: tuple[Modes, ...] = ()
+    tails: tuple[FittedModes, ...] = ()
 
 
 def fitted(
@@ -450,14 +452,14 @@ def fitted(
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
 
 
-def _off_below(data: Measured, modes: Modes) -> float:
+def _off_below(data: Measured, modes: FittedModes) -> float:
     """Mean relative misfit of the lowest frequencies, which depend most on rigid-body motion."""
     low = slice(LOWEST)
     fit = modes.receptance(data.w[low], data.pairs)
     return float(np.mean(np.abs(fit / data.H[low] - 1)))
 
 
-def _slight(data: Measured, modes: Modes) -> bool:
+def _slight(data: Measured, modes: FittedModes) -> bool:
     """Whether the rigid-body motion is too small for that of a free part."""
     if modes.rigid is None:
         return True
@@ -466,7 +468,7 @@ def _slight(data: Measured, modes: Modes) -> bool:
     return bool(small) and unclear(data, modes)
 
 
-def unclear(data: Measured, modes: Modes) -> bool:
+def unclear(data: Measured, modes: FittedModes) -> bool:
     """Whether the lowest frequency shows neither mass nor stiffness at the most mobile point."""
     driving = [column for column, (m, n) in enumerate(data.pairs) if m == n]
     H = modes.receptance(data.w[:1], data.pairs)[0]
@@ -479,7 +481,7 @@ def unclear(data: Measured, modes: Modes) -> bool:
     return bool(abs(H[column] - dominant) > NEITHER * abs(H[column]))
 
 
-def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
+def _finished(data: Measured, weight: Array, modes: FittedModes) -> Fit:
     """The converged fit that starts from these modes."""
     for _ in range(ROUNDS):
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
@@ -492,13 +494,13 @@ def _finished(data: Measured, weight: Array, modes: Modes) -> Fit:
     return Fit(modes, weight, chi2, _cost(data, weight, modes))
 
 
-def _cost(data: Measured, weight: Array, modes: Modes) -> float:
+def _cost(data: Measured, weight: Array, modes: FittedModes) -> float:
     """Minus twice the logarithm of a body's probability."""
     residual = residuals(data, weight, modes)
     return float(residual @ residual - 4 * np.sum(np.log(weight)))
 
 
-def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
+def _best(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedModes]:
     """The most probable bodies in order: those near the best, and at least FEW_BODIES."""
     costs = [_cost(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
@@ -511,7 +513,7 @@ def _best(data: Measured, fit: Fit, bodies: list[Modes]) -> list[Modes]:
 
 def _first(
     data: Measured, weight: Array, free: bool | None, hysteretic: bool, known_tail: Tail | None
-) -> Modes:
+) -> FittedModes:
     """Initial modes: poles of vector fitting with residues by least squares."""
     omega, zeta = poles(data.w, data.H, weight)
     low = data.w[0] * (1 - BEYOND)
@@ -534,7 +536,7 @@ def _first(
     b = np.array([rank_one(residue) for residue in residues[: len(omega)]]).reshape(-1, data.sites)
     nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
     rigid = None if free is False else _root(residues[-1])
-    modes = Modes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
+    modes = FittedModes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
     modes = modes.with_seen(*_of_modes(modes))
     return with_tail(modes, known_tail or expected_tail(modes, float(data.w[-1])))
 
@@ -564,7 +566,7 @@ def _root(matrix: Array) -> Array:
     return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)
 
 
-def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
+def _of_modes(modes: FittedModes) -> tuple[Array, Array, Array]:
     """Frequencies, damping ratios and displacements of the modes."""
     return modes.omega, modes.zeta, modes.b
 
@@ -572,7 +574,7 @@ def _of_modes(modes: Modes) -> tuple[Array, Array, Array]:
 # -- adding and dropping modes
 
 
-def _standing(modes: Modes, spreads: Array) -> BoolArray:
+def _standing(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of modes in the band whose displacement is significant at some site."""
     displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
@@ -582,7 +584,7 @@ def _standing(modes: Modes, spreads: Array) -> BoolArray:
     return np.asarray(np.any(np.abs(displacement) > STANDS * spread, axis=1))
 
 
-def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | None:
+def _missing(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
     """The body with further modes at peaks of the residual; None if there are none."""
     misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
@@ -628,7 +630,7 @@ def _missing(data: Measured, weight: Array, modes: Modes, most: int) -> Modes | 
 # -- other possible bodies
 
 
-def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
+def with_other_noise(data: Measured, fit: Fit) -> list[FittedModes]:
     """Bodies fitted to the measurement with other random noise (seeded)."""
     random = np.random.default_rng(0)
     lines = 2 * data.H.size
@@ -641,7 +643,7 @@ def with_other_noise(data: Measured, fit: Fit) -> list[Modes]:
     return models
 
 
-def _other_tails(data: Measured, fit: Fit) -> list[Modes]:
+def _other_tails(data: Measured, fit: Fit) -> list[FittedModes]:
     """Bodies with other, equally probable tails (seeded by the number of modes)."""
     random = np.random.default_rng(fit.modes.seen)
     models = []

@@ -61,7 +61,7 @@ class Tail:
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class FittedModes:
     """The parameters of the fit.
 
     Attributes
@@ -153,7 +153,7 @@ class Modes:
         parts = [np.log(self.omega), np.log(self.zeta[: self.seen]), self.b.ravel()]
         return np.concatenate(parts + [L[lower] for L in (self.rigid, self.root) if L is not None])
 
-    def at(self, values: Array) -> Modes:
+    def at(self, values: Array) -> FittedModes:
         """The body with other `values`."""
         omega, zeta, b, rigid, root = np.split(values, np.cumsum(self.sizes)[:-1])
         p = len(self.root)
@@ -166,7 +166,7 @@ class Modes:
             rigid=None if self.rigid is None else _triangle(rigid, p),
         )
 
-    def with_seen(self, omega: Array, zeta: Array, b: Array) -> Modes:
+    def with_seen(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
         """The body with other modes in the band."""
         order = np.argsort(omega)
         seen = self.seen
@@ -216,7 +216,7 @@ def _lower(size: int) -> tuple[Index, Index]:
 # -- prior expectation of the modes above the band: they continue the last modes in it
 
 
-def expected_tail(modes: Modes, top: float) -> Tail:
+def expected_tail(modes: FittedModes, top: float) -> Tail:
     """Expected modes above `top` [rad/s], whose spacings grow from those of the last modes.
 
     Where the spacings exceed those of the part, each mode stands for several.
@@ -250,7 +250,7 @@ def expected_tail(modes: Modes, top: float) -> Tail:
     )
 
 
-def with_tail(modes: Modes, tail: Tail) -> Modes:
+def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
     """The body with a tail of expected size; the signs of its displacements are random."""
     seen = modes.seen
     U = len(tail.omega)

@@ -11,7 +11,7 @@ import antiosc as ao
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.platform import compat
 from antiosc_decks import nastran_mesh as nastran
-from antiosc_decks.nastran_mesh import System
+from antiosc_decks.nastran_mesh import CoordinateSystem
 from antiosc_decks.sources import Sources
 from nastran_decks import UNIT_GRIDS
 from paths import DECKS
@@ -38,7 +38,7 @@ def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
 def test_systems_agree_with_their_derivatives(kind):
     rng = np.random.default_rng(3)
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    system = System(rng.normal(size=3), axes, kind)
+    system = CoordinateSystem(rng.normal(size=3), axes, kind)
     c = np.array([1.3, 40.0, 25.0])
     x, step = system.point(c), 1e-6
     for k, row in enumerate(system.frame(x)):

@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.io.deck import Place
+from antiosc.io.deck import DeckPlace
 from antiosc_decks import (
     abaqus_sections as abaqus_profiles,
     nastran_beams as nastran_profiles,
@@ -20,7 +20,7 @@ from antiosc_decks.abaqus_cards import Card
 from antiosc_decks.nastran_beams import BeamProfiles, arc
 from antiosc_decks.nastran_cards import Entry
 
-PLACE = Place(Path("a deck"), 1)
+PLACE = DeckPlace(Path("a deck"), 1)
 
 
 def nastran(name: str, kind: str, *dimensions: float) -> profiles.Profile:
@@ -332,7 +332,7 @@ def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_p
 
 def profile(kind: str, *dimensions: float):
     fields = ["1", "1", "", kind, *[""] * 4, *map(str, dimensions)]
-    return BeamProfiles(Entry("PBARL", Place("a deck", 1), fields)).at(0.0).profile
+    return BeamProfiles(Entry("PBARL", DeckPlace("a deck", 1), fields)).at(0.0).profile
 
 
 #: Lengths and thicknesses of the walls after the figures of the manuals.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from antiosc.base.errors import MeshError
-from antiosc.io.deck import Deck, Place
+from antiosc.io.deck import Deck, DeckPlace
 from antiosc_decks import abaqus_assembly, abaqus_joints as ties
 from antiosc_decks.abaqus_joints import read_joints, surfaces_of
-from antiosc_decks.constraints import Constraints
+from antiosc_decks.constraints import DeckConstraints
 from antiosc_decks.sources import Sources
 from motions import rigid, row_of
 from refusals import refused
@@ -30,7 +30,7 @@ def deck_of(folder, x: np.ndarray, text: str):
 def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
     """(the constraints that the cards make, what is told)."""
     whole, cards = deck_of(folder, x, text)
-    joints = Constraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
+    joints = DeckConstraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
     read_joints(whole, joints, cards)
     return joints, whole.deck.told
 
@@ -451,8 +451,8 @@ def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
     np.testing.assert_allclose(C[:, 5], np.eye(6), atol=1e-15)
     assert np.abs(C.reshape(6, -1) @ rigid(POINTS).reshape(36, 6)).max() < 1e-12
     deck, nodes = Deck("a", points=POINTS), np.arange(5)
-    joints = Constraints(deck, np.ones(6, dtype=bool), np.ones(6, dtype=bool))
-    joints.mean(5, range(6), nodes, RANDOM.uniform(0.2, 1.0, 5), Place(tmp_path, 1))
+    joints = DeckConstraints(deck, np.ones(6, dtype=bool), np.ones(6, dtype=bool))
+    joints.mean(5, range(6), nodes, RANDOM.uniform(0.2, 1.0, 5), DeckPlace(tmp_path, 1))
     for terms in joints.equations:
         moved = sum(value * rigid(POINTS)[node, motion] for node, motion, value in terms)
         assert np.abs(moved).max() < 1e-12

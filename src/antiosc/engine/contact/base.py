@@ -305,10 +305,10 @@ class Compiled(Checked, ContactLaw):
         return float("inf")
 
     @cached_property
-    def kernel(self) -> tuple[library.Law, Array]:
+    def kernel(self) -> tuple[library.CLaw, Array]:
         """The law as a structure of the C library, and the arrays that it refers to."""
         numbers = np.array(self.parameters(), dtype=float)
-        return library.Law(self.kind, numbers.size, library.address(numbers), None), numbers
+        return library.CLaw(self.kind, numbers.size, library.address(numbers), None), numbers
 
     @cached_property
     def _at(self) -> int:

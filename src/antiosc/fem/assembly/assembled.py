@@ -49,7 +49,7 @@ STILL = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class RigidBody:
+class RigidDofs:
     """Dofs with their rigid motions: of a body before joining, or of the assembly."""
 
     name: str  # of the part or of the reference point, for messages
@@ -59,7 +59,7 @@ class RigidBody:
     motions: Array  # (rows, 6) unit translations and rotations (about the centre, by 1/size)
 
 
-def unjoined_bodies(layout: Layout) -> list[RigidBody]:
+def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
     """The connected bodies of parts, superelements and points, before they are joined."""
     found: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
@@ -83,7 +83,7 @@ def _around(x: Array, layout: Layout) -> tuple[Array, float]:
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
 
 
-def whole_body(layout: Layout) -> RigidBody:
+def whole_body(layout: Layout) -> RigidDofs:
     """The assembly as one body, with rotations about its middle."""
     return _rigid_body(
         layout.places, "all", np.arange(layout.count), layout.middle, layout.size / 2
@@ -92,16 +92,16 @@ def whole_body(layout: Layout) -> RigidBody:
 
 def _rigid_body(
     places: DofPlaces, name: str, rows: IntArray, centre: Array, size: float
-) -> RigidBody:
+) -> RigidDofs:
     """The rigid motions of these rows."""
     motions = places.rigid_motions(centre, rows)
     motions[:, 3:] /= size
-    return RigidBody(name, rows, centre, size, motions)
+    return RigidDofs(name, rows, centre, size, motions)
 
 
 def free_motions(
     layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
-) -> tuple[Array, Array, list[RigidBody]]:
+) -> tuple[Array, Array, list[RigidDofs]]:
     """Strain-free motions that satisfy the constraints and vanish at fixed dofs.
 
     Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
@@ -123,7 +123,7 @@ def free_motions(
     return rigid, mechanisms, moving
 
 
-def _motions_of(bodies: Sequence[RigidBody], size: int) -> Sparse:
+def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     """The motions of all bodies as columns (size, k) of u."""
     rows = []
     columns = []
@@ -176,7 +176,7 @@ def _excluding_rigid(found: Array, rigid: Array) -> Array:
     return np.asarray(U[:, :count] * values[:count])
 
 
-def described(one: RigidBody, motions: Array) -> str:
+def described(one: RigidDofs, motions: Array) -> str:
     """The motions (rows of u, m) of a body as text, such as "translation along x"."""
     coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
@@ -198,7 +198,7 @@ def modes_of(
     eliminated: Eliminated,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[RigidBody],
+    moving: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
     """(M-orthonormal strain-free motions, first shift)."""
     found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
@@ -251,7 +251,7 @@ def warn_of_motions(
     layout: Layout,
     rigid: Array,
     mechanisms: Array,
-    moving: Sequence[RigidBody],
+    moving: Sequence[RigidDofs],
     *,
     supported: bool,
 ) -> None:
@@ -268,7 +268,7 @@ def warn_of_motions(
         )
 
 
-def _in_words(mechanisms: Array, moving: Sequence[RigidBody]) -> str:
+def _in_words(mechanisms: Array, moving: Sequence[RigidDofs]) -> str:
     """The mechanisms as text, body by body."""
     names: dict[str, str] = {}
     for one in moving:

@@ -15,9 +15,9 @@ from antiosc.fem.assembly.joint import (
     END,
     NAME,
     End,
+    EndMotion,
     HeldDofs,
     Joint,
-    Motion,
     Rows,
     end_text,
     following,
@@ -128,7 +128,7 @@ class Mean(Joint):
 
 
 def _as_rigid_body(
-    layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str
+    layout: Layout, member: Member, nodes: IntArray, leader: EndMotion, label: str
 ) -> Rows:
     """The constraints by which nodes of a part follow the rigid motion of a point."""
     rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
@@ -136,7 +136,7 @@ def _as_rigid_body(
     return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
 
 
-def _undetermined(member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Rows]:
     """Rows for the rotations of a point that move no follower, which are therefore fixed."""
     if member.has_rotations:
         return []
@@ -156,7 +156,7 @@ def _rows_of(projection: Array) -> Array:
     return np.asarray(vectors[:, values > 0.5].T)
 
 
-def _single(follower: Motion, count: int) -> IntArray:
+def _single(follower: EndMotion, count: int) -> IntArray:
     """The single follower dof for which each row is solved; -1 if there are several."""
     pivots = np.full(count, -1)
     alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)

@@ -23,7 +23,7 @@ from antiosc.base.checks import Checked, checked_by, floats, point_text, positiv
 from antiosc.base.errors import InputError, name_list, warn
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.parts import Condensed, interface
-from antiosc.fem.mesh.surface import Quadrature, largest, quadrature
+from antiosc.fem.mesh.surface import WeightedPoints, largest, quadrature
 from antiosc.fem.structure import in_space, skew
 from antiosc.fem.structure.attachments import (
     NEAR,
@@ -61,7 +61,7 @@ def stacked(displacements: Sparse, rotations: Sparse) -> Sparse:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class EndMotion:
     """Displacement and rotation of an end at a point, in the axes of the assembly.
 
     Attributes
@@ -108,7 +108,7 @@ class Motion:
         missing = all_of - all_of @ self.space[3:, 3:] @ all_of
         return bool(np.abs(missing).max() <= MISSING_SHARE)
 
-    def at(self, point: Array) -> Motion:
+    def at(self, point: Array) -> EndMotion:
         """The motion of a point that is rigidly connected to this end."""
         moved = self.displacements_at(point[None])
         return replace(self, six=stacked(moved, self.rotations), point=point)
@@ -180,7 +180,7 @@ def _member(layout: Layout, part: str, end: End) -> Member:
     return layout.members[part]
 
 
-def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> Motion:
+def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotion:
     """The motion of an end at its reference point.
 
     `allow_partial`: accept ends without some displacements, such as sites of superelements.
@@ -203,7 +203,7 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> Motion:
     return mean(layout, member, member.points_of(group))
 
 
-def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> Motion | None:
+def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMotion | None:
     """The motion of a reference point, a site or node of a superelement; None for other ends."""
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
@@ -211,10 +211,10 @@ def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> Motion
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
-    return Motion(layout.units(layout.of_point(end)), space, layout.points[end])
+    return EndMotion(layout.units(layout.of_point(end)), space, layout.points[end])
 
 
-def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) -> None:
+def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, EndMotion]]) -> None:
     """Warn of a joint whose ends are farther apart than the smaller of its two parts is long."""
     gap = float(np.linalg.norm(ends[1][1].point - ends[0][1].point))
     names = [end[0] if isinstance(end, tuple) else end.partition(":")[0] for end, _ in ends]
@@ -228,7 +228,7 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, Motion]]) 
         )
 
 
-def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bool) -> Motion:
+def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bool) -> EndMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     if isinstance(end, str):
         name = end.split(":", 1)[1]
@@ -257,18 +257,18 @@ def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bo
         )
     six = interface(member, interface_of_end, layout.count)
     space = scipy.linalg.block_diag(moves, turns)
-    return Motion(six, space, member.at.placed(interface_of_end.point[None])[0])
+    return EndMotion(six, space, member.at.placed(interface_of_end.point[None])[0])
 
 
-def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
+def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
     """The motion of a part's single node."""
     six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return Motion(six, _space(layout, member), member.nodes[nodes[0]])
+    return EndMotion(six, _space(layout, member), member.nodes[nodes[0]])
 
 
 def _of_point(
     layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
-) -> Motion:
+) -> EndMotion:
     """The motion of a part at a point, or of its surface within a radius."""
     end = (part, point)
     member = _member(layout, part, end)
@@ -283,10 +283,10 @@ def _of_point(
         return mean(layout, member, _around(member, end, place, radius)).at(place)
     at = member, nearest.cell, nearest.X
     six = stacked(*(layout.at_points(*at, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return Motion(six, _space(layout, member), place)
+    return EndMotion(six, _space(layout, member), place)
 
 
-def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature:
+def _around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
     """Quadrature points within a ball on a part's surface, its faces, sheets or lines."""
     faces = member.part.faces
     centre = member.at.own(place[None])[0]
@@ -299,7 +299,7 @@ def _around(member: Member, end: End, place: Array, radius: float) -> Quadrature
             f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
             "the radius."
         )
-    part = Quadrature(*(getattr(whole, one.name)[inside] for one in fields(Quadrature)))
+    part = WeightedPoints(*(getattr(whole, one.name)[inside] for one in fields(WeightedPoints)))
     return replace(part, x=member.at.placed(part.x))
 
 
@@ -308,7 +308,7 @@ def _space(layout: Layout, member: Member) -> Array:
     return scipy.linalg.block_diag(np.eye(3), member.has_rotations * layout.rotations)
 
 
-def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
+def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
     """Weighted mean motion of points of a part at their centroid.
 
     With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
@@ -339,7 +339,7 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
         rotations = (rotations + scipy.sparse.csr_matrix(rest) @ of_nodes).tocsr()
         turns = turns + rest
     space = scipy.linalg.block_diag(np.eye(3), turns)
-    return Motion(stacked(displacements, rotations), space, centre)
+    return EndMotion(stacked(displacements, rotations), space, centre)
 
 
 #: (joint, the joints from which some of its rows follow, number of these rows)
@@ -581,7 +581,7 @@ def superelement(layout: Layout, member: Condensed) -> Stiffness:
     return Stiffness(functionals, part.K, part.M, rigid=part.rigid)
 
 
-def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
+def _places(layout: Layout, where: str | Sequence[float]) -> list[EndMotion]:
     """Motions of the points at which an attachment acts."""
     if not isinstance(where, str):
         if len(where) < 3 and not layout.plane:

@@ -18,9 +18,9 @@ from antiosc.fem.assembly.joint import (
     UNIT,
     Between,
     End,
+    EndMotion,
     HeldDofs,
     Joint,
-    Motion,
     Rows,
     Stiffness,
     checked_end,
@@ -156,7 +156,7 @@ class Slider(_Axis):
         return scipy.linalg.block_diag(self._across(), np.eye(3))
 
 
-def carried(layout: Layout, label: str, end: End, end_motion: Motion, x: Array) -> Motion:
+def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Array) -> EndMotion:
     """The motion at point x, rigidly connected to an end."""
     arm = x - end_motion.point
     length = float(np.linalg.norm(arm))
@@ -183,7 +183,9 @@ def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
     return components.multiply(distinct).tocsr()
 
 
-def _check_rotations(label: str, joint: _Pin, directions: Array, a: Motion, b: Motion) -> None:
+def _check_rotations(
+    label: str, joint: _Pin, directions: Array, a: EndMotion, b: EndMotion
+) -> None:
     """InputError if an end lacks a rotation that the joint constrains."""
     rotations = directions[directions[:, 3:].any(axis=1)]
     for end, end_motion in ((joint.a, a), (joint.b, b)):
@@ -351,7 +353,7 @@ class Bushing(Between):
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
 
-def _check_has(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
+def _check_has(label: str, name: str, direction: Array, *ends: tuple[End, EndMotion]) -> None:
     """InputError where an end does not move along the direction (6,) of a spring."""
     rotation = direction[3:].any()
     for end, end_motion in ends:

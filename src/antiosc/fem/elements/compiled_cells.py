@@ -33,7 +33,7 @@ class CompiledCells(CellByCell):
         self.products = HEXAHEDRA if self._mesh.cell == "hexahedron" else DIRECTED
 
     @cached_property
-    def _cells(self) -> list[tuple[library.Cells, Array]]:
+    def _cells(self) -> list[tuple[library.CCells, Array]]:
         """Cells of K and of M in the form of the C library, each with its workspace."""
         return [(kernel.cells(), np.empty(kernel.room + kernel.dofs)) for kernel in self._kernels]
 

@@ -49,7 +49,7 @@ def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
     return first, second
 
 
-class Stretch(NamedTuple):
+class SecondOrderStrain(NamedTuple):
     """Second-order strain of an element family: total strain ε(u) + η(u, u)/2, forces N linear in
     it.
     """
@@ -81,7 +81,7 @@ class Stretch(NamedTuple):
         return ufl.inner(self.forces(strain), self.eta(v, w))
 
 
-def stretch_of(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+def stretch_of(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """The second-order strain of the family of `parts`, for displacements of degree `order`."""
     material = parts[0][0]
     if material.kind.sheet:
@@ -93,7 +93,7 @@ def stretch_of(mesh: Mesh, parts: Parts, order: int) -> Stretch:
     return _of_solids(mesh, parts, order)
 
 
-def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+def _of_solids(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """Second-order strain of solids."""
     degree = 4 * (order - 1) + 2 * (mesh.order - 1)
     if mesh.cell in ("quadrilateral", "hexahedron"):
@@ -104,14 +104,14 @@ def _of_solids(mesh: Mesh, parts: Parts, order: int) -> Stretch:
         def voigt_eta(a: Expr, b: Expr) -> Expr:
             return voigt_strain(of_solid(a, b))
 
-        return Stretch(
+        return SecondOrderStrain(
             lambda u: voigt_strain(ufl.sym(ufl.grad(u))), voigt_eta, lambda e: C * e, degree
         )
     stress = isotropic_stress(mesh, parts)
-    return Stretch(lambda u: ufl.sym(ufl.grad(u)), of_solid, stress, degree)
+    return SecondOrderStrain(lambda u: ufl.sym(ufl.grad(u)), of_solid, stress, degree)
 
 
-def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
+def _of_sheets(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
     """Second-order strain of sheets, on the neutral surface; curved quadrilaterals use 2×2
     points.
     """
@@ -127,10 +127,12 @@ def _of_sheets(mesh: Mesh, parts: Parts) -> Stretch:
     degree = 6 + 2 * (mesh.order - 1)
     if mesh.cell == "quadrilateral":
         degree = 5 if mesh.order == 1 else 3
-    return Stretch(strain, lambda a, b: of_sheet(frame, a, b), lambda e: section.A * e, degree)
+    return SecondOrderStrain(
+        strain, lambda a, b: of_sheet(frame, a, b), lambda e: section.A * e, degree
+    )
 
 
-def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
+def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """Second-order strain of beams along the axis; twist adds polar radius² × twist² to η."""
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
@@ -160,10 +162,10 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> Stretch:
             return along
         return along + radius2 * ufl.dot(turn, t) * ufl.dot(turned, t)
 
-    return Stretch(strain, eta, lambda e: EA * e, 2 * order - 1)
+    return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 
 
-def _of_bars(mesh: Mesh, parts: Parts) -> Stretch:
+def _of_bars(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
     """Second-order strain of truss bars."""
     EA = coefficient(mesh, parts, lambda bar: bar.E * bar.area)
     t = tangent(mesh)
@@ -171,7 +173,7 @@ def _of_bars(mesh: Mesh, parts: Parts) -> Stretch:
     def slope(u: Expr) -> Expr:
         return ufl.dot(ufl.grad(u), t)
 
-    return Stretch(
+    return SecondOrderStrain(
         lambda u: ufl.dot(slope(u), t),
         lambda a, b: ufl.dot(slope(a), slope(b)),
         lambda e: EA * e,

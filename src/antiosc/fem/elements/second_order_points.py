@@ -37,7 +37,7 @@ IN_PLANE = ((0, 0), (1, 1), (0, 1))
 
 
 @dataclass(eq=False)
-class Points:
+class PartPoints:
     """The Gauss points of a part.
 
     Attributes
@@ -66,7 +66,7 @@ class Points:
     def __post_init__(self) -> None:
         self._turned = self.gradient.T.tocsr()
 
-    def about(self, state: Array) -> Points:
+    def about(self, state: Array) -> PartPoints:
         """The points with a static state (dofs,) as the reference state of motions."""
         return replace(self, base=self.slopes(state))
 
@@ -128,7 +128,7 @@ class Points:
         return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
 
 
-def points_of(part: MeshedStructure) -> Points:
+def points_of(part: MeshedStructure) -> PartPoints:
     """The Gauss points of a part; InputError for a family without second-order strain."""
     if part.comm.size > 1:
         raise InputError("stretch= works in one process: extract the model without mpirun.")
@@ -152,12 +152,12 @@ def _points(
     square: Array,
     stiffness: Callable[[compat.GaussPoints], Array],
     moved: int,
-) -> Points:
+) -> PartPoints:
     """The Gauss points; `ways` gives the `count` directional derivatives of a scalar (UFL)."""
     mesh = part.mesh
     space = part.form.space
     at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
-    return Points(
+    return PartPoints(
         gradient=at.derivatives(ways, count, space),
         weight=at.weight,
         strain=strain(at),
@@ -169,7 +169,7 @@ def _points(
     )
 
 
-def _of_sheets(part: MeshedStructure) -> Points:
+def _of_sheets(part: MeshedStructure) -> PartPoints:
     """Gauss points of sheets."""
     frame = frames(part.mesh, part.parts)
     section = section_fields(part.mesh, part.parts)
@@ -205,7 +205,7 @@ def _of_sheets(part: MeshedStructure) -> Points:
     return _points(part, ways, 2, strain, square, lambda at: matrix(at, section.A), 3)
 
 
-def _of_solids(part: MeshedStructure) -> Points:
+def _of_solids(part: MeshedStructure) -> PartPoints:
     """Gauss points of solids."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
@@ -239,7 +239,7 @@ def _in_plane(solid: Solid) -> Array:
     return solid.thickness * C
 
 
-def _of_beams(part: MeshedStructure) -> Points:
+def _of_beams(part: MeshedStructure) -> PartPoints:
     """Gauss points of beams without offset."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch= does not take beams with an offset.")

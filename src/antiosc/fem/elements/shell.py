@@ -104,7 +104,7 @@ class Frame(NamedTuple):
     along: Expr
 
 
-class Strains(NamedTuple):
+class SurfaceStrains(NamedTuple):
     """Strains of the surface in its frame."""
 
     #: (ε1, ε2, γ12)
@@ -138,7 +138,7 @@ def _halves(w: Expr) -> tuple[Expr, Expr]:
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
 
-def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> Strains:
+def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     """Strains of a trial or test function; `middle`: z of the middle of the section, or None
     for 0.
     """
@@ -166,7 +166,7 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> Strains:
     drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
     if middle is not None:  # the rotation of the middle surface
         drilling += middle * (curvature[1, 0] - curvature[0, 1]) / 2
-    return Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
+    return SurfaceStrains(_engineering(gradient), _engineering(curvature), shear, drilling)
 
 
 def _engineering(e: Expr) -> Expr:
@@ -174,14 +174,16 @@ def _engineering(e: Expr) -> Expr:
     return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
 
 
-def energies(section: SectionFields, a: Strains, b: Strains) -> tuple[Expr, Expr, Expr]:
+def energies(
+    section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
+) -> tuple[Expr, Expr, Expr]:
     """(membrane and drilling, shear, bending) energy densities of two strain states.
 
     The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
     therefore non-negative by itself, for any integration points.
     """
 
-    def stretch(e: Strains) -> Expr:
+    def stretch(e: SurfaceStrains) -> Expr:
         if section.coupling is None:
             return e.membrane
         return e.membrane + section.coupling * e.bending
@@ -353,7 +355,7 @@ class Sheet(Checked):
         frame = frames(mesh, parts)
         X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
 
-        def strains(motion: Expr) -> Strains:
+        def strains(motion: Expr) -> SurfaceStrains:
             full = strains_of(frame, motion, section.middle)
             if X is None:
                 return full

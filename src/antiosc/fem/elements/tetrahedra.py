@@ -54,20 +54,20 @@ class Tetrahedra(CellByCell):
         product(byref(groups[group]), k, m, library.address(u), library.address(out))
 
     @cached_property
-    def _in_double(self) -> tuple[Callable[..., None], list[library.Tetra]]:
+    def _in_double(self) -> tuple[Callable[..., None], list[library.CTetra]]:
         """(product function of the C library, groups of cells) in double precision."""
         return library.library.aom_tetra_product_double, self._given(self._data)
 
     @cached_property
-    def _in_single(self) -> tuple[Callable[..., None], list[library.Tetra]]:
+    def _in_single(self) -> tuple[Callable[..., None], list[library.CTetra]]:
         """(product function of the C library, groups of cells) in single precision."""
         self._single = self._data.astype(np.float32)
         return library.library.aom_tetra_product_float, self._given(self._single)
 
-    def _given(self, data: NDArray[Any]) -> list[library.Tetra]:
+    def _given(self, data: NDArray[Any]) -> list[library.CTetra]:
         """The groups of cells, with the data in one precision."""
         return [
-            library.Tetra(
+            library.CTetra(
                 end - begin, *(library.address(array[begin:end]) for array in (self._nodes, data))
             )
             for begin, end in self._groups

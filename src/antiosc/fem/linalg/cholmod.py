@@ -517,7 +517,7 @@ class SinglePrecision:
         self._lists = [np.array(one, np.int64) for one in (L.start, L.row, L.rows, L.value)]
         self._values = L.values.astype(np.float32)
         places = [*(library.address(one) for one in self._lists), library.address(self._values)]
-        self._supernodes = library.Supernodes(len(L.start) - 1, *places)
+        self._supernodes = library.CSupernodes(len(L.start) - 1, *places)
         self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
 
     def solve(self, b: Array) -> Array:

@@ -502,7 +502,7 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
     analysis = 0.0 if by_cells(A) else ANALYSIS * stored(A)
     process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
     coarser = levels.coarser() if by_cells(A) else None
-    plan = Plan(A) if coarser is None else Linear(A, coarser)
+    plan = Plan(A) if coarser is None else PlanByLinear(A, coarser)
     entries = plan.entries
     need = BYTES * entries
     if need <= process.MEMORY_SHARE * free:
@@ -562,14 +562,14 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     coarser = levels.coarser()
     factored = coarser is not None and coarser.getSize()[1] <= FACTORED
     if plan is None and factored and by_cells(A) and A.getComm().getSize() == 1:
-        plan = Linear(A, coarser)
+        plan = PlanByLinear(A, coarser)
     sizes = sizes_of(A, plan.entries if plan and factored else 0.0)
     what = f"the iterative solver of {A.getSize()[0]} dofs"
     process.require(sizes.bytes, what, SMALLER_MESH, free)
     solver: Multigrid
     if coarser is None:
         solver = Multigrid(with_entries(A), levels.motions())
-    elif isinstance(plan, Linear):
+    elif isinstance(plan, PlanByLinear):
         inverse = partial(preconditioner, analysis=plan.taken())
         solver = TwoLevels(A, levels.motions, coarser, inverse, plan.A)
     else:
@@ -643,7 +643,7 @@ class Plan:
         return factorize(self.A, self.taken())
 
 
-class Linear(Plan):
+class PlanByLinear(Plan):
     """Forecast for the factor of quadratic elements, from that of linear ones on the same cells.
 
     Its analysis takes a tenth of the memory.

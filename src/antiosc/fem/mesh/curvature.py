@@ -389,7 +389,7 @@ def _turns(starts: Array, end: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Fit:
+class SurfaceFit:
     """A polynomial w(u, v) over the tangent plane through nodes of the surface.
 
     Attributes
@@ -479,7 +479,7 @@ def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
     return Curvature(kind, np.full(2, np.nan), np.nan, np.full((2, 3), np.nan), x, normal)
 
 
-def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
+def _spread(fit: SurfaceFit, smaller: SurfaceFit | None, larger: SurfaceFit | None) -> float:
     """Truncation error of the polynomial [1/m], from fits with a smaller and a larger radius."""
     shrinks = OTHER ** (4 if fit.degree == 4 else 2)
     error = 0.0
@@ -491,13 +491,13 @@ def _spread(fit: Fit, smaller: Fit | None, larger: Fit | None) -> float:
     return error
 
 
-def _cut_off(fit: Fit, share: float) -> float:
+def _cut_off(fit: SurfaceFit, share: float) -> float:
     """Truncation error [1/m] of a fit within `share` radii of curvature, if it were to a circle."""
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())
 
 
-def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[Fit, float] | None:
+def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[SurfaceFit, float] | None:
     """The fit within a radius [m], or within the smallest larger one that holds enough nodes."""
     distance = np.sort(np.linalg.norm(nodes, axis=1))
     while True:
@@ -509,7 +509,7 @@ def _fit_within(nodes: Array, normal: Array, radius: float) -> tuple[Fit, float]
         radius = min(max(1.1 * radius, float(distance[0])), float(distance[-1]) * 1.001)
 
 
-def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
+def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
     """The fit of the highest degree for which there are enough nodes (n, 3); None if there are too
     few.
     """
@@ -543,7 +543,9 @@ def _fit(nodes: Array, normal: Array, radius: float) -> Fit | None:
         plane = rows[:, [number[each] for each in ((0, 0), (1, 0), (0, 1))]]
         level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
         flat = bool(np.abs(w - level).max() <= ON_PLANE)
-        return Fit(values, vectors.T @ tangents, up, float(spread.max()) / radius, flat, degree)
+        return SurfaceFit(
+            values, vectors.T @ tangents, up, float(spread.max()) / radius, flat, degree
+        )
     return None
 
 

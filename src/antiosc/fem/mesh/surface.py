@@ -25,7 +25,7 @@ DEGREE = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Quadrature:
+class WeightedPoints:
     """n weighted points in cells of a mesh."""
 
     entity: IntArray  # (n,) number of the entity of each
@@ -154,7 +154,7 @@ def shape(mesh: Mesh, dim: int) -> str:
     return "triangle" if mesh.geometry.simplex else "quadrilateral"
 
 
-def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrature:
+def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> WeightedPoints:
     """Quadrature points on entities of a mesh, exact for polynomials of `degree` on straight
     simplices.
     """
@@ -175,7 +175,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrat
     if dim:
         J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
         area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
-    return Quadrature(
+    return WeightedPoints(
         np.repeat(np.arange(many), count),
         cell,
         X,
@@ -213,7 +213,7 @@ OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 
 @dataclass(frozen=True, eq=False)
-class Contact:
+class SurfaceAtSites:
     """Properties of the surface at P sites, the same on all ranks.
 
     Attributes
@@ -232,9 +232,9 @@ class Contact:
     rise: Array
     label: IntArray
 
-    def of(self, which: IntArray) -> Contact:
+    def of(self, which: IntArray) -> SurfaceAtSites:
         """The properties at some of the sites."""
-        return Contact(*(getattr(self, member.name)[which] for member in fields(self)))
+        return SurfaceAtSites(*(getattr(self, member.name)[which] for member in fields(self)))
 
 
 class Faces(Entities):
@@ -277,7 +277,9 @@ class Faces(Entities):
         side = self.corners[:, around] - np.roll(self.corners[:, around], 1, axis=1)
         return np.asarray(np.linalg.norm(side, axis=2).mean(axis=1))
 
-    def contact(self, points: Array, directions: Array, radii: Array, labels: IntArray) -> Contact:
+    def contact(
+        self, points: Array, directions: Array, radii: Array, labels: IntArray
+    ) -> SurfaceAtSites:
         """Properties of the surface at sites (P, 3) with unit directions of impact (P, 3).
 
         At an edge, the face whose normal is most opposite to the direction is taken. `labels` (F,)
@@ -307,7 +309,7 @@ class Faces(Entities):
         normals = _mean(comm, normal[here], site[here], count)
         label = _least(comm, labels[face[here]].astype(float), site[here], count)
         height = np.einsum("nvd,nd->nv", self.corners[face] - points[site, None], normals[site])
-        return Contact(
+        return SurfaceAtSites(
             normals,
             depth,
             _least(comm, mean[face], site, count),

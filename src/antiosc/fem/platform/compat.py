@@ -664,12 +664,12 @@ class CellKernel:
         """Put the cells into another order."""
         self.nodes, self.coefficients = self.nodes[order], self.coefficients[order]
 
-    def cells(self, count: int = 0, *vectors: Array) -> library.Cells:
+    def cells(self, count: int = 0, *vectors: Array) -> library.CCells:
         """What the C library takes: `count` vectors (dofs, count), and weights."""
         sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count
         arrays = self.nodes, self._points, self.coefficients, self._constants
         places = [library.address(array) for array in (*arrays, *vectors)]
-        return library.Cells(self._function, *sizes, *places)
+        return library.CCells(self._function, *sizes, *places)
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:

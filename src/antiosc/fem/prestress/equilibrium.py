@@ -224,7 +224,7 @@ def buckling(K: PETSc.Mat, solver: Solver, geometric: PETSc.Mat) -> float:
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.PYTHON)
-    pc.setPythonContext(_Inverse(solver))
+    pc.setPythonContext(_StiffnessInverse(solver))
     largest = [math.inf]
     error = [math.inf]
 
@@ -280,7 +280,7 @@ def _check(K: PETSc.Mat, solver: Solver, forces: Array, value: float, shape: Arr
         )
 
 
-class _Inverse:
+class _StiffnessInverse:
     """PETSc's Python preconditioner: the inverse of K."""
 
     def __init__(self, solver: Solver) -> None:

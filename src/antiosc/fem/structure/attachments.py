@@ -289,7 +289,7 @@ class Matrices:
 
 
 @dataclass(frozen=True)
-class Added:
+class AttachedTerms:
     """Contributions of attachments beside those to K and M, accumulated by the structure."""
 
     #: kg
@@ -300,7 +300,7 @@ class Added:
     dampers: Sequence[Dissipation] = ()
 
 
-def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> Added:
+def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> AttachedTerms:
     """Add a mass or a spring at its points to K and M, or a damper to the damping terms."""
     values = values_of(attachment, plane="z" not in to.form.components)
     foreign = [component for component in values if component not in to.form.components]
@@ -337,16 +337,16 @@ def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> Adde
         damper = Dissipation(
             _functionals(G, rows), diagonal, attachment.tau, name=name, point=centre
         )
-        return Added(mass, inertia, dampers=[damper])
+        return AttachedTerms(mass, inertia, dampers=[damper])
     if isinstance(attachment, Spring):
         G = [b for _, _, b in terms]
         name = str(attachment.name)
         spring = Dissipation(_functionals(G, rows), diagonal, name=name, point=centre)
-        return Added(mass, inertia, [spring])
+        return AttachedTerms(mass, inertia, [spring])
     for component, value, b in terms:
         if component in "xyz":
             inertia[:, "xyz".index(component)] += value * b
-    return Added(attachment.mass * len(points), inertia)
+    return AttachedTerms(attachment.mass * len(points), inertia)
 
 
 def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
@@ -424,7 +424,9 @@ class Stiffener:
         return multiply(self.shared, columns)
 
 
-def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Added, Stiffener]:
+def add_beams(
+    to: Matrices, name: str, beam: Beam, edges: IntArray
+) -> tuple[AttachedTerms, Stiffener]:
     """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
     if to.mesh.cell == "quadrilateral" and to.mesh.order > 1:
         raise InputError(
@@ -453,7 +455,7 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Add
     inertia = multiply(matrices[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
     on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
-    return Added(mass, on_sheet), Stiffener(line, form, parts, matrices[0], matrices[1], T)
+    return AttachedTerms(mass, on_sheet), Stiffener(line, form, parts, matrices[0], matrices[1], T)
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.

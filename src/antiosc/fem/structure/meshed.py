@@ -37,7 +37,7 @@ from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoints, closest_many
-from antiosc.fem.mesh.surface import DEGREE, Faces, Quadrature, largest, quadrature
+from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,
@@ -137,7 +137,7 @@ class Member:
         dofs = dofs_of_entities(mesh, form, parts, form.components["x"])
         return np.unique(np.asarray(dofs) // self.block)
 
-    def points_of(self, group: str) -> Quadrature:
+    def points_of(self, group: str) -> WeightedPoints:
         """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
         mesh = self.part.mesh
         own = quadrature(mesh, *largest(mesh, group), DEGREE)

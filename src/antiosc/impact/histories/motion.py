@@ -19,7 +19,7 @@ from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import RigidBody, SceneBody
 from antiosc.impact.histories.energy import Energy, energy_balance
-from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, Record
+from antiosc.impact.histories.parts import BodyHistory, ContactHistory, OneContact, SceneRun
 from antiosc.impact.states import (
     blocks,
     damping_states,
@@ -215,12 +215,12 @@ class RunHistory(OneContact):
     # -- inside
 
     @cached_property
-    def _record(self) -> Record:  # type: ignore[override]
+    def _record(self) -> SceneRun:  # type: ignore[override]
         """The record that its contacts share, without a reference to the history itself.
 
         A single impact has few flights, which get nodes for pictures; a scene may have many.
         """
-        return Record(self.assembly, self.run, not self.named)
+        return SceneRun(self.assembly, self.run, not self.named)
 
     @property
     def _nodes(self) -> Run:

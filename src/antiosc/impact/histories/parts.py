@@ -28,7 +28,7 @@ from antiosc.models.stretch import Stretch
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class SceneRun:
     """A run of a scene, shared by a history and its contacts.
 
     `flights`: whether `nodes` has closely spaced nodes in flights, too.
@@ -52,7 +52,7 @@ class OneContact:
     `_record` has the run; `_row` is the row of the contact among all.
     """
 
-    _record: Record
+    _record: SceneRun
     _row: int
 
     @property
@@ -141,7 +141,7 @@ class OneContact:
         return contact_intervals(self._record.run, self._record.assembly.system, self._row)
 
     @cached_property
-    def _numbers(self) -> library.Numbers:
+    def _numbers(self) -> library.CNumbers:
         """The numbers of the contact, and those of each of its touches."""
         run = self._record.run
         a = self._record.assembly
@@ -175,7 +175,7 @@ class ContactHistory(OneContact, ReprMixin):
     """
 
     ends: tuple[str, str]
-    _record: Record
+    _record: SceneRun
     _row: int
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure, on_mesh
-from antiosc.models.body import Patch
+from antiosc.models.body import PatchData
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.sites import located
 
@@ -21,7 +21,7 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD = 0.99
 
 
-def patch_of(structure: Structure, site: Functional) -> Patch | None:
+def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     """Data of a site's patch for a budget, as JSON values; None for a point.
 
     "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
@@ -35,7 +35,7 @@ def patch_of(structure: Structure, site: Functional) -> Patch | None:
     for factor in RADII:
         place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
         sites = located(on_mesh(structure), *place)
-        facts: Patch = {"faces": float(sites.size[0])}
+        facts: PatchData = {"faces": float(sites.size[0])}
         if sites.share[0] >= WHOLE_LOAD:
             break
     if not site.local_compliance or sites.share[0] < WHOLE_LOAD or not sites.local[0]:

@@ -50,7 +50,7 @@ GRADING = (0.7, 1.5)
 LINES = 8
 
 
-class Source(ABC):
+class MeshSource(ABC):
     """Source of increasingly fine meshes of one part; `coarsest` is the first."""
 
     #: why there is only one mesh; "" if there are more
@@ -74,7 +74,7 @@ class Source(ABC):
         """A mesh whose sizes are `ratio` (cells of this rank) times those of `mesh`."""
 
 
-def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
+def source_of(given: str | Path | Mesh, order: int = 2) -> MeshSource:
     """The source for a file or a mesh; `order`: geometric order of the cells of a geometry."""
     if isinstance(given, Mesh):
         if given.tdim == 1:
@@ -92,7 +92,7 @@ def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
     return OfMesh(mesh)
 
 
-class OfMesh(Source):
+class OfMesh(MeshSource):
     """A mesh as source: its cells are divided if they are straight simplices."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -126,7 +126,7 @@ class OfMesh(Source):
         return refined(mesh, ratio)
 
 
-class OfGeometry(Source):
+class OfGeometry(MeshSource):
     """A geometry as source, meshed by gmsh."""
 
     def __init__(self, path: Path, order: int) -> None:
@@ -197,7 +197,7 @@ class OfGeometry(Source):
         return on_root(MPI.COMM_WORLD, work)
 
 
-class OfLines(Source):
+class OfLines(MeshSource):
     """Lines as source: a mesh whose cells are halved, or a geometry.
 
     The site becomes a node.

@@ -306,7 +306,7 @@ BLOCK_NUMBERS = 1_000_000
 DEGREE = 2
 
 
-class Block(NamedTuple):
+class StrainBlock(NamedTuple):
     """Some cells with strains at all points, and recovered strains (P, 9, k) there."""
 
     cells: slice
@@ -359,14 +359,16 @@ class SheetRecovery:
         self._values[:, used] = solver.solve(loads[:, used])
         self._D = section_forces(part)
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[StrainBlock]:
         """All cells, in blocks."""
         number = self._part.part_of_cells()
         every = np.arange(len(number))
         for some, at in self._blocks:
             strains = self._strains.at(every[some])
             recovered = (at @ self._values).reshape(strains.own.shape)
-            yield Block(some, strains, recovered, self._D[np.repeat(number[some], self._points)])
+            yield StrainBlock(
+                some, strains, recovered, self._D[np.repeat(number[some], self._points)]
+            )
 
     def at(self, cells: IntArray, X: Array) -> tuple[Array, Array]:
         """(recovered strains (P, 9, k), D (P, 9, 9)) at X (P, 2) in cells (P,)."""

@@ -53,7 +53,7 @@ AS_SITES = 3.0
 
 
 @dataclass(frozen=True)
-class Search:
+class ModeSearch:
     """A search for the lowest modes, in which known ones are deflated."""
 
     structure: Structure
@@ -84,7 +84,7 @@ class Search:
         return structure.factorize().solve(multiply(structure.M, random))
 
 
-def lowest(search: Search) -> tuple[Array, Array]:
+def lowest(search: ModeSearch) -> tuple[Array, Array]:
     """(ω² [rad²/s²], shapes (rows of this rank, k)) of at least the wanted modes, in any order."""
     with search.structure.factorize(AS_SITES).accurately():
         if by_scipy(search.structure.K):
@@ -92,7 +92,7 @@ def lowest(search: Search) -> tuple[Array, Array]:
         return _by_slepc(search)
 
 
-def _by_arpack(search: Search) -> tuple[Array, Array]:
+def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
     """The search by ARPACK, for SciPy matrices."""
     structure = search.structure
     known = search.known
@@ -121,7 +121,7 @@ def _by_arpack(search: Search) -> tuple[Array, Array]:
     return values, shapes
 
 
-def _by_slepc(search: Search) -> tuple[Array, Array]:
+def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
     """The search by SLEPc's Krylov–Schur method."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
@@ -142,7 +142,7 @@ def _by_slepc(search: Search) -> tuple[Array, Array]:
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.PYTHON)
-    pc.setPythonContext(_Inverse(search))
+    pc.setPythonContext(_SearchInverse(search))
     eps.setInitialSpace([_vector(structure.K, search.start())])
     if search.known.shape[1]:
         eps.setDeflationSpace([_vector(structure.K, shape) for shape in search.known.T])
@@ -179,10 +179,10 @@ def _vector(K: PETSc.Mat, values: Array) -> PETSc.Vec:
     return x
 
 
-class _Inverse:
+class _SearchInverse:
     """PETSc's Python preconditioner: the inverse of the search."""
 
-    def __init__(self, search: Search) -> None:
+    def __init__(self, search: ModeSearch) -> None:
         self._search = search
 
     def apply(self, pc: PETSc.PC, r: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -278,7 +278,7 @@ class ModeSolver:
         known = self._found
         before = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
-        search = Search(structure, self._held, shapes, count - before, self.limit - before)
+        search = ModeSearch(structure, self._held, shapes, count - before, self.limit - before)
         with doing(f"search of {search.computed} modes of {structure.dofs} dofs"):
             values, vectors = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all

@@ -30,7 +30,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, MOST_OF_MAP, Count, Stretch
 
 if TYPE_CHECKING:
-    from antiosc.fem.elements.second_order_points import Points
+    from antiosc.fem.elements.second_order_points import PartPoints
     from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Static solves of a pair of modes where rigid-body modes are left: the shift of the factor is that
@@ -103,7 +103,7 @@ def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stre
     return Stretch(modes, quadratic, cubic, count, shapes)
 
 
-def _points(structure: Structure) -> Points:
+def _points(structure: Structure) -> PartPoints:
     """The Gauss points of a part, about its static state under a prestress."""
     from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
 
@@ -138,7 +138,7 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     return basis[:, :count]
 
 
-def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Array, Array]:
+def tensors(structure: Structure, points: PartPoints, phi: Array) -> tuple[Array, Array, Array]:
     """Tensors H (m, m, m), G (m, m, m, m) and second-order displacements (dofs, pairs).
 
     phi : (dofs, m) motions.
@@ -153,7 +153,7 @@ def tensors(structure: Structure, points: Points, phi: Array) -> tuple[Array, Ar
     return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), follows
 
 
-def _pair_loads(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
+def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
     stresses = [points.stress(slope) for slope in slopes]
     loads = []
@@ -206,7 +206,7 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
-def _quartic(points: Points, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
+def _quartic(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """⅛ ∫η:C:η for all pairs of pairs of motions."""
     total = np.zeros((len(pairs), len(pairs)))
     for begin in range(0, points.weight.size, AT_ONCE):

@@ -15,7 +15,7 @@ from antiosc.base.checks import point_text as text
 from antiosc.base.errors import InputError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.joint import Motion
+from antiosc.fem.assembly.joint import EndMotion
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
@@ -151,7 +151,7 @@ def _placed(structure: MeshedParts, member: Member, functional: Functional) -> F
 
 
 def _without_mesh(
-    structure: AssembledMatrices, site: Site, end: Motion, direction: Array
+    structure: AssembledMatrices, site: Site, end: EndMotion, direction: Array
 ) -> Functional:
     """Load vector on u of a site of a superelement, or of a reference point of an assembly."""
     layout = structure.layout

@@ -24,7 +24,7 @@ from antiosc.reduce.site.site import Site
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
-    from antiosc.fem.assembly.joint import Motion
+    from antiosc.fem.assembly.joint import EndMotion
     from antiosc.fem.structure.meshed import Member
 
 
@@ -34,7 +34,7 @@ MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
 
 def point_of(
     structure: Structure, point: object, part: str | None, node: int | None = None
-) -> tuple[Array, str | None, Motion | None]:
+) -> tuple[Array, str | None, EndMotion | None]:
     """(coordinates (3,) [m], part or None, motion of a point without a mesh or None) of a named
     point.
 
@@ -127,7 +127,7 @@ def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
     return member, group
 
 
-def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
+def motion_of(matrices: MeshedParts, name: str) -> EndMotion | None:
     """The motion of a reference point, or of a site of a superelement; None for "part:group".
 
     InputError for a name without a colon that is no reference point.
@@ -148,7 +148,7 @@ def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
 
 
 def motions_without_mesh(
-    structure: Structure, shapes: Array, name: str, end: Motion, quantity: str
+    structure: Structure, shapes: Array, name: str, end: EndMotion, quantity: str
 ) -> Array:
     """Displacement or rotation (gdim, columns) for all shapes, at a point outside all cells."""
     if quantity not in MOTIONS:

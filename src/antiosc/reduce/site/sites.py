@@ -17,7 +17,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.closest import ClosestPoints, closest_many
-from antiosc.fem.mesh.surface import Contact, Faces
+from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -78,7 +78,7 @@ def segment(count: int) -> tuple[Array, Array]:
 
 
 def patches(
-    faces: Faces, points: Array, radii: Array, contact: Contact, taken: Sequence[Faces] = ()
+    faces: Faces, points: Array, radii: Array, contact: SurfaceAtSites, taken: Sequence[Faces] = ()
 ) -> tuple[Points, Array]:
     """(weighted points of patches on this rank, share of each patch on its faces (P,)).
 
@@ -227,7 +227,7 @@ class Sites:
     moving: Array
     weighted: Points | None = None
     #: the surface under the patches; None where sites are points
-    contact: Contact | None = None
+    contact: SurfaceAtSites | None = None
 
     def __len__(self) -> int:
         return len(self.points)
