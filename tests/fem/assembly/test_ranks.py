@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -230,3 +232,48 @@ print(json.dumps([model.k0, *model.omega[:3], *moved.real, *moved.imag]))
 def test_superelements_and_dampers_on_two_ranks():
     alone, two = one_and_several(START + SUPERELEMENT)
     np.testing.assert_allclose(two, alone, rtol=1e-6)
+
+
+SHARES = """
+from antiosc.base.errors import AntioscWarning
+from assemblies import SOLID, at, grouped
+
+warnings.simplefilter("ignore", AntioscWarning)
+kinds = dolfinx.mesh.CellType
+
+def block(kind, n, order, comm=MPI.COMM_WORLD):
+    made = dolfinx.mesh.create_box(comm, [np.zeros(3), np.array([0.2, 0.1, 0.1])], n, kind)
+    return ao.Structure(grouped(made, x0=at(0, 0.0), x1=at(0, 0.2)), SOLID, order=order)
+
+parts = {
+    "a": block(kinds.tetrahedron, (8, 3, 2), 2),
+    "b": block(kinds.hexahedron, (2, 2, 2), 1),
+    "c": block(kinds.hexahedron, (3, 2, 2), 2),
+    "d": block(kinds.tetrahedron, (2, 1, 1), 2, MPI.COMM_SELF),
+}
+joints = [ao.Tie(f"{a}:x1", f"{b}:x0") for a, b in ("ab", "bc", "cd")]
+places = {name: (0.2 * k, 0, 0) for k, name in enumerate(parts)}
+whole = ao.assemble(parts, joints, places)
+u, local = whole.matrices.places, whole.matrices.local
+off = 0.0
+for name, share in local.of.items():
+    own = share.part.places.placed(ao.Placement(places[name]))
+    off = max(off, np.abs(own.points - u.points[share.rows]).max(initial=0.0))
+    off = max(off, np.abs(own.axes - u.axes[share.rows]).max(initial=0.0))
+rows = np.concatenate([share.rows[share.counted] for share in local.of.values()])
+counted = MPI.COMM_WORLD.allreduce(np.bincount(rows, minlength=whole.size))
+bare = [member.part.bare for member in whole.matrices.members()]
+entries = len(whole.K.getValuesCSR()[1])
+most = MPI.COMM_WORLD.allreduce(entries, MPI.MAX) / MPI.COMM_WORLD.allreduce(entries)
+print(json.dumps([off, bool((counted == 1).all()), bare, bool(most < 0.6)]))
+"""
+
+
+def test_a_rank_has_matrices_of_its_own_rows_alone():
+    """And each row of a part on several ranks stands where the layout of the whole has it."""
+    printed = run_ranks(2, START + SHARES)
+    off, once, bare, half = json.loads(printed[0])
+    assert off < 1e-12
+    assert once
+    assert bare == [True, True, True, False]
+    assert half

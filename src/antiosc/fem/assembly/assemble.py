@@ -15,7 +15,6 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 import scipy.sparse.csgraph
-from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray, IntArray, SolverChoice
 from antiosc.base.checks import list_of, point_text
@@ -24,11 +23,11 @@ from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
+    RigidBody,
     block_of,
     modes_of,
     reduced,
     stacked,
-    take_by_strains,
     warn_of_motions,
 )
 from antiosc.fem.assembly.joint import (
@@ -45,14 +44,13 @@ from antiosc.fem.assembly.joint import (
 )
 from antiosc.fem.assembly.layout import Layout, Sparse, largest, nested_basis, rounded, row_numbers
 from antiosc.fem.assembly.parts import (
-    RowRange,
     checked_parts,
     checked_places,
     checked_points,
     communicator,
     on_every_rank,
 )
-from antiosc.fem.linalg.petsc_algebra import from_csr
+from antiosc.fem.assembly.shares import Shares
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.prestress import Prestress
@@ -436,34 +434,35 @@ def assemble_checked(
     comm = communicator(given)
     members = on_every_rank(given, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    kept: list[tuple[Constraints, PETSc.Mat, PETSc.Mat]] = []  # what rank 0 does not send to others
+    kept: list[Constraints] = []  # what rank 0 does not send to others
 
     def work() -> _Joined:
-        made, *rest = _joined(layout, joints, supports, attachments_of(attached), apart)
-        kept.append(tuple(rest))
+        made, constraints = _joined(layout, joints, supports, attachments_of(attached), apart)
+        kept.append(constraints)
         return made
 
     made = on_root(comm, work)
     layout.points = made.points
-    block = block_of(layout)
-    local = RowRange.of(comm, layout.count, block)
-    constraints, *whole = kept[0] if kept else (None, None, None)
-    K, M = (local.matrix(one, block) for one in whole)
-    if comm.size > 1 and not made.rigid:
-        take_by_strains(K, layout, made.eliminated, made.added, local)
+    local = Shares(comm, layout, block_of(layout), given)
+    dependent = made.eliminated.dependent
+    K, M = reduced(local, made.eliminated, made.added)
+    modes, shift = modes_of(layout, local, K, M, made.eliminated, *made.motions)
+    if modes.shape[1] == np.count_nonzero(~dependent):  # a rigid body: its K is rounding
+        rows = scipy.sparse.diags(dependent.astype(float)).tocsr()[local.rows]
+        K = local.matrix("K", rows)
     self = object.__new__(Structure)
     matrices = AssembledMatrices(
         K,
         M,
-        np.flatnonzero(local.own(made.eliminated.dependent)),
-        local.own(made.modes),
-        made.shift,
+        np.flatnonzero(local.own(dependent)),
+        modes,
+        shift,
         solver,
         layout=layout,
         eliminated=made.eliminated,
         added=made.added,
         local=local,
-        constraints=constraints,
+        constraints=kept[0] if kept else None,
     )
     if prestress is not None:
         matrices = with_prestress(matrices, prestress, joints)
@@ -479,9 +478,8 @@ class _Joined:
     points: dict[str, Array]  # all reference points, those that joints bring included
     eliminated: Eliminated
     added: Added
-    modes: Array  # M-orthonormal motions without strain (n, r)
-    shift: float  # first shift, rad²/s²
-    rigid: bool  # whether nothing but a rigid body is left
+    #: rigid motions (n, r), mechanisms (n, m), the bodies that move in them
+    motions: tuple[Array, Array, list[RigidBody]]
 
 
 def _joined(
@@ -490,8 +488,8 @@ def _joined(
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
     apart: bool,
-) -> tuple[_Joined, Constraints, PETSc.Mat, PETSc.Mat]:
-    """(results, constraints, K, M) of parts that are complete on this rank."""
+) -> tuple[_Joined, Constraints]:
+    """(results, constraints) of parts that are complete on this rank."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -514,21 +512,15 @@ def _joined(
     eliminated = eliminate(rows, fixed, scale, basis)
     constraints = Constraints(rows, fixed, scale, basis)
     _warn_of_redundant(eliminated.redundant)
-    free = int(np.count_nonzero(~eliminated.dependent))
-    if not free:
+    if eliminated.dependent.all():
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
     added = Added(elastic, eliminated.T)
-    K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     motions = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     warn_of_motions(layout, *motions, supported=supported)
-    modes, shift = modes_of(layout, K, M, eliminated, *motions)
-    rigid = modes.shape[1] == free  # its K is rounding, but for the dependent dofs
-    if rigid:
-        K = from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
-    return _Joined(layout.points, eliminated, added, modes, shift, rigid), constraints, K, M
+    return _Joined(layout.points, eliminated, added, motions), constraints
 
 
 # -- the dofs

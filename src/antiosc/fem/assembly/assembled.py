@@ -7,7 +7,7 @@ K: the rigid motions of the whole, and the mechanisms that the joints leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property, partial
 from typing import ClassVar, TypeVar
@@ -23,9 +23,9 @@ from antiosc.base.checks import floats
 from antiosc.base.errors import AccuracyError, InputError, name_list, warn
 from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse, rounded, row_numbers
-from antiosc.fem.assembly.parts import RowRange
-from antiosc.fem.linalg.algebra import by_strains, force_ratios, multiply
-from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
+from antiosc.fem.assembly.shares import Share, Shares
+from antiosc.fem.linalg.algebra import by_strains, dot, force_ratios, multiply
+from antiosc.fem.linalg.petsc_algebra import PRODUCT
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure import (
     SHIFT,
@@ -36,7 +36,7 @@ from antiosc.fem.structure import (
     orthonormal,
     support,
 )
-from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import polynomials
 from antiosc.models.motion import Inertia
 
@@ -193,6 +193,7 @@ MECHANISM_FORCE = 1e-9
 
 def modes_of(
     layout: Layout,
+    local: Shares,
     K: Matrix,
     M: Matrix,
     eliminated: Eliminated,
@@ -200,14 +201,13 @@ def modes_of(
     mechanisms: Array,
     moving: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
-    """(M-orthonormal strain-free motions, first shift)."""
-    found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
-    comm = MPI.COMM_SELF
+    """(M-orthonormal strain-free motions (rows of this rank, r), first shift)."""
+    found = local.own(eliminated.coordinates(np.hstack([rigid, mechanisms])))
+    comm = local.comm
     modes = orthonormal(comm, M, found)
     if modes.shape[1] < found.shape[1]:
-        weight = found.T @ multiply(M, found)
-        values, turn = np.linalg.eigh(weight)
-        idle = eliminated.T @ found @ turn[:, values <= IDLE_MASS * values[-1]]
+        values, turn = np.linalg.eigh(dot(comm, found, multiply(M, found)))
+        idle = eliminated.T @ local.whole(found @ turn[:, values <= IDLE_MASS * values[-1]])
         points = [one for one in moving if np.abs(idle[one.rows]).max() > STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "
@@ -215,9 +215,9 @@ def modes_of(
         )
     if not modes.shape[1]:
         return modes, 0.0
-    u = eliminated.T @ modes
+    u = eliminated.T @ local.whole(modes)
     least = AT_REST * np.abs(u).max()
-    left = max(_force_ratio(m, u[m.rows], least) for m in layout.members.values())
+    left = max(_force_ratio(local.of[m.name], u, u[m.rows], least) for m in layout.members.values())
     if left > MECHANISM_FORCE:
         raise AccuracyError(
             f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
@@ -228,22 +228,25 @@ def modes_of(
         return modes, 1.0  # any will do
     size = float((layout.high - layout.low).max())
     places = layout.places
-    fields = [field for _, field in polynomials(2 if layout.plane else 3)]
-    polynomial = eliminated.coordinates(
-        np.column_stack([places.values(field, layout.middle, size) for field in fields])
+    polynomial = np.column_stack(
+        [
+            local.own(eliminated.coordinates(places.values(field, layout.middle, size)))
+            for _, field in polynomials(2 if layout.plane else 3)
+        ]
     )
     return modes, SHIFT * support.first_elastic(comm, K, M, polynomial, modes)
 
 
-def _force_ratio(member: Member, u: Array, least: float) -> float:
-    """Largest force of motions (rows, k) of a part, relative to the absolute values of K's entries.
+def _force_ratio(share: Share, u: Array, motions: Array, least: float) -> float:
+    """Largest force of motions u (n, k) in a part, relative to the absolute values of K's entries.
 
-    Motions below `least` count as rounding.
+    Those whose `motions` of the part (rows, k) are below `least` count as rounding.
     """
-    moving = u[:, np.abs(u).max(axis=0) > least]
-    if not moving.size:
+    moves = np.abs(motions).max(axis=0) > least
+    if not moves.any():
         return 0.0
-    K = member.part.K
+    moving = u[share.rows][:, moves]
+    K = share.part.K
     return float(force_ratios(K, moving, multiply(K, moving)).max())
 
 
@@ -348,7 +351,7 @@ class AssembledMatrices(StructureMatrices):
     eliminated: Eliminated  # T and the dofs that depend on others
     added: Added  # what joints and attachments add
     #: the rows of this rank; what is said of all dofs (layout, T) every rank has whole
-    local: RowRange
+    local: Shares
     #: from which T was made, the supports of the assembly first; on rank 0 alone
     constraints: Constraints | None
 
@@ -413,11 +416,9 @@ class AssembledMatrices(StructureMatrices):
         point = self.layout.middle
         motions = self.places.rigid_motions(point)
         added, S = self.added.inertial_loads(motions)
-        loads = np.zeros(motions.shape)
-        for member in self.layout.members.values():
-            loads[member.rows] = member.part.inertial_loads(motions[member.rows])
-            S += motions[member.rows].T @ loads[member.rows]
-        loads = self.local.own(np.asarray(self.T.T @ loads + added))
+        loads = self.local.of_parts(MeshedStructure.inertial_loads, motions)
+        S += self.comm.allreduce(motions.T @ loads)
+        loads = self.local.summed(np.asarray(self.T.T @ loads)) + self.local.own(added)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
@@ -447,38 +448,40 @@ class AssembledMatrices(StructureMatrices):
     def _layers(self) -> list[Dissipation]:
         """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
         found = []
-        made = dict[int, PETSc.Mat]()
+        made = dict[tuple[str, int], PETSc.Mat]()
         for part in self.layout.condensed.values():
             if part.part.C is not None:
-                C = self._on_q(part.rows, scipy.sparse.csr_matrix(part.part.C))
-                found.append(Dissipation(matrix=C))
-        for member in self.layout.members.values():
-            for one in member.part.dissipation():
+                T = self.T[part.rows]
+                C = (T.T @ scipy.sparse.csr_matrix(part.part.C) @ T).tocsr()[self.local.rows]
+                C.sort_indices()
+                found.append(Dissipation(matrix=self.local.matrix("C", C)))
+        for name, share in self.local.of.items():
+            for one in share.part.dissipation():
                 if one.matrix is None:
                     continue
-                if id(one.matrix) not in made:
-                    made[id(one.matrix)] = self._on_q(member.rows, csr(one.matrix))
-                owner = (member.name, one.owner[1]) if one.owner else None
-                found.append(replace(one, matrix=made[id(one.matrix)], owner=owner))
+                key = name, id(one.matrix)
+                if key not in made:
+                    made[key] = self._on_q({name: one.matrix})
+                owner = (name, one.owner[1]) if one.owner else None
+                found.append(replace(one, matrix=made[key], owner=owner))
         return found
 
-    def _on_q(self, rows: slice, matrix: Sparse) -> PETSc.Mat:
-        """A matrix on some rows of u, projected on q."""
-        T = self.T[rows]
-        whole = (T.T @ matrix @ T).tocsr()
-        whole.sort_indices()
-        return self.local.matrix(from_csr("K", whole), block_of(self.layout))
+    def _on_q(self, matrices: Mapping[str, PETSc.Mat]) -> PETSc.Mat:
+        """Matrices of some parts, projected on q."""
+        nothing = Sparse((self.layout.count,) * 2)
+        K = _projected(self.local, self.eliminated, self.local.rows_of(matrices), nothing)
+        return self.local.matrix("K", K)
 
     @property
     def lossy(self) -> bool:
         return any(member.part.lossy for member in self.layout.members.values())
 
     def loss_stiffness(self, V: Array) -> Array | None:
-        parts = [member for member in self.layout.members.values() if member.part.lossy]
+        parts = [share for share in self.local.of.values() if share.part.lossy]
         if not parts:
             return None
         u = self.expanded(V)
-        own = [member.part.loss_stiffness(u[member.rows]) for member in parts]
+        own = [share.part.loss_stiffness(u[share.rows]) for share in parts]
         return np.asarray(np.sum([each for each in own if each is not None], axis=0))
 
     # -- from u to the parts
@@ -551,50 +554,38 @@ def block_of(layout: Layout) -> int:
     return int(np.gcd(blocks.pop(), POINT_DOFS if others else 0))
 
 
-def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """(K, M) of joined parts, both on this rank."""
-    block = block_of(layout)
-    parts = [m.part for m in layout.members.values()]
+def reduced(local: Shares, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
+    """(K, M) of joined parts."""
+    parts = {name: share.part for name, share in local.of.items()}
     diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
-    K = _projected(layout, eliminated, [csr(p.K) for p in parts], added.K + diagonal)
-    M = _projected(layout, eliminated, [csr(p.M) for p in parts], added.M)
-    K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
-    for matrix in (K, M):
-        matrix.setBlockSizes(block, block)
-    alone = RowRange(MPI.COMM_SELF, 0, layout.count)
-    take_by_strains(K, layout, eliminated, added, alone)
+    own = local.rows_of({name: part.K for name, part in parts.items()})
+    K = local.matrix("K", _projected(local, eliminated, own, added.K + diagonal))
+    own = local.rows_of({name: part.M for name, part in parts.items()})
+    M = local.matrix("M", _projected(local, eliminated, own, added.M))
+    if any(by_strains(part.K) for part in parts.values()):
+        K.setAttr(PRODUCT, _product(local, eliminated, added))
     return K, M
 
 
-def take_by_strains(
-    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
-) -> None:
-    """Let K be multiplied through the strains of the parts, if some part has them."""
-    if any(by_strains(m.part.K) for m in layout.members.values()):
-        K.setAttr(PRODUCT, _product(layout, eliminated, added, local))
-
-
-def _projected(
-    layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
-) -> Sparse:
-    """Tᵀ (blocks) T + added.
+def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) -> Sparse:
+    """The rows of this rank of Tᵀ K T + added; `K` (m, n): its rows of K, which is overwritten.
 
     With E the identity on the dofs that stay and D the rows of T of the others, the first term is
-    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small.
+    E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small: every rank has
+    them whole.
     """
-    K = _block_diagonal(blocks, layout.count)
     same = _unchanged(eliminated.T)
     which = np.flatnonzero(~same)
-    D = eliminated.T[which]
-    forces = (K[which].T @ D).tocsr()  # K symmetric
+    own = np.flatnonzero(~same[local.rows])
+    forces = local.added((K[own].T @ eliminated.T[local.rows][own]).tocsr())  # K symmetric
     across = (scipy.sparse.diags(same.astype(float)) @ forces).tocsr()
-    inside = (D.T @ forces[which]).tocsr()
+    inside = (eliminated.T[which].T @ forces[which]).tocsr()
     small = (across + across.T + (inside + inside.T) / 2 + added).tocsr()
     small.sum_duplicates()
-    for row in which:
+    for row in own:
         K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
     K.data[~same[K.indices]] = 0.0
-    result = (K + small).tocsr()
+    result = (K + local.own(small)).tocsr()
     result.eliminate_zeros()
     result.sort_indices()
     return result
@@ -609,37 +600,18 @@ def _unchanged(T: Sparse) -> BoolArray:
     return same
 
 
-def _block_diagonal(blocks: Sequence[Sparse], count: int) -> Sparse:
-    """A block-diagonal matrix of `count` rows; the rows after the last block are empty."""
-    starts = np.cumsum([0, *(b.shape[0] for b in blocks)])
-    ends = np.cumsum([0, *(b.nnz for b in blocks)])
-    pointers = [b.indptr[:-1] + end for b, end in zip(blocks, ends[:-1], strict=True)]
-    rest = np.full(count - starts[-1] + 1, ends[-1])
-    indices = [b.indices + start for b, start in zip(blocks, starts[:-1], strict=True)]
-    parts = (
-        np.concatenate([b.data for b in blocks]),
-        np.concatenate(indices),
-        np.concatenate([*pointers, rest]),
-    )
-    result = scipy.sparse.csr_matrix(parts, shape=(count, count))
-    result.has_canonical_format = True  # as those of PETSc have: no search for duplicates
-    return result
-
-
-def _product(
-    layout: Layout, eliminated: Eliminated, added: Added, local: RowRange
-) -> Callable[[Array], Array]:
+def _product(local: Shares, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
     """Product with K through the accurate products of the parts."""
     T = eliminated.T
-    back = eliminated.T.T.tocsr()
-    kept = scipy.sparse.diags(eliminated.dependent.astype(float))
+    back = T.T.tocsr()
+    small = (added.K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()[local.rows]
+
+    def force(part: MeshedStructure, u: Array) -> Array:
+        return multiply(part.K, u)
 
     def product(own: Array) -> Array:
         x = local.whole(own)
-        u = T @ x
-        force = np.zeros(u.shape)
-        for member in layout.members.values():
-            force[member.rows] += multiply(member.part.K, u[member.rows])
-        return local.own(np.asarray(back @ force + added.K @ x + kept @ x))
+        forces = local.of_parts(force, T @ x)
+        return local.summed(np.asarray(back @ forces)) + np.asarray(small @ x)
 
     return product

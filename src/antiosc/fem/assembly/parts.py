@@ -1,4 +1,4 @@
-"""The parts of an assembly: meshes whole on every rank, and superelements of a few dofs.
+"""The parts of an assembly: their meshes whole on every rank, and superelements of a few dofs.
 
 A superelement is an anti-oscillator model of several sites (the form of Craig and Bampton, see
 `antiosc.models.model_file`), or given matrices whose nodes have coordinates. Joints act on
@@ -10,13 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 import scipy.sparse
 from mpi4py import MPI
-from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray, IntArray
@@ -24,7 +21,6 @@ from antiosc.base.checks import coordinates, shown
 from antiosc.base.errors import InputError, name_list, without_warnings
 from antiosc.engine.damping import DampingMatrix
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import Mesh, local_groups
 from antiosc.fem.platform import agreed, alike, compat
 from antiosc.fem.structure import (
@@ -381,59 +377,6 @@ def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
     return joined
 
 
-Scalar = TypeVar("Scalar", bound=np.generic)
-
-
-@dataclass(frozen=True)
-class RowRange:
-    """The rows `first` to `last` of an assembly that a rank of `comm` owns."""
-
-    comm: MPI.Comm
-    first: int
-    last: int
-
-    @classmethod
-    def of(cls, comm: MPI.Comm, count: int, block: int) -> RowRange:
-        """An equal share of `count` rows for this rank, in whole blocks of rows."""
-        ends = [block * (count // block * rank // comm.size) for rank in range(comm.size)]
-        return cls(comm, ends[comm.rank], [*ends, count][comm.rank + 1])
-
-    @property
-    def rows(self) -> slice:
-        """Slice of the rows of this rank."""
-        return slice(self.first, self.last)
-
-    def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
-        """The rows of this rank of vectors that every rank holds whole."""
-        if self.comm.size == 1:
-            return q
-        return q[self.first : self.last]
-
-    def whole(self, q: Array) -> Array:
-        """Whole vectors, gathered from the rows of each rank; all ranks must call it."""
-        if self.comm.size == 1:
-            return q
-        return np.concatenate(self.comm.allgather(q))
-
-    def matrix(self, whole: PETSc.Mat | None, block: int) -> PETSc.Mat:
-        """A distributed matrix from one that rank 0 holds whole; all ranks must call it."""
-        if self.comm.size == 1:
-            return whole
-        spans = self.comm.gather((self.first, self.last))
-        parts: list[scipy.sparse.csr_matrix] = []
-        if whole is not None and spans is not None:
-            rows = csr(whole)
-            parts = [rows[first:last] for first, last in spans]
-        own: scipy.sparse.csr_matrix = self.comm.scatter(parts)
-        count = (self.last - self.first, own.shape[1])
-        arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
-        size = ((count[0], count[1]), (count[0], count[1]))
-        result = PETSc.Mat().createAIJ(size, csr=arrays, comm=self.comm)
-        result.assemble()
-        result.setBlockSizes(block, block)
-        return result
-
-
 def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Comm:
     """The communicator that shares all parts; InputError if they have different ones.
 
@@ -454,7 +397,7 @@ def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Com
 def on_every_rank(
     parts: Mapping[str, MeshedStructure | Superelement], comm: MPI.Comm
 ) -> dict[str, MeshedStructure | Superelement]:
-    """Copies of the parts, whole on every rank; all ranks must call it."""
+    """Copies of the parts without matrices, whole on every rank; all ranks must call it."""
     if comm.size == 1:
         return dict(parts)
     made: dict[int, MeshedStructure] = {}  # one Structure may have several names
@@ -464,7 +407,7 @@ def on_every_rank(
     def work() -> None:
         for key, (part, mesh) in meshes.items():
             with without_warnings():  # they were told of the part
-                made[key] = part.again(mesh)
+                made[key] = part.again(mesh, bare=True)
 
     agreed(comm, work)
     return {name: made.get(id(part), part) for name, part in parts.items()}

@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.forecast import Products
-from antiosc.fem.linalg.petsc_algebra import multiply, watch
+from antiosc.fem.linalg.petsc_algebra import empty, multiply
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
@@ -61,7 +61,7 @@ class CellByCell(ABC):
         self._fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
         self._held = self._fixed[self._fixed < self.rows]
         #: matrices added to K and M at points, and whether they have entries
-        self.added = (self._empty(), self._empty())
+        self.added = empty(self.rows, self.comm), empty(self.rows, self.comm)
         self.carries = False
         cells = np.arange(compat.cell_map(mesh.dolfinx).size_local)
         nodes = compat.cell_dofs(form.space, (0,), cells) // 3
@@ -84,15 +84,6 @@ class CellByCell(ABC):
     @abstractmethod
     def _node_blocks(self, k: float, m: float) -> Array:
         """The diagonal blocks of k K + m M that the cells of this rank give, (dofs, 3)."""
-
-    def _empty(self) -> PETSc.Mat:
-        """A matrix without entries, with the rows of this part."""
-        rows = (self.rows, None)
-        result = PETSc.Mat().createAIJ((rows, rows), nnz=0, comm=self.comm)
-        result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        result.assemble()
-        watch(result)
-        return result
 
     def product(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).

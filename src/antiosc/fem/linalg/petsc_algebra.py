@@ -102,6 +102,15 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
     return result
 
 
+def empty(rows: int, comm: MPI.Comm) -> PETSc.Mat:
+    """A square matrix without entries, which takes some; `rows` of this rank."""
+    result = PETSc.Mat().createAIJ(((rows, None), (rows, None)), nnz=0, comm=comm)
+    result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    result.assemble()
+    watch(result)
+    return result
+
+
 def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
     """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
     if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:

@@ -15,12 +15,12 @@ from antiosc.base._types import Array
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.progress import doing
-from antiosc.fem.assembly.assembled import AssembledMatrices, block_of
+from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.bolts import Bolt, lengthening
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.petsc_algebra import csr, from_csr
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import on_root
 from antiosc.fem.prestress import Preload, Prestress, Spin, named_from, of_part
@@ -225,7 +225,7 @@ class _LoadedAssembly(Loaded):
     def stiffness(self, q: Array, *, geometric: bool = False) -> PETSc.Mat:
         base = self._base
         u = base.expanded(q)
-        on_root_only = list[PETSc.Mat]()
+        on_root_only = list[Sparse]()
 
         def work() -> None:
             total = Sparse((base.layout.count, base.layout.count))
@@ -237,10 +237,10 @@ class _LoadedAssembly(Loaded):
             total += sum(base.T.T @ matrix @ base.T for matrix in other_terms)
             total = ((total + total.T) / 2).tocsr()
             total.sort_indices()
-            on_root_only.append(from_csr("K", total))
+            on_root_only.append(total)
 
         on_root(base.comm, work)
-        return base.local.matrix(on_root_only[0] if on_root_only else None, block_of(base.layout))
+        return base.local.spread("K", on_root_only[0] if on_root_only else None)
 
     def added(self, u: Array, motions: Array) -> Array:
         """Forces (n, k) that the loads add at displacements u (n,) for motions (n, k), on one rank.

@@ -71,7 +71,7 @@ class LoadedPart:
         self.part = part
         form = part.form
         mesh = part.mesh
-        self._u = compat.function_of(form.space, np.zeros(part.K.getLocalSize()[0]))
+        self._u = compat.function_of(form.space, np.zeros(part.rows))
         lines = part.stiffeners
         self._lines = {
             name: LoadedPart(alone(one, name), Prestress(), _among(initial, [name]))
@@ -191,7 +191,7 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
     dx = measure(part.mesh, stretch.degree)
     v = ufl.TestFunction(part.form.space)
     work = ufl.inner(stretch.forces(marked), stretch.strain(v)) * dx
-    rows = part.K.getLocalSize()[0]
+    rows = part.rows
     load = compat.assemble_functional(work, part.form.space)[:rows]
     length = compat.integrate(marked * dx, part.mesh.dolfinx)
     EA = compat.integrate(stretch.forces(marked) * dx, part.mesh.dolfinx)
@@ -200,7 +200,7 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
 
 def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
     """Constant forces on groups (rows of this rank,)."""
-    rows = part.K.getLocalSize()[0]
+    rows = part.rows
     forces = np.zeros(rows)
     v = ufl.TestFunction(part.form.space)
     for group, resultant in loads.force.items():
@@ -224,7 +224,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
 
 def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
     """Forces of a resultant spread evenly over the points of a group."""
-    rows = part.K.getLocalSize()[0]
+    rows = part.rows
     forces = np.zeros(rows)
     for axis in range(part.mesh.gdim):
         path = part.form.components["xyz"[axis]]
@@ -241,7 +241,7 @@ class _SpinningMasses:
     """
 
     def __init__(self, part: MeshedStructure, spin: Spin) -> None:
-        self._M = with_entries(part.M).copy()
+        self._M = with_entries(part.with_matrices().M).copy()
         of_cells = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
         self._M.axpy(-1.0, of_cells, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         start, across = accelerations(part.places, spin)

@@ -286,6 +286,8 @@ class Matrices:
     M: PETSc.Mat
     #: dofs of this rank, ghosts included, that the supports hold
     fixed: IntArray
+    #: whether K and M have what is added alone
+    bare: bool = False
 
 
 @dataclass(frozen=True)
@@ -446,8 +448,10 @@ def add_beams(
     matrices = [
         compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)
     ]
+    pattern = PETSc.Mat.Structure
+    kind = pattern.UNKNOWN_NONZERO_PATTERN if to.bare else pattern.SUBSET_NONZERO_PATTERN
     for matrix, added in zip((to.K, to.M), matrices, strict=True):
-        matrix.axpy(1.0, added.ptap(T), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        matrix.axpy(1.0, added.ptap(T), structure=kind)
     moving = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])

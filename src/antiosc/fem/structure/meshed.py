@@ -31,7 +31,7 @@ from antiosc.fem.elements.weak_form import (
     restricted,
 )
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, of_cells
+from antiosc.fem.linalg.petsc_algebra import CELLS, by_cells, empty, of_cells
 from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
@@ -79,7 +79,7 @@ class Member:
     @property
     def size(self) -> int:
         """Number of dofs on this rank."""
-        return int(self.part.K.getLocalSize()[0])
+        return self.part.rows
 
     @property
     def rows(self) -> slice:
@@ -89,7 +89,7 @@ class Member:
     @property
     def block(self) -> int:
         """Number of dofs of a node."""
-        return int(self.part.form.space.dofmap.index_map_bs)
+        return self.part.block
 
     @property
     def has_rotations(self) -> bool:
@@ -156,7 +156,7 @@ class MeshedStructure(StructureMatrices):
     #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
     attached_inertia: Array
     #: gives the same structure of a copy of its mesh, for instance on other ranks, or with other
-    #: supports
+    #: supports, or without matrices
     again: Callable[..., MeshedStructure]
     supports: Sequence[Support] = ()
     #: the beams on the edges of a sheet, by group
@@ -173,6 +173,8 @@ class MeshedStructure(StructureMatrices):
     edges: str = ""
     #: the same without its prestress
     unloaded: MeshedStructure | None = None
+    #: whether its matrices were not made
+    bare: bool = False
     #: strains free of stress of the cells (n,): strains are then of second order; None: linear
     initial: Array | None = None
 
@@ -182,6 +184,23 @@ class MeshedStructure(StructureMatrices):
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the mesh."""
         return self.mesh.comm
+
+    @property
+    def rows(self) -> int:
+        """Number of dofs of this rank, fixed ones included."""
+        return compat.local_size(self.form.space)
+
+    @property
+    def block(self) -> int:
+        """Number of dofs of a node."""
+        return int(self.form.space.dofmap.index_map_bs)
+
+    def with_matrices(self) -> MeshedStructure:
+        """Itself; of a part without matrices the same with them."""
+        if not self.bare:
+            return self
+        with without_warnings():
+            return self.again(self.mesh)
 
     # -- the one part of an assembly without joints: the dofs u of all parts are those of K and M
 
@@ -478,8 +497,12 @@ def assembled(
     order: int,
     attached: Sequence[Attachment],
     solver: SolverChoice,
+    bare: bool = False,
 ) -> MeshedStructure:
-    """The matrices of a mesh; parameters and errors are those of `Structure`."""
+    """The matrices of a mesh; parameters and errors are those of `Structure`.
+
+    `bare`: all but these matrices and its rigid-body modes.
+    """
     if not isinstance(mesh, Mesh):
         raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
     order = whole("order", order)
@@ -502,8 +525,11 @@ def assembled(
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, held)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        taken = cell_by_cell(mesh, form, parts, conditions)
-        if taken is not None:
+        taken = None if bare else cell_by_cell(mesh, form, parts, conditions)
+        if bare:
+            rows = compat.local_size(form.space)
+            K, M = empty(rows, mesh.comm), empty(rows, mesh.comm)
+        elif taken is not None:
             K = of_cells(taken, 1.0, 0.0)
             M = of_cells(taken, 0.0, 1.0)
         else:
@@ -516,14 +542,16 @@ def assembled(
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains or its cells.
     rest, heavier = (K, M) if taken is None else taken.added
-    if form.strains is not None:
+    by_strains = form.strains is not None and not bare
+    if by_strains:
         rest = K.duplicate()
         rest.zeroEntries()
-    to = Matrices(mesh, form, rest, heavier, fixed)
+    to = Matrices(mesh, form, rest, heavier, fixed, bare)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
     added += [add_at_points(to, one) for one in carried]
-    if form.strains is not None:
+    if by_strains:
+        assert form.strains is not None
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, rest, fixed)
@@ -535,7 +563,11 @@ def assembled(
     )
     held_by = [spring for one in added for spring in one.springs]
     springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
-    modes, shift = support.of_mesh(form, fixed, K, M, springs)
+    modes, shift = np.zeros((len(springs), 0)), 0.0
+    if bare:
+        K = M = None
+    else:
+        modes, shift = support.of_mesh(form, fixed, K, M, springs)
     if conditions and modes.shape[1]:
         motions = support.described(mesh, form, modes)
         warn(
@@ -545,8 +577,12 @@ def assembled(
         )
     given = dict(material) if isinstance(material, Mapping) else material
 
-    def again(copy: Mesh, supports: Sequence[Support] = held) -> MeshedStructure:
-        return assembled(copy, given, supports, order=order, attached=carried, solver=solver)
+    def again(
+        copy: Mesh, supports: Sequence[Support] = held, bare: bool = False
+    ) -> MeshedStructure:
+        return assembled(
+            copy, given, supports, order=order, attached=carried, solver=solver, bare=bare
+        )
 
     return MeshedStructure(
         K,
@@ -566,6 +602,7 @@ def assembled(
         dampers=[damper for one in added for damper in one.dampers],
         springs=held_by,
         conditions=conditions,
+        bare=bare,
         doubts=doubts,
         thickness=_stretched(mesh, form, fixed, [one for one, _ in parts]),
     )

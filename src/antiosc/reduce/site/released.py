@@ -245,7 +245,7 @@ class Released:
     def _part(self, member: Member) -> MeshedStructure:
         """A part without its supports and its prestress."""
         part = member.part.unloaded or member.part
-        if not part.supports:
+        if not part.supports and not part.bare:
             return part
         if id(part) not in self._parts:
             self._parts[id(part)] = part.unsupported()

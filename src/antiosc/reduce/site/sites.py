@@ -15,7 +15,6 @@ import scipy.sparse
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.closest import ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.platform import compat
@@ -181,13 +180,13 @@ def _columns(
     count: int,
 ) -> scipy.sparse.csr_matrix:
     """Sparse matrix from entries at dofs of this rank; entries at ghosts go to their owners."""
-    size = algebra.rows(structure.K)
+    size = structure.rows
     row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
     site = np.concatenate([np.zeros(0, dtype=int), *sites])
     value = np.concatenate([np.zeros(0), *values])
     ghost = row >= size
     sent = (compat.global_dofs(structure.form.space, row[ghost]), site[ghost], value[ghost])
-    first = algebra.row_range(structure.K)[0]
+    first = structure.form.space.dofmap.index_map.local_range[0] * structure.block
     entries = [(row[~ghost], site[~ghost], value[~ghost])]
     for number, sites_sent, values_sent in structure.comm.allgather(sent):
         owned = (number >= first) & (number < first + size)
