@@ -23,7 +23,7 @@ from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
-    RigidBody,
+    RigidDofs,
     block_of,
     modes_of,
     reduced,
@@ -479,7 +479,7 @@ class _Joined:
     eliminated: Eliminated
     added: Added
     #: rigid motions (n, r), mechanisms (n, m), the bodies that move in them
-    motions: tuple[Array, Array, list[RigidBody]]
+    motions: tuple[Array, Array, list[RigidDofs]]
 
 
 def _joined(
