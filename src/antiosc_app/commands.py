@@ -85,9 +85,9 @@ def _check(options: Namespace) -> int:
 
 def _export(options: Namespace) -> int:
     """`antiosc export`: write an impact, a scene or a model alone for another program."""
-    from antiosc_app.export import checked
+    from antiosc_app.export import ending_of
 
-    model_alone = checked(options.out) == ".mo"
+    model_alone = ending_of(options.out) == ".mo"
     scene = compiled(read(options.file))
     source = scene.scene or scene.model
     options_of_run = {} if scene.history is None else scene.history.arguments

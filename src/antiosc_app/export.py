@@ -322,7 +322,7 @@ def export(
         or a source that the file cannot hold; nothing is written then.
     """
     exported, file = checks.what_and_path(source, path)
-    ending = checked(file)
+    ending = ending_of(file)
     target = Path(file)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
@@ -344,7 +344,7 @@ def export(
     _RUNS[ending](target, data, **options)
 
 
-def checked(path: str | os.PathLike[str]) -> str:
+def ending_of(path: str | os.PathLike[str]) -> str:
     """The ending of a file that can be written (".fmu", ".c", ".xml", ".mo"); InputError for
     others.
     """

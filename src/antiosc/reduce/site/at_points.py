@@ -85,9 +85,9 @@ def before_joining(
     for k, given in enumerate(sites):
         site = given if given.face is None else on_face(structure, given)
         site = site if site.node is None else at_node(structure, site)
+        end = motion_of(structure, site.point) if isinstance(site.point, str) else None
         assert site.direction is not None  # Site has seen to that
         direction = in_space(site.direction)
-        end = motion_of(structure, site.point) if isinstance(site.point, str) else None
         if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
             by_site[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
             continue
@@ -373,14 +373,14 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
 
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
-    """Point and unit direction with three coordinates."""
+    """Point and unit direction of a site in the axes of its part, which has three coordinates."""
     at = site.point
     along = site.direction
     assert not isinstance(at, str)
     assert at is not None
     assert along is not None  # Site has seen to that
-    point = in_space(at)
-    direction = in_space(along)
+    point = np.array(at)
+    direction = np.array(along)
     direction /= np.linalg.norm(direction)
     if "z" not in form.components and abs(direction[2]) > 1e-12:
         raise InputError(f"direction {tuple(along)} leaves the plane of {mesh.name}, which is 2-D.")
