@@ -75,6 +75,12 @@ class SceneStep(SceneMethod):
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         """Advance the state by one step of length h [s]."""
 
+    def acceleration(self, at: Step, load: Array) -> Array:
+        """Accelerations (J,) of the modes in a state under modal loads (J,)."""
+        s = self.system
+        forced = load - at.force @ s.beta
+        return np.asarray(forced - self.square * at.q - 2 * s.decay * at.v)
+
     @staticmethod
     def longest(system: System) -> float:
         """The longest stable step [s]."""
@@ -193,12 +199,11 @@ class NewmarkScene(SceneStep):
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         s = self.system
         x = self.square
-        d = self.system.decay
         q = start.q
         v = start.v
         F = start.force
-        scale = 1 + h * d + h * h * x / 4
-        a = acting.load - F @ s.beta - x * q - 2 * d * v
+        scale = 1 + h * s.decay + h * h * x / 4
+        a = self.acceleration(start, acting.load)
         v1 = (v + h / 2 * (a + acting.load1 - x * (q + h / 2 * v))) / scale
         q1 = q + h / 2 * (v + v1)
         pull = h / 2 * s.beta / scale  # how unit forces at the end slow the modes
@@ -234,15 +239,11 @@ class LeapfrogScene(SceneStep):
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
         s = self.system
-        x = self.square
-        d = self.system.decay
-        q = start.q
-        v = start.v
         F = start.force
-        half = v + h / 2 * (acting.load - F @ s.beta - x * q - 2 * d * v)
-        q1 = q + h * half
-        scale = 1 + h * d
-        v1 = (half + h / 2 * (acting.load1 - x * q1)) / scale
+        half = start.v + h / 2 * self.acceleration(start, acting.load)
+        q1 = start.q + h * half
+        scale = 1 + h * s.decay
+        v1 = (half + h / 2 * (acting.load1 - self.square * q1)) / scale
         pull = h / 2 * s.beta / scale
         A_rate = pull @ s.beta.T + s.R / h
         free = s.beta @ q1 - acting.gap1

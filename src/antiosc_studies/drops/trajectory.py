@@ -71,10 +71,10 @@ def trajectory(
     groups: list[list[int]] = []
     state = start
     held = dict[int, OngoingContact]()
-    status = ""
+    reason = ""
     pressed = 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
-    while not status:
+    while not reason:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
         remaining = setting.duration - state.time
         touch_time = 0.0
@@ -84,7 +84,7 @@ def trajectory(
             touch_time = most if first_touch is None else first_touch
             flights.append(flight)
             if touch_time >= remaining:
-                status = f"the time {setting.duration:g} s is over"
+                reason = f"the time {setting.duration:g} s is over"
                 state = flight.at(remaining)
                 break
         touch = flight.at(touch_time)
@@ -97,7 +97,7 @@ def trajectory(
         )
         if not (held or same_impact):
             if len(groups) >= setting.impacts:
-                status = f"{len(groups)} impacts"
+                reason = f"{len(groups)} impacts"
                 break
             groups.append([])
             pressed = 0.0
@@ -109,10 +109,10 @@ def trajectory(
         pressed = max(pressed, contact.pressed)  # dents of one impact stay when a point parts
         _check_depth(body, state, pressed, setting)
         if _rests(body, contact.body, state, held, setting):
-            status = "at rest"
+            reason = "at rest"
         elif len(episodes) >= contacts:
-            status = f"not at rest after {contacts:g} contacts"
-    return state, episodes, flights, groups, status
+            reason = f"not at rest after {contacts:g} contacts"
+    return state, episodes, flights, groups, reason
 
 
 def _check_sides(body: FreeBody, state: State) -> None:

@@ -127,7 +127,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; for a plane part (length, thickness of the material, width)."""
+        """The sides of the box; of a plane part, which bends in its plane, its width is last."""
         if self.plane is None:
             return box
         length, width, _ = box
