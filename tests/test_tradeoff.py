@@ -12,12 +12,13 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.elements import products
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
-from antiosc.strikes.tradeoff import BRACKET, Tradeoff, TradeoffMember
+from antiosc.strikes.tradeoff import BRACKET, SMALL, Tradeoff, TradeoffMember
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.document import read
-from parts import STEEL, plate
+from parts import STEEL, box, plate
 
 pytestmark = [
     pytest.mark.fem,
@@ -85,10 +86,35 @@ def test_the_best_and_the_front():
 
 
 def test_no_line_is_told_with_the_end_of_the_meshes(tried):
-    ended = SimpleNamespace(message="The mesh was used as it is.")
+    ended = SimpleNamespace(message="Completed. The mesh was used as it is.")
     found = replace(some((1.0, 0.1)), tol=0.01, hit=ended)
-    with pytest.raises(ao.InputError, match=r"least is 10 %. The mesh was used as it is"):
+    with pytest.raises(ao.InputError, match=r"least is 10 %\. The mesh was used as it is"):
         found.best(tol=0.05)
+
+
+def test_fewer_on_the_first_mesh_of_a_small_part_alone(tried):
+    """A model of a few hundred dofs takes as long on every mesh."""
+    first = tried.table[0].dofs
+    assert sum(one.dofs == first for one in tried.table) > 1
+    others = [one.dofs for one in tried.table if first < one.dofs < SMALL]
+    assert len(others) == len(set(others)) > 0
+
+
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_the_memory_is_that_of_what_is_kept(cell, solver, monkeypatch):
+    """K and M from the cells have no entries."""
+    held = [ao.Support("left")]
+    counted = []
+    for fewest in (0, 10**9):
+        monkeypatch.setattr(products, "FEWEST_DOFS", fewest)
+        part = ao.Structure(box((4, 2, 2), cell=cell), ao.Solid(**STEEL), held, solver=solver)
+        site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.01)
+        found = ao.tradeoff(part, site, *IMPACT, tol=0.5)
+        counted.append(found.table[-1].gigabytes * 1e9 - part.factorize().cost.bytes)
+    assert counted[0] == pytest.approx(0.0, abs=1.0)
+    entries = part.K.getInfo()["nz_used"]
+    assert counted[1] == pytest.approx(2 * 12 * entries)
 
 
 def test_a_geometry_that_is_not_meshed_as_wanted_is_divided(monkeypatch):

@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING, cast
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.base.texts import Result, engineering
+from antiosc.base.texts import Completed, Result, engineering
 from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.linalg.forecast import of_factor
+from antiosc.fem.linalg.petsc_algebra import by_cells
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import collective, compat
@@ -54,10 +56,13 @@ if TYPE_CHECKING:
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
 FEW, FEWER = (3, 8, 20, 60), 2.5
+#: Dofs from which fewer anti-oscillators are tried on every mesh. A model of a smaller part takes
+#: about the same time on each: they are tried on the first alone.
+SMALL = 2_000
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
-#: Bytes of an entry of K, and of M; of an entry of the factor.
-MATRIX_BYTES, FACTOR_BYTES = 24.0, 8.0 * 1.3
+#: Bytes of an entry of K and of M, both together.
+MATRIX_BYTES = 24.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class TradeoffMember:
     size : of the cells, the cube root (of its dimension) of their mean volume [m].
     step : of the time integration, mean in contact [s].
     seconds : assembly, factor, extraction with error estimates, and runs, measured.
-    gigabytes : of K, M and the factor, counted by their entries.
+    gigabytes : of K and M as they are kept, and of the solver as it is forecast.
     peak_force : of the corrected model [N].
     bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
     difference : largest of the three to the finest member, relative.
@@ -153,7 +158,7 @@ class Tradeoff(Result):
         )
         if tol < self.tol:
             return f"{sentence}: give tradeoff a tol of {tol:g} or less."
-        return f"{sentence}. {self.hit.message}"
+        return f"{sentence}. {self.hit.message.removeprefix(Completed.message).lstrip()}"
 
     @property
     def front(self) -> tuple[TradeoffMember, ...]:
@@ -278,7 +283,8 @@ def tradeoff(
 
     def seen(answer: Answer, place: Site) -> None:
         accuracy = accuracy_of_steps(BRACKET * tol)
-        for n in FEW:
+        large = answer.structure.dofs >= SMALL or not made
+        for n in FEW if large else ():
             if FEWER * n <= min(answer.n, answer.structure.dofs):
                 add(_of_few(answer.structure, place, run, accuracy, n))
         add(answer)
@@ -305,7 +311,9 @@ def _with_member(answer: Answer) -> tuple[Answer, TradeoffMember]:
     structure = answer.structure
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh
-    entries = getattr(structure.factorize(), "entries", 0.0)
+    kept = 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
+    solver = structure.factorize()
+    cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
     one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(one, mesh.dolfinx)
     return answer, TradeoffMember(
@@ -316,7 +324,7 @@ def _with_member(answer: Answer) -> tuple[Answer, TradeoffMember]:
         n=answer.n,
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
-        gigabytes=(MATRIX_BYTES * stored(structure.K) + FACTOR_BYTES * entries) / 1e9,
+        gigabytes=(kept + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         impulse=answer.hit.impulse,

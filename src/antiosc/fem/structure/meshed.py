@@ -171,6 +171,8 @@ class MeshedStructure(StructureMatrices):
     conditions: Mapping[tuple[int, ...], IntArray] = field(default_factory=dict)
     #: the group of edges of the sheet of which this is a stiffener
     edges: str = ""
+    #: by the place of a site the same with halved cells, which tells the error of a mesh of beams
+    halves: dict[bytes, MeshedStructure] = field(default_factory=dict)
     #: the same without its prestress
     unloaded: MeshedStructure | None = None
     #: whether its matrices were not made

@@ -59,7 +59,7 @@ class HalvedBeams(MeshErrors):
         """Energies [N/m] by which the mesh is too stiff for psi_0 ... psi_N: (N + 1, N + 1)."""
         coarse = self.part
         place = point[None, :], direction[None, :], np.array([np.nan])
-        fine = coarse.again(halved(coarse.mesh, point))
+        fine = self._fine(point)
         up = interpolation(coarse, fine)
         b = located(fine, *place).loads[:, 0].toarray()
         shapes = np.asarray(model.shapes)
@@ -74,6 +74,14 @@ class HalvedBeams(MeshErrors):
             forces[:, :1] = model.k0 * load
             lacks = lacks + sign * (forces.T @ answers(part, forces))
         return excess(np.asarray(lacks) / (1 - 4.0**-coarse.form.degree))
+
+    def _fine(self, point: Array) -> MeshedStructure:
+        """The part with halved cells, made once for all models of one site."""
+        kept = self.part.halves
+        if point.tobytes() not in kept:
+            kept.clear()
+            kept[point.tobytes()] = self.part.again(halved(self.part.mesh, point))
+        return kept[point.tobytes()]
 
 
 def excess(lacks: Array) -> Array:

@@ -24,6 +24,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import one_thread
 from antiosc.base.texts import engineering
+from antiosc.fem.linalg.forecast import SOLVES
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -336,7 +337,11 @@ def extract(
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
     width = _models_at_once(structure, options)
-    columns = sum(1 + len(one.across) for one in targets) if names else min(len(targets), width)
+    columns: float = min(len(targets), width)
+    if (
+        names
+    ):  # one model has as many anti-oscillators for several sites, and a static shape of each
+        columns = 1 + (sum(1 + len(one.across) for one in targets) - 1) / SOLVES
     structure.factorize(max(columns, AS_SITES) if method == "modes" else columns)
     spent = time.perf_counter() - started
     if not factored:
