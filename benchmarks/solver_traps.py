@@ -8,8 +8,8 @@ anisotropy, hexahedra: five blocks of each, of sizes drawn by lot, twenty anti-o
 thread. Seconds are those of the processor for solver and model; the error is the largest
 difference of Z(ω) from that of the factor at nine frequencies up to the fifth antiresonance, with a
 hundredth of each as its imaginary part, which keeps off the poles, each over the Z of the factor. A
-solver that refuses is quoted, and it is told where a model warns of ill-conditioned matrices. Below 25 000 dofs a part is factored, above the solver is chosen by
-forecast. Other work on the machine changed the seconds of one and the same solver by up to a factor
+solver that refuses is quoted, and it is told where a model warns of ill-conditioned matrices. Below
+25 000 dofs a part is factored, above the solver is chosen by forecast. Other work on the machine changed the seconds of one and the same solver by up to a factor
 of two.
 """
 
