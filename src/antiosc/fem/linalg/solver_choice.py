@@ -472,7 +472,7 @@ SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
-LARGE = 25_000
+LARGE = 30_000
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 
