@@ -5,12 +5,12 @@
 
 Thin plates, nearly incompressible materials, slivers, free bodies, several sites, stiff springs,
 anisotropy, hexahedra: five blocks of each, of sizes drawn by lot, twenty anti-oscillators, one
-thread. Seconds are those of the processor for solver and model; the error is the largest
-difference of Z(ω) from that of the factor at nine frequencies up to the fifth antiresonance, with a
-hundredth of each as its imaginary part, which keeps off the poles, each over the Z of the factor. A
-solver that refuses is quoted, and it is told where a model warns of ill-conditioned matrices. The parts
-have more than 30 000 dofs, below which a part is factored: the solver is chosen by forecast. Other work on the machine changed the seconds of one and the same solver by up to a factor
-of two.
+thread. Seconds are those of the processor for solver and model; the error is the largest difference
+of Z(ω) from that of the factor at nine frequencies up to the fifth antiresonance, with a hundredth
+of each as its imaginary part, which keeps off the poles, each over the Z of the factor. A solver
+that refuses is quoted, and it is told where a model warns of ill-conditioned matrices. The parts
+have more than 30 000 dofs, below which a part is factored: the solver is chosen by forecast. Other
+work on the machine changed the seconds of one and the same solver by up to a factor of two.
 """
 
 from __future__ import annotations
