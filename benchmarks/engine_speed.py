@@ -145,19 +145,21 @@ def instructions(n: int, count: int = 20) -> float:
 
 
 def draw(result: dict[str, Any], path: Path) -> None:
-    """The first and the second call of a process, and many, for each number of anti-oscillators."""
+    """What a process pays for its impacts with 20 anti-oscillators."""
     figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
-    names = ["first call", "second", "warm simulate", "engine alone"]
-    for k, (n, first) in enumerate(result["first"].items()):
-        warm = next(r for r in result["impacts"] if r["n"] == n and r["speed"] == 1.0)
-        values = [*first[:2], warm["simulate"][1], warm["engine"][1]]
-        at = np.arange(len(names)) + 0.4 * (k - 0.5)
-        bars = axis.bar(at, values, 0.38, label=f"N = {n}")
-        axis.bar_label(bars, [f"{value:.2g}" for value in values])
-    axis.set_xticks(range(len(names)), names)
+    first = result["first"][20]
+    warm = next(r for r in result["impacts"] if r["n"] == 20 and r["speed"] == 1.0)
+    times = {
+        "loading\nao.simulate": result["loading"],
+        "first call": first[0],
+        "second": first[1],
+        "warm call": warm["simulate"][1],
+        "of it the\nC library": warm["engine"][1],
+    }
+    bars = axis.bar(list(times), list(times.values()), 0.6)
+    axis.bar_label(bars, [f"{value:.2g}" for value in times.values()])
     axis.set_yscale("log")
     axis.set_ylabel("ms of the processor, median")
-    axis.legend()
     plotting.save_figure(figure, path, dpi=80, bbox_inches="tight")
 
 
