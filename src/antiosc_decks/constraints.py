@@ -264,7 +264,7 @@ class DeckConstraints:
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:
-        """Drop all whose terms fail `stays`: constraints, springs, dampers, masses. Their count."""
+        """Remove constraints, springs, dampers and masses whose terms fail `stays`; count them."""
         before = len(self.every())
         self.equations = [terms for terms in self.equations if stays(terms)]
         self.springs = [element for element in self.springs if stays(element[0])]

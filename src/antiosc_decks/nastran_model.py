@@ -408,7 +408,7 @@ RIGID["SECONCT"] = NastranJoints._seconct
 
 
 def _motions(entry: Entry, text: str) -> tuple[int, ...]:
-    """Motions (0 to 5) of components, of which there must be some."""
+    """Motions (0 to 5) of the component digits 1 to 6 in a text; MeshError if it has none."""
     motions = motions_of(text, entry.place)
     entry.needs(motions and "0" not in text, f"{text!r} are not components from 1 to 6.")
     return tuple(motions)

@@ -124,7 +124,7 @@ class Sources:
 
 
 def _root(path: Path) -> Path:
-    """The folder that includes must not leave: the deck's, or its parent if the user owns both."""
+    """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
     above = folder.parent
     try:

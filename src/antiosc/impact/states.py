@@ -134,7 +134,7 @@ def damping_states(
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
     """Modal displacements and velocities (n, J) at the starts of steps (n,); the last is the end.
 
-    From those that the run has kept, by the exact motion over the steps in between.
+    Stored states are returned; those between are integrated from the stored state before them.
     """
     return _free_modes(system, *integrated_starts(run, system, step))
 
@@ -211,7 +211,7 @@ def node_states(
 ) -> tuple[Array, Array]:
     """Modal states (n, J) at the nodes of the steps `first` to `last`; middles from a step's start.
 
-    By blocks of steps, for the responses take several times the memory of the states.
+    They are computed in blocks of steps: the responses need several times their memory.
     """
     last = run.time.size // 2 if last is None else last
     size = system.omega.size

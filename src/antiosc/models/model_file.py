@@ -353,7 +353,7 @@ def reduced_matrices(
     """The matrices of k0, m_st (p, p), P (p, N) and omega (N,).
 
     slide : (p, s) rigid motions q of unit mass that hardly move the sites: u = u_e + slide q.
-    Others as of `AntiOscillators.to_matrices`.
+    The others: see `AntiOscillators.to_matrices`.
     """
     count = len(stiffness)
     K = block_diag(stiffness, np.diag(omega**2))

@@ -203,7 +203,7 @@ def _residual(
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at some vertices of the hull.
 
-    `hull_points` are the hull's vertices in the skin, of which `which` are chosen.
+    `hull_points` are the numbers of the hull's vertices in the skin; `which` chooses among them.
     """
     from antiosc.reduce.site import functionals
 

@@ -387,11 +387,12 @@ def on_path(
 
 
 def _displaced(R: Array, q: Array, places: Array, shapes: Array) -> Array:
-    """Displacements (n, k, 3) [m] of the material under places (n, k, 3) that move through a body.
+    """Displacements (n, k, 3) [m] of the material at places (n, k, 3) that move through a body.
 
-    Friction acts against these and not against those of one material point, else it would do work
-    on the motion of the centre of pressure. R : (n, 3, 3) orientations; q : (n, J) modal
-    displacements; shapes : (n, k, J, 3) mode shapes at the places.
+    They are the integral of the velocity of the material that is at the place at each time.
+    Friction acts on them: the motion of the place itself through the body does no work. R : (n, 3,
+    3) orientations; q : (n, J) modal displacements; shapes : (n, k, J, 3) mode shapes at the
+    places.
     """
     place = (places[1:] + places[:-1]) / 2
     shape = (shapes[1:] + shapes[:-1]) / 2
@@ -739,8 +740,8 @@ def _followed(
 ) -> Followed:
     """Repeat the scene `base` on the path of the previous run until the paths no longer change.
 
-    share: error tolerance of the first run, whose forces have converged, and of the following ones;
-    0: coarse runs, which become finer as their paths converge.
+    share: error tolerance of the first run, whose forces have converged, and of the following ones.
+    With 0 the runs start coarse and become finer as their paths converge.
     """
     changes: list[float] = []
     close, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))

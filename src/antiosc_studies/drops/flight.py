@@ -271,8 +271,9 @@ class Flight:
                 yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
-        """The first touch of points in an interval; `parted` marks points below since they
-        parted.
+        """Time [s] of the first touch of points in an interval; None if there is none.
+
+        `parted` marks points that have not left the floor since they parted; it is updated.
         """
         count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
         close = TOUCH * self.body.extent

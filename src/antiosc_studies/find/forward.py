@@ -231,11 +231,11 @@ class Struck:
         return float(getattr(self.law, "exponent", 1.5))
 
     def modes_at(self, chart: Chart, x: Array) -> Array:
-        """(J + 2,) b, residual and local compliance at local coordinates x of a chart."""
+        """Modal values b, residual and local compliance (J + 2,) at coordinates x of a chart."""
         return np.asarray(chart.weights(x) @ self.table[chart.near])
 
     def hit(self, blow: Blow, site_data: Array) -> History:
-        """The impact at a place with the modal data `seen` (J + 2,)."""
+        """The impact at a place with the data `site_data` (J + 2,) of `modes_at`."""
         omega = self.omega * np.sqrt(blow.E) * (1 + blow.frequency)
         b = site_data[:-2]
         r, local = np.maximum(site_data[-2:], 0.0) / blow.E
@@ -251,7 +251,7 @@ class Struck:
         return simulate_impact(scene, Settings(1e-4, step=step, max_contacts=CONTACTS))[0]
 
     def seen(self, blow: Blow, site_data: Array) -> Seen:
-        """The computed signals of an impact at a place with modal data `at` (J + 2,)."""
+        """Computed signals of an impact at a place with the data `site_data` (J + 2,)."""
         hit = self.hit(blow, site_data)
         t = self.data.time - blow.start
         after_start = np.flatnonzero((t >= 0) & (t <= hit.run.time[-1]))

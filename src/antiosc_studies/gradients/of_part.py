@@ -521,7 +521,10 @@ def _patch_share(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
 
 
 def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
-    """Weights (R,) and principal shapes (C, R), of unit energy, of a sum of weighted energies."""
+    """Weights w (R,) and shapes C (C, R) with C diag(w) Cᵀ = `by` and Cᵀ `reduced` C = 1.
+
+    The smallest are omitted: together at most `LEFT_OUT` of the sum of absolute weights.
+    """
     values, vectors = np.linalg.eigh(reduced)
     nonzero = values > 1e-14 * values[-1]
     root = vectors[:, nonzero] * np.sqrt(values[nonzero])

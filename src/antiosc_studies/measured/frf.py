@@ -141,7 +141,7 @@ class FittedModes:
 
     @property
     def sizes(self) -> list[int]:
-        """Numbers of `values`: omega, zeta, b, rigid, root."""
+        """Numbers of omega, zeta, b, rigid and root among `values`, in this order."""
         triangle = len(self.root) * (len(self.root) + 1) // 2
         rigid = 0 if self.rigid is None else triangle
         return [len(self.omega), self.seen, self.b.size, rigid, triangle]

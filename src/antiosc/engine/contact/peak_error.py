@@ -47,7 +47,7 @@ def other_strengths(
 ) -> list[ElasticPlastic]:
     """The law with the lowest yield strength, and with the highest at a strain rate [1/s].
 
-    Without those that equal `law`, and those by which, as by `law`, the contact does not yield.
+    A law is omitted if it equals `law`, or if the contact yields neither by it nor by `law`.
     """
     changed = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
     return [

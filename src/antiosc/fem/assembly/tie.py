@@ -56,8 +56,8 @@ class Tie(Between):
     Parameters
     ----------
     a, b : str
-        "part:group" of faces or of edges. The side of which the other covers the larger share is
-        the follower; if the shares are equal, the side with the finer mesh; edges follow faces. The
+        "part:group" of faces or of edges. Edges follow faces. Otherwise the follower is the side
+        that the other covers to the larger share; if the shares are equal, the finer mesh. The
         edge of a shell on faces of a solid follows their displacement and rotation over its
         thickness; its rotation about its normal stays free.
     gap : float, optional

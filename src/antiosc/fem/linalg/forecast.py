@@ -84,11 +84,11 @@ def _factored(entries: float) -> float:
 
 @dataclass(frozen=True)
 class LevelSizes:
-    """Two levels by their sizes.
+    """Sizes of a two-level solver.
 
-    stored : entries of A, or that it would have where products are taken from the cells. factor :
-        entries of the factor of A, of which the coarse one's are a known share; 0: the coarse level
-        is not factored.
+    stored : entries of A; for products by cells those that A would have.
+    factor : entries of the factor of A, from which those of the coarse factor follow; 0: the
+        coarse level is not factored.
     """
 
     stored: float
@@ -118,7 +118,7 @@ class LevelSizes:
         return self.products.seconds * self.stored + COARSE * self.coarse
 
     def cost(self, iterations: float, columns: float) -> Cost:
-        """Of a model whose solves take so many iterations."""
+        """Memory and time of a model whose solves take so many iterations."""
         solves = SOLVES * columns * iterations * self.iteration
         return Cost(self.bytes, self.set_up + solves)
 

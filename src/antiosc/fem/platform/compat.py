@@ -629,7 +629,7 @@ class CellKernel:
 
     Parameters
     ----------
-    x : the coefficient of which the C library takes the values from vectors, by their dofs
+    x : the coefficient whose values the C library reads from vectors, by their dofs
     """
 
     def __init__(self, form: ufl.Form, x: fem.Function) -> None:

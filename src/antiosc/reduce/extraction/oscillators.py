@@ -172,8 +172,8 @@ class Selection:
 def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     """The n lowest anti-oscillators with a share in Z above `tol`.
 
-    Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
-    all others are added to m0.
+    Modes of one frequency are reduced to those that the sites can tell apart, at most p. The masses
+    of all others are added to m0.
     """
     static = known.static
     omega = known.modes.omega
@@ -353,9 +353,9 @@ def error_bound(
 
 
 def left_out(known: ConstraintModes) -> Remainder:
-    """Bound on the effect of truncated modes on Z: their mass, at poles above the last one.
+    """Bound on the effect of truncated modes on Z.
 
-    Without them their mass is in m0.
+    Their mass, which m0 contains, is moved to the poles above the last one with the largest effect.
     """
     mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
     top = float(known.poles.max(initial=0.0))
@@ -370,7 +370,7 @@ def left_out(known: ConstraintModes) -> Remainder:
 def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> Array:
     """Norm (W,) of the rounding error of Z at complex x = ω².
 
-    From the entries, the solves, and the measured orthogonality of the modes.
+    It has three sources: the entries, the solves, and the measured orthogonality of the modes.
     """
     real = known.poles > 0
     poles = known.poles[real]
