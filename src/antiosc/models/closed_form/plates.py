@@ -54,7 +54,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
-from scipy.integrate import quad
 
 from antiosc.base import checks
 from antiosc.base._types import Array, Index, Numbers
@@ -440,6 +439,8 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 @lru_cache(maxsize=64)
 def _compliance(nu: float) -> float:
     """The compliance integral for E = h = 1: of the plate minus that of the layer."""
+    from scipy.integrate import quad  # loaded where it is used: it takes long
+
     G = 1 / (2 * (1 + nu))
     D = 1 / (12 * (1 - nu**2))
     a = sqrt(nu / (1 - nu))

@@ -17,7 +17,6 @@ from math import exp
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
@@ -45,6 +44,8 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
     goal : required total error over the present one; not reached if it needs sizes below `FINEST`.
     order, dim : order of the elements, dimension of the mesh.
     """
+    from scipy.optimize import brentq  # loaded where it is used: it takes long
+
     total, count = comm.allreduce(np.array([energies.sum(), float(len(energies))]))
     if total == 0:
         return np.ones(len(energies))
