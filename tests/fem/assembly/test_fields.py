@@ -153,7 +153,6 @@ def test_a_turned_part_of_an_anisotropic_material_is_the_part():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the patch is doubtful")
 def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     """Groups of both parts, all their surfaces, and points: the models of single extractions."""
     options = {"n": 4, "modes": 12}
