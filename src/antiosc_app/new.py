@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import AntioscError, InputError, warnings_to
+from antiosc.base.errors import AntioscError, InputError, SiteError, warnings_to
 from antiosc.extension import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
@@ -85,6 +85,9 @@ DIAMETER_RATIO = 0.03
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
 #: A part of at most so many nodes is struck for this time [s] before its scene is written.
 MOST_NODES = 4000
+#: Other sites that are tried where the first is a hollow or held, each so many places further on:
+#: the next ones lie beside the first.
+OTHERS, APART = 3, 12
 MOMENT = 2e-4
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
@@ -109,6 +112,7 @@ class Inspection:
     cells : their number and kind in words.
     where : group of the support; plane : (point, normal) of supported nodes; neither: free.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
+    others : (point, direction, radius) of sites to try if that one cannot be struck.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
     material : by name; unused for a deck.
@@ -138,6 +142,7 @@ class Inspection:
     of_deck: bool = False
     notes: tuple[str, ...] = ()
     flat: tuple[float, float] | None = None
+    others: Sequence[tuple[list[float], list[float], float | None]] = ()
     pieces: Sequence[Piece] = ()
     cell: float | None = None
     material: str = MATERIAL
@@ -316,6 +321,10 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     if structure is not None:
         point, direction, radius = _movable(structure, (point, direction, radius), sites)
     flat = _flat(mesh, outer, structure, (point, direction, radius))
+    others = []
+    if mesh.tdim > 1 and structure is None:
+        apart = islice(sites, APART - 1, OTHERS * APART, APART)
+        others = [(_rounded(p, size), _rounded(d), patch) for p, d, patch in apart]
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     count = min(COUNTS[family], dofs // DOFS_FOR_EACH)
@@ -338,6 +347,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         supported,
         of_deck=structure is not None,
         flat=flat,
+        others=others,
         bars=_has_bars(mesh, structure),
     )
 
@@ -475,12 +485,14 @@ def _on_faces(
     middle = corners.mean(axis=1)
     sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(sides, axis=1)
+    fixed = supported[faces].all(axis=1)
+    area[fixed] = 0.0
     normal = outer.normals
     if outer.sheet:
         normal = _outward(x, faces, normal)
     side, edge_points = _sides(x, faces, normal)
     support_distance = _from_supports(x, supported, middle)
-    total = np.bincount(side, area)
+    total = np.maximum(np.bincount(side, area), np.finfo(float).tiny)
     mean_distance = np.bincount(side, area * (support_distance + 0.2 * size)) / total
     mean_height = np.bincount(side, area * normal[:, 2]) / total
     rating = total * mean_distance * (1.5 + mean_height)
@@ -497,7 +509,7 @@ def _on_faces(
         support_distance + ROOM * size
     )
     room[supported[faces].any(axis=1)] = 0.0
-    for best in np.lexsort((-room, -rating[side], ~chosen)):
+    for best in np.lexsort((-room, -rating[side], ~chosen, fixed)):
         if not chosen[best] and len(edge_points[side[best]]):
             edge_distance[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
         ends = corners[best] - np.roll(corners[best], 1, axis=0)
@@ -767,13 +779,31 @@ def write_scene(
 
 
 def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:
-    """The part after a trial impact, if need be without error bars; InputError if both fail."""
+    """The part after a trial impact, if need be at another site; InputError if all fail."""
+    reason: InputError | None = None
+    first = inspection.point, inspection.direction, inspection.radius
+    for point, direction, radius in (first, *inspection.others):
+        trial = replace(inspection, point=point, direction=direction, radius=radius)
+        try:
+            return _tried_at(scene, name, part, trial, drop)
+        except SiteError as error:
+            reason = reason or error
+        except InputError as error:
+            reason = reason or error
+            break
+    raise InputError(f"the part can be read, but not struck as it is: {reason}")
+
+
+def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:
+    """The part after a trial impact at its site, if need be without error bars."""
     reason: InputError | None = None
     for bars in (True, False)[not inspection.bars :]:
         trial = replace(inspection, bars=bars)
         scene.write_text(text(name, part, trial, drop), encoding="utf-8")
         try:
             trial = replace(trial, cell=_try(scene, name))
+        except SiteError:
+            raise
         except InputError as error:
             reason = reason or error
             continue
@@ -781,7 +811,8 @@ def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool
             return trial
         message = f"it is struck without error bars, for otherwise {reason}"
         return replace(trial, notes=(*trial.notes, message))
-    raise InputError(f"the part can be read, but not struck as it is: {reason}")
+    assert reason is not None
+    raise reason
 
 
 def _try(scene: Path, name: str) -> float | None:
@@ -805,8 +836,8 @@ def _try(scene: Path, name: str) -> float | None:
                 calls, ("structure", "model", "impactor", "contact", "history", "fall")
             )
     except AntioscError as error:
-        message = str(error).replace(str(scene), name)
-        raise InputError(message) from None
+        kind = SiteError if isinstance(error.__cause__, SiteError) else InputError
+        raise kind(str(error).replace(str(scene), name)) from None
     hit = computed.history
     cell = hit and coarse_at(computed.model, "", hit.assembly.contact_time_estimate)
     return float(f"{cell.allowed:.1g}") if cell else None

@@ -14,6 +14,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 import antiosc as ao
+from antiosc.base.errors import SiteError
 from antiosc.fem.mesh.surface import Faces
 from antiosc_app import new, units
 from antiosc_app.new import inspect_part
@@ -182,6 +183,54 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
     found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites)]
     assert found == [flat.tolist(), hollow.tolist()]
+
+
+def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
+    """A tub with a bottom of two triangles, which is its largest face, and walls of many."""
+    levels = 12
+    corners = np.array([(0, 0), (0.3, 0), (0.3, 0.2), (0, 0.2)])
+    points = [(x, y, 0.01 * level) for level in range(levels) for x, y in corners]
+    triangles = [(0, 1, 2), (0, 2, 3)]
+    for level in range(levels - 1):
+        for k in range(4):
+            a, b = 4 * level + k, 4 * level + (k + 1) % 4
+            triangles += [(a, b, b + 4), (a, b + 4, a + 4)]
+    path = tmp_path / "tub.vtu"
+    meshio.Mesh(np.array(points), [("triangle", np.array(triangles))]).write(path)
+    found = inspect_part(path)
+    assert found.plane == [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    assert found.point[2] > 0.01
+
+
+def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkeypatch):
+    found = inspect_part(_block(tmp_path))
+    tried = []
+
+    def refuse_once(scene, name):
+        (site,) = tomllib.loads(scene.read_text())["sites"].values()
+        tried.append(site["point"])
+        if len(tried) == 1:
+            raise SiteError("the surfaces fit into each other")
+
+    monkeypatch.setattr(new, "_try", refuse_once)
+    scene = tmp_path / "s.toml"
+    struck = new._tried(scene, scene.name, "block.geo", found, False)
+    assert tried == [found.point, struck.point]
+    assert tried[0] != tried[1]
+    assert struck.bars == found.bars
+
+    def refuse(scene, name):
+        raise SiteError("the surfaces fit into each other")
+
+    monkeypatch.setattr(new, "_try", refuse)
+    with pytest.raises(ao.InputError, match="not struck as it is: the surfaces fit"):
+        new._tried(scene, scene.name, "block.geo", found, False)
+
+
+def _block(folder: Path) -> Path:
+    path = folder / "block.geo"
+    path.write_text('SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n')
+    return path
 
 
 def sheet(path: Path, *, held: str = "1,4,13,16", plane: bool = False) -> Path:

@@ -41,6 +41,10 @@ class PiecesError(MeshError):
     pieces: Sequence[Any] = ()
 
 
+class SiteError(InputError):
+    """A site that cannot be struck: supports fix it, or it is a hollow; another may do."""
+
+
 class NotConvergedError(AntioscError, RuntimeError):
     """A linear solver, an eigensolver or an integrator did not converge."""
 

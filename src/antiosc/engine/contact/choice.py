@@ -23,7 +23,7 @@ from functools import lru_cache
 from math import acos, degrees, exp, inf, pi, sqrt
 
 from antiosc.base import checks
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.base import ContactLaw
 from antiosc.engine.contact.curvature import PLANE, SHARP
@@ -119,7 +119,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
         if one.kind == other.kind == PLANE:
             return _flat(one, other, modulus)
-        raise InputError(
+        raise SiteError(
             f"the surfaces fit into each other (relative curvatures {2 * A:g} and {2 * B:g} 1/m), "
             "which is no contact at a point: give the law of the contact."
         )

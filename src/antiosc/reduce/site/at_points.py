@@ -12,7 +12,7 @@ import numpy as np
 from antiosc.base import plausible
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text as text
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, SiteError
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import EndMotion
@@ -69,7 +69,7 @@ def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Funct
     if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
         named = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
-        raise InputError(constrained(f"the site {named}"))
+        raise SiteError(constrained(f"the site {named}"))
     return joined
 
 
@@ -369,7 +369,7 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
                 f"refine=[(point, {radius:g})]."
             )
         if sites_found.moving[i] <= LEAST_FREE_SHARE:
-            raise InputError(constrained(f"the site at {text(points[i])}"))
+            raise SiteError(constrained(f"the site at {text(points[i])}"))
 
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import (
     floats,
 )
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, SiteError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.reach import Reach, check_reach
@@ -50,7 +50,7 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
     size = norm(comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
     if norm(comm, b) <= LEAST_FREE_SHARE * size:
-        raise InputError(constrained("the site"))
+        raise SiteError(constrained("the site"))
     return Functional(b)
 
 
@@ -139,7 +139,7 @@ def _checked(
     size = float(np.linalg.norm(b))
     b[structure.fixed] = 0.0
     if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size or not size:
-        raise InputError(constrained(label))
+        raise SiteError(constrained(label))
     return Functional(b, radius, 0.0, at, direction)
 
 
