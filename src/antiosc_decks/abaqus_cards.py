@@ -407,7 +407,7 @@ def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
 
 
 def _option_fate(card: Card, option: str) -> Fate:
-    """The fate of one option of a card that is read."""
+    """What is done with one option of a card; the card itself is read."""
     known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
     values = known.get(option, "").split("|")
     value = "".join(card.option(option).split()).upper()

@@ -423,7 +423,8 @@ def _determined(
 ) -> bool:
     """Whether constraints or supports determine a motion of all these nodes.
 
-    Each node is dependent or fixed, or all dependent ones follow it.
+    They do if each node that is not dependent is fixed, or if each dependent one follows all that
+    are not.
     """
     dependent = [n for n in numbers if n in rows]
     others = set(numbers) - set(dependent)

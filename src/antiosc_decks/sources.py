@@ -33,8 +33,8 @@ Watch = Callable[[int], None]
 class Sources:
     """The files of a deck.
 
-    `on_size` is called with the total size so far in bytes; `root` is the folder that includes must
-    not leave.
+    `on_size` is called with the total size so far in bytes; files that
+    the deck includes must lie below the folder `root`.
     """
 
     def __init__(

@@ -83,7 +83,7 @@ def number(name: str, value: object, unit: str = "") -> float:
 
 
 def _as_float(name: str, value: object, unit: str) -> float:
-    """A real number of any type as a float; infinite beyond the range of one."""
+    """A real number of any type as a float; inf if it is too large for a float."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]
     if isinstance(value, _TRUTH) or not isinstance(value, Real):

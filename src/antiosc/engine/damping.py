@@ -209,13 +209,13 @@ class FirstOrder:
         """b'(dynamic stiffness)^-1 b at circular frequencies (...), b (J, P): (..., P, P)."""
         s = 1j * omega[..., None]
         size = self.omega.size
-        ca = self.at_q[:, :size].T @ b
-        cb = self.at_q[:, size:].T @ b
+        b_at_q = self.at_q[:, :size].T @ b
+        b_at_v = self.at_q[:, size:].T @ b
         over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
-        undamped = ca - 2 * self.decay[:, None] * cb
-        a = over[..., None] * (cb * s[..., None] + ca)
-        rate = over[..., None] * (undamped * s[..., None] - (self.omega**2)[:, None] * cb)
-        return np.asarray(ca.T @ a + cb.T @ rate)
+        undamped = b_at_q - 2 * self.decay[:, None] * b_at_v
+        a = over[..., None] * (b_at_v * s[..., None] + b_at_q)
+        rate = over[..., None] * (undamped * s[..., None] - (self.omega**2)[:, None] * b_at_v)
+        return np.asarray(b_at_q.T @ a + b_at_v.T @ rate)
 
 
 @dataclass(eq=False)

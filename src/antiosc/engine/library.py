@@ -408,10 +408,12 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
 def compare(
     time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
 ) -> tuple[float, float, float]:
-    """Relative differences between two runs, each that of the worst row: (force, peak, time).
+    """Differences between the forces of two runs: (force, peak, time), of the contact that differs
+    most.
 
-    `force` is the larger of L2 norm and impulse; up to `time` [s] the L2 norm is below `tol`. The
-    runs are compared at the nodes of both, up to the end of the shorter one.
+    `force`: relative difference, the larger of the L2 norm's and the impulse's; `peak`: relative
+    difference of the peak forces; `time`: instant [s] up to which the L2 norm of the difference is
+    below `tol`. The runs are compared at the instants of both, up to the end of the shorter one.
     """
     arrays = _doubles(time_a, force_a, time_b, force_b)
     work = np.empty((9, force_a.shape[1]))

@@ -73,10 +73,10 @@ SAME_TIME = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Motion of a body over a run, as sums of columns with factors.
+    """Motion of a body over a run, in B coordinates of which each multiplies a column of a field.
 
-    nodes : (n,) times of the history [s]. factors : function, times (k,) -> factors (k, B).
-    omega : (J,) frequencies of the modes [rad/s]; shapes : (J, B) factors of each mode;
+    nodes : (n,) times of the history [s]. factors : function, times (k,) -> coordinates (k, B).
+    omega : (J,) frequencies of the modes [rad/s]; shapes : (J, B) coordinates of each mode;
     sizes : (J,) largest amplitudes of the modes.
     """
 

@@ -55,9 +55,9 @@ def contact_intervals(run: Run, system: System, c: int) -> tuple[NDArray[np.void
 def main_contact_time(contacts: Iterable[tuple[float, float, float]]) -> float:
     """Time [s] from the first touch to the last release of the main impact; 0 without contact.
 
-    contacts : (start [s], end [s], impulse [N s]) of each contact, in order; one that goes on at
-    the end of the run counts up to there. Successive contacts belong to one impact if the flight
-    between them is shorter than the impact up to then; the main impact has the largest impulse.
+    contacts : (start [s], end [s], impulse [N s]) of each contact, in order; a contact that lasts
+    beyond the run ends with the run. Successive contacts belong to one impact if the flight between
+    them is shorter than the impact before it; the main impact has the largest impulse.
     """
     rows = [(a, b, 0.0, impulse, 0.0, 0, 0) for a, b, impulse in contacts]
     touches = np.array(rows, library.TOUCH)

@@ -110,8 +110,9 @@ def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> 
 def _block_gauss(m0: Array, lam: Array, P: Array) -> tuple[Array, Array]:
     """Nodes 1/omega^2 and participations (p, .) of the block Gauss rule of several sites.
 
-    m0 (p, p) at 0 and the anti-oscillators, 1/omega^2 (n,) and P (p, n), are the block Gauss-Radau
-    rule; without the last block of its block Lanczos recurrence it is the Gauss rule.
+    A model is a block Gauss-Radau rule: the node 0 has the weight m0 (p, p), and each
+    anti-oscillator is a node lam = 1/omega^2 (n,) with its column of P (p, n). The block Lanczos
+    recurrence of these nodes without its last block gives the Gauss rule.
     """
     values, vectors = np.linalg.eigh(m0)
     start = np.vstack((np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, P.T))

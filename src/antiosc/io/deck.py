@@ -187,8 +187,8 @@ class Numbering:
     def between(self, first: int, last: int, step: int = 1) -> IntArray:
         """Rows of the existing numbers among first, first + step, … up to `last`."""
         low, high = np.searchsorted(self.labels, [first, last + 1])
-        some = self.labels[low:high]
-        return np.asarray(self.order[low:high][(some - first) % step == 0])
+        labels = self.labels[low:high]
+        return np.asarray(self.order[low:high][(labels - first) % step == 0])
 
 
 def whole_number(text: str, place: DeckPlace) -> int:

@@ -150,7 +150,10 @@ def with_named_materials(data: Table) -> Table:
 
 
 def _material_table(value: object) -> object:
-    """The table for a material, or for groups of cells, whose materials may be names."""
+    """A [material] section in which each material is a table; a name stands for a known material.
+
+    The section is one material, or a table of them by group of cells.
+    """
     if isinstance(value, str):
         return {KIND: "material", "name": value}
     if not isinstance(value, dict) or KIND in value:

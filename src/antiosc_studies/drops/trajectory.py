@@ -179,7 +179,7 @@ def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: boo
 def _pushed(
     body: FreeBody, state: State, W: Array, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Elastic energy [J] of the contacts beyond that which carries the weight.
+    """Elastic energy [J] of the contacts, less that of the contacts under the weight at rest.
 
     For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
     law, and no less than the energy for a force that grows faster than the approach.

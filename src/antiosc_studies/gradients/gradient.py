@@ -353,7 +353,7 @@ def _contacts(record: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str],
     """Derivatives by the parameters of each contact."""
     result: dict[tuple[str, str], Values] = {}
     for c, (pair, law) in enumerate(zip(contact_ends(record), record.laws, strict=True)):
-        values = _by_law(law, slopes.laws[c])
+        values = _law_derivatives(law, slopes.laws[c])
         values["gap"] = float(slopes.offsets[:, c].sum())
         if record.system.tangents[c, 1] > 0:
             values["friction"] = float(slopes.friction[c, 0])
@@ -361,7 +361,7 @@ def _contacts(record: Recorded, slopes: adjoint.Slopes) -> dict[tuple[str, str],
     return result
 
 
-def _by_law(law: ContactLaw, by: Array) -> Values:
+def _law_derivatives(law: ContactLaw, by: Array) -> Values:
     """Derivatives by the parameters of a law, by name; a table has none."""
     if law.kernel[0].kind == library.TABLE:  # type: ignore[attr-defined]
         return {}

@@ -121,9 +121,9 @@ class Chain:
 
 
 def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
-    """The derivatives by the matrices of a model's part on its shapes.
+    """The derivatives of a goal by the matrices K and M of the part, projected on the shapes.
 
-    The coordinates are factors of the shapes: the motion of the site, and of each anti-oscillator
+    The coordinates of this projection are the motion of the site, and that of each anti-oscillator
     relative to it.
     """
     assert model.shapes is not None

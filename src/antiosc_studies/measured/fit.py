@@ -392,8 +392,10 @@ SETTLED = 1.05
 class Fit:
     """The most probable body of a fit.
 
-    weight : 1/sigma (W, M); chi2 : over the degrees of freedom; cost : minus twice the logarithm of
-    its probability; tails : bodies with other tails that are hardly less probable.
+    weight : 1/sigma of the measured values (W frequencies, M responses).
+    chi2 : chi-squared divided by the degrees of freedom.
+    cost : minus twice the logarithm of its probability.
+    tails : bodies that are hardly less probable, with other modes above the band.
     """
 
     modes: FittedModes

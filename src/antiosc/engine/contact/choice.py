@@ -218,6 +218,6 @@ def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Largest pressure [Pa] of an elastic contact with the same work of loading up to `depth`."""
+    """Largest pressure [Pa] of the elastic contact that takes the work of `law` up to `depth`."""
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

@@ -103,8 +103,8 @@ class Power(Patched):
 class Linear(Patched):
     """F = stiffness * delta, a spring that can only push. `stiffness` in N/m.
 
-    A `compliance` of a patch must be below 0.7 of 1/stiffness: of a stiffer contact it is most of
-    the flexibility, and `without` leaves it in.
+    The `compliance` of a patch must be at most 0.7 of 1/stiffness. If it would be more, `without`
+    does not subtract it.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
@@ -127,7 +127,7 @@ class Linear(Patched):
 
 @dataclass(frozen=True)
 class Hertz(Compiled):
-    """Hertz's law F = stiffness * delta^(3/2), optionally minus the compliance of a patch.
+    """Hertz's law F = stiffness * delta^(3/2), optionally with less indentation by c F.
 
     Parameters
     ----------
@@ -143,8 +143,9 @@ class Hertz(Compiled):
     there the contact radius is 0.83 of the patch's. With rho = (F/F_lim)^(1/3) the flexibility left
     is 1 - rho of Hertz's own, so a relative error e in c becomes e rho/(1 - rho) in the tangent.
     `valid_force` is where rho = 0.7: an error of 2 % in c still is below 5 % in the tangent (the
-    contact radius is then 0.58 of the patch radius). Beyond, the law continues along its tangent,
-    so that a run can complete and report the peak force; `simulate` then raises AccuracyError.
+    contact radius is then 0.58 of the patch radius). Beyond `valid_force` the law continues along
+    its tangent, so that a run can complete and report the peak force; `simulate` then raises
+    AccuracyError.
     """
 
     stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))

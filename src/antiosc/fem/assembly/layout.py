@@ -325,7 +325,7 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
     """Entries (row, column, value) of the basis of the dofs `columns` for functionals A (k, c)."""
     A = A / np.linalg.norm(A, axis=1, keepdims=True)
     blocks: list[tuple[IntArray, Array]] = []
-    every, last, _ = _halved(A, positions, np.arange(len(columns)), blocks)
+    every, last, _ = _split_by_halves(A, positions, np.arange(len(columns)), blocks)
     blocks.append((every, last))
     rows = []
     cols = []
@@ -340,7 +340,7 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
     return np.concatenate(rows), np.concatenate(cols), np.concatenate(values)
 
 
-def _halved(
+def _split_by_halves(
     A: Array, positions: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
 ) -> tuple[IntArray, Array, Array]:
     """(dofs, vectors on which the functionals do not vanish, values there) of part of the dofs.
@@ -357,7 +357,7 @@ def _halved(
         sorted_ones = some[np.argsort(x[:, axis], kind="stable")]
         half = len(some) // 2
         parts: Sequence[IntArray] = (sorted_ones[:half], sorted_ones[half:])
-        halves = [_halved(A, positions, part, blocks) for part in parts]
+        halves = [_split_by_halves(A, positions, part, blocks) for part in parts]
         order = np.concatenate([part for part, _, _ in halves])
         vectors = scipy.linalg.block_diag(*(v for _, v, _ in halves))
         values = np.hstack([value for _, _, value in halves])

@@ -44,7 +44,7 @@ class Share:
 
     @classmethod
     def of(cls, comm: MPI.Comm, member: Member, given: MeshedStructure | Superelement) -> Share:
-        """The share of this rank of the part that `member` is a whole copy of."""
+        """This rank's share of `given`; `member`: the assembly's copy of the whole part."""
         assert isinstance(given, MeshedStructure)
         if given.comm.size == 1:  # this rank has all of it
             rows = np.arange(member.first, member.first + given.rows, dtype=PETSc.IntType)
@@ -56,7 +56,10 @@ class Share:
         return cls(given, rows, slice(None), np.concatenate(comm.allgather(rows)))
 
     def entries(self, matrix: PETSc.Mat, count: int) -> tuple[IntArray, Sparse]:
-        """(numbers in u of some rows of a matrix of the part, these rows (m, `count` of u))."""
+        """The counted rows of a matrix of the part: (their m numbers in u, the rows (m, count)).
+
+        `count`: number of entries of u.
+        """
         pointers, columns, values = with_entries(matrix).getValuesCSR()
         own = Sparse((values, self.places[columns], pointers), (len(pointers) - 1, count))
         rows = self.rows[self.counted]

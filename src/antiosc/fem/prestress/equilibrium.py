@@ -84,7 +84,7 @@ class Equilibrium:
     reserve: float
 
 
-def found(of: Loaded, choice: SolverChoice) -> Equilibrium:
+def static_equilibrium(of: Loaded, choice: SolverChoice) -> Equilibrium:
     """The static equilibrium; InputError beyond buckling, or if none is found."""
     q, added = _equilibrium(of)
     geometric = of.stiffness(q, geometric=True)

@@ -24,7 +24,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import on_root
 from antiosc.fem.prestress import Preload, Prestress, Spin, named_from, of_part
-from antiosc.fem.prestress.equilibrium import Loaded, found
+from antiosc.fem.prestress.equilibrium import Loaded, static_equilibrium
 from antiosc.fem.prestress.loaded_part import (
     LoadedPart,
     Tendon,
@@ -104,7 +104,7 @@ def with_prestress(
         tendons = {name: _tendon(base, bolts, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
         assembly = _LoadedAssembly(base, loads, initial, bolts, solver)
-        state = found(assembly, base.solver)
+        state = static_equilibrium(assembly, base.solver)
     added = partial(assembly.added, base.expanded(state.q))
     preload = Preload(loads, state.q, state.reserve, initial, added)
     return replace(base, K=state.K, preload=preload, solver_of_K=state.solver)

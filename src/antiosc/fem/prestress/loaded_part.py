@@ -56,7 +56,7 @@ class Tendon:
 
 
 class LoadedPart:
-    """Forces and tangent stiffness that loads add to the K of a part.
+    """Loads on a part: their forces, and the tangent stiffness that they add to its K.
 
     Parameters
     ----------

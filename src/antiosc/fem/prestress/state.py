@@ -17,7 +17,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.prestress import Preload, Prestress
-from antiosc.fem.prestress.equilibrium import Loaded, found
+from antiosc.fem.prestress.equilibrium import Loaded, static_equilibrium
 from antiosc.fem.prestress.loaded_part import LoadedPart, Tendon, dead_forces, freed, tendon
 from antiosc.fem.structure import StructureMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -35,7 +35,7 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
         tendons = {name: tendon(base, name) for name in loads.tension}
         initial = tightened(loads, tendons, solver)
         part = _LoadedMesh(base, loads, initial, solver)
-        state = found(part, base.solver)
+        state = static_equilibrium(part, base.solver)
 
     def added(motions: Array) -> Array:
         free = LoadedPart(base.unsupported(), loads, initial)

@@ -358,7 +358,10 @@ def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
 def _add_component(
     to: Matrices, matrix: PETSc.Mat | None, component: str, nearest: ClosestPoint, value: float
 ) -> Array:
-    """Add value·b bᵀ for one displacement component bᵀu of a point; b (rows of this rank)."""
+    """Add value·b bᵀ to `matrix`, where bᵀu is a displacement component of a point.
+
+    Returns b (rows of this rank).
+    """
     path = to.form.components[component]
     vector = to.K.createVecRight()
     if to.mesh.comm.rank == nearest.rank:

@@ -611,7 +611,10 @@ def assembled(
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `rest` to K, and let products with K be computed from its strains S."""
+    """Add `rest` to K, and let products with K be computed from its strains S.
+
+    The rows of `fixed` dofs get 1 on the diagonal of `rest`.
+    """
     K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
     first, last = rest.getOwnershipRange()
     for dof in fixed[fixed < last - first]:

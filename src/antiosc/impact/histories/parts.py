@@ -31,7 +31,7 @@ from antiosc.models.stretch import Stretch
 class SceneRun:
     """A run of a scene, shared by a history and its contacts.
 
-    `flights`: whether `nodes` has closely spaced nodes in flights, too.
+    `flights`: whether the history has closely spaced instants between contacts, too.
     """
 
     assembly: Assembly
@@ -40,7 +40,7 @@ class SceneRun:
 
     @cached_property
     def nodes(self) -> Run:
-        """The run at the nodes of the history."""
+        """The run at the instants of the history."""
         if not self.flights:
             return self.run
         return with_flight_nodes(self.run, self.assembly.system)
