@@ -230,7 +230,7 @@ LOCKED = 0.48
 
 
 def refuse_locking(structure: MeshedStructure) -> None:
-    """InputError for linear elements of a nearly incompressible solid, which lock.
+    """InputError for linear elements of a nearly incompressible solid; warned where locking begins.
 
     Plane stress and displacements of degree 2 do not lock. The Poisson's ratio of a
     material with directions is that of its mean bulk and shear moduli.
