@@ -133,7 +133,7 @@ def many(cells: tuple[int, int]) -> str:
     mapped, truth = time.process_time() - started, part("plate", (31, 23), 1.01, 1.05)
     found = [case("plate", model, blow("plate", truth, seed), 0.04, seed) for seed in range(2)]
     return MANY.format(
-        sites=len(model.seen.found.sites.points),
+        sites=len(model.seen.map_sites.sites.points),
         search=min(c["seconds"] for c in found),
         map=mapped,
     )

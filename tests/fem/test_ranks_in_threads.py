@@ -185,7 +185,8 @@ def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
     class Part(Thing):
         mesh = "mesh"
 
-        def again(self, mesh):
+        def again(self, mesh, *, bare):
+            assert bare
             return mesh
 
     def call(comm):

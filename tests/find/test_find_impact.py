@@ -52,7 +52,7 @@ def own_signals(
 ) -> tuple[np.ndarray, ao.History, np.ndarray]:
     """Signals of the model of find_impact itself at a vertex, the impact and its place."""
     known = prepared(part, sensors, None, DOWN, None, MODES, None)
-    seen, sites = known.seen, known.seen.found.sites
+    seen, sites = known.seen, known.seen.map_sites.sites
     r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia)
     modes = ao.ModalBody(seen.omega, seen.b[site], float(r[site]))
     body = ModalModel(modes, float(sites.local[site]), float(sites.radii[site]))
@@ -68,7 +68,7 @@ def own_signals(
 
 
 def nearest(part: ao.Structure, point) -> int:
-    sites = prepared(part, SENSORS[:1], None, DOWN, None, 5, None).seen.found.sites
+    sites = prepared(part, SENSORS[:1], None, DOWN, None, 5, None).seen.map_sites.sites
     return int(np.argmin(np.linalg.norm(sites.points - point, axis=1)))
 
 
