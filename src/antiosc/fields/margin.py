@@ -102,7 +102,7 @@ class Margin(ReprMixin):
         else:
             used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
         if self.contact:
-            verdict = "away from the contact, which yields"
+            verdict = "apart from the contact, which yields"
         return f"{verdict}: {used}; margin of safety {self.margin:.3g}"
 
     def __str__(self) -> str:

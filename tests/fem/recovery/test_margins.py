@@ -201,7 +201,7 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
         assert (pressure > 1.6 * 355e6) == yields
         assert margin.contact == yields
-        assert ("away from the contact, which yields" in margin.sentence) == yields
+        assert ("apart from the contact, which yields" in margin.sentence) == yields
 
 
 @pytest.mark.parametrize("criterion", ["tsai_hill", "tsai_wu"])
