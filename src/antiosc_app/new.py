@@ -85,10 +85,11 @@ DIAMETER_RATIO = 0.03
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
 #: A part of at most so many nodes is struck for this time [s] before its scene is written.
 MOST_NODES = 4000
-#: Other sites that are tried where the first is a hollow or held, each so many places further on:
-#: the next ones lie beside the first.
-OTHERS, APART = 3, 12
 MOMENT = 2e-4
+#: Number of other sites that are tried where the first is a hollow or held; each so many places
+#: further on in the list of sites, because the next ones lie beside the first.
+OTHERS = 3
+APART = 12
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
 #: Longest run of a new scene in periods of its impact's highest frequency: stresses are evaluated
