@@ -88,9 +88,6 @@ from antiosc.impact.bodies import (
     SceneBody as SceneBody,
     scene_body as scene_body,
 )
-from antiosc.impact.coarse import (
-    coarse_at as coarse_at,
-)
 from antiosc.impact.error_budget import (
     SAFETY as SAFETY,
 )

@@ -26,7 +26,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, SiteError, warnings_to
-from antiosc.extension import coarse_at
+from antiosc.models.body import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.report import rendered

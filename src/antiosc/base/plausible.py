@@ -203,15 +203,6 @@ def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
     )
 
 
-def of_model(*models: object) -> list[str]:
-    """The sentences on implausible parts that were stored when the models were extracted."""
-    return [
-        str(text)
-        for model in models
-        for text in getattr(getattr(model, "info", None), "doubts", None) or ()
-    ]
-
-
 def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
     """Why an impact on a model is implausible, "" if it is not; InputError for impossible values.
 

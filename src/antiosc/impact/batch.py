@@ -24,7 +24,6 @@ from antiosc.base.progress import counting
 from antiosc.base.texts import COMPLETED, STOPPED, Result, range_text
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
-from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.histories import History
 from antiosc.impact.histories.energy import GAIN
 from antiosc.impact.histories.linear_theory import (
@@ -45,7 +44,7 @@ from antiosc.impact.truncation import truncation_warning
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, ModelInfo, info_of
+from antiosc.models.body import LinearBody, ModelInfo, coarse_cell, info_of
 from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
@@ -592,7 +591,7 @@ def _row_of(
 def _doubts(scene: Impact) -> list[str]:
     """Sentences on implausible properties of a scene."""
     blow = plausible.of_blow(scene.model, [scene.impactor], scene.initial_velocity)
-    return [*plausible.of_model(scene.model), *filter(None, [blow])]
+    return [*(info_of(scene.model).doubts or ()), *filter(None, [blow])]
 
 
 def _solve_single(

@@ -32,9 +32,8 @@ from antiosc.engine.march import Converged, converge
 from antiosc.engine.stability import checked_step, stepped
 from antiosc.engine.system import ContactState
 from antiosc.impact.assembly import Assembly, assemble_scene, stiffness_at
-from antiosc.impact.coarse import coarse_cell
 from antiosc.impact.error_budget import error_budget, warn_low_band
-from antiosc.impact.histories import History, SceneHistory, told
+from antiosc.impact.histories import History, SceneHistory
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.histories.linear_theory import large_deflection_message, warn_large_rotation
@@ -52,7 +51,7 @@ from antiosc.impact.truncation import Run, choose_n, truncation_warning
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
-from antiosc.models.body import LinearBody, info_of
+from antiosc.models.body import LinearBody, coarse_cell, info_of
 from antiosc.models.motion import Motion
 
 H = TypeVar("H", bound=History)
@@ -142,7 +141,8 @@ class Scene(SceneParts):
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
         blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
-        doubts = [*plausible.of_model(*bodies), *plausible.warn_each(blows)]
+        stored = [sentence for body in bodies for sentence in info_of(body).doubts or ()]
+        doubts = [*stored, *plausible.warn_each(blows)]
         assembly = assemble_scene(self, duration, stretch=True)
         set_initial_forces(assembly)
         history, check = integrate(SceneHistory, assembly, duration, settings)
@@ -150,10 +150,18 @@ class Scene(SceneParts):
             history = told(history, sentence)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
-        history = with_deflection_warning(history)
+        history = told(history, large_deflection_message(history))
         _warn_truncation(self, history)
         check_range(history, doubts)
         return history
+
+
+def told(history: H, sentence: str) -> H:
+    """Warn with a sentence and append it to the history's message; "" changes nothing."""
+    if not sentence:
+        return history
+    warn(sentence, AccuracyWarning)
+    return replace(history, message=f"{history.message} {sentence}")
 
 
 def integrate(
@@ -179,8 +187,8 @@ def integrate(
         checked[id(history.run)] = check
         return history
 
-    history = stretched(linear, again, settings.tol)
-    return history, checked[id(history.run)]
+    history, sentence = stretched(linear, again, settings.tol)
+    return told(history, sentence), checked[id(history.run)]
 
 
 def _integrate(
@@ -211,11 +219,6 @@ def _integrate(
         )
     message = " ".join([check.message, *notes])
     return kind(assembly, run, error, check.status, message, given=step), check
-
-
-def with_deflection_warning(history: H) -> H:
-    """Warn of a deflection beyond linear theory and append the sentence to the message."""
-    return told(history, large_deflection_message(history))
 
 
 def set_initial_forces(
@@ -432,9 +435,10 @@ def simulate(
     if history.run.touches:
         history = told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
     warn_large_rotation(*history.largest_rotation())
-    history = with_deflection_warning(history)
-    check_range(history, [*plausible.of_model(model), *doubts])
-    if info_of(model).measured is not None:
+    history = told(history, large_deflection_message(history))
+    info = info_of(model)
+    check_range(history, [*(info.doubts or ()), *doubts])
+    if info.measured is not None:
         warn_low_band(history)
     return history
 

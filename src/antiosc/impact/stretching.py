@@ -17,7 +17,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
-from antiosc.impact.histories import History, bars, told
+from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
 from antiosc.models.stretch import MOST, Stretch, stretch_of
 
@@ -113,7 +113,7 @@ def check_body(body: SceneBody) -> None:
         )
 
 
-def stretched(linear: H, again: Integrate[H], tol: float) -> H:
+def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     """The run with second-order forces; the `linear` one itself if they are negligible.
 
     again : integrates another assembly.
@@ -123,7 +123,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
     moves = {name: motion for name, motion in motions.items() if motion is not None}
     fixed = not any(motion.forces.count == "auto" for motion in moves.values())
     if not fixed and max(motion.change for motion in moves.values()) <= NEGLIGIBLE:
-        return linear
+        return linear, ""
     for name in moves:
         check_body(a.bodies[name])
     aim = max(tol, LEAST_TOL)
@@ -135,7 +135,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
         taken = {name: motion.first(count) for name, motion in moves.items()}
         now = again(with_rows(a, taken))
         if fixed:
-            return now
+            return now, ""
         changes += [] if before is None else [differences(before, now)]
         last = largest(changes[-AGREE:])
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
@@ -145,8 +145,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> H:
         count = min(count + 2, most)
     now.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, TOLD):
-        return told(now, _not_enough(count, worst))
-    return now
+        return now, _not_enough(count, worst)
+    return now, ""
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:

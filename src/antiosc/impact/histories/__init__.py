@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text
 from antiosc.impact.assembly import given_parts
 from antiosc.impact.histories import verdict
@@ -235,14 +235,6 @@ class SceneHistory(History):
     """History of `Scene.run`: its tables name every contact and body of the scene."""
 
     named = True
-
-
-def told(history: H, sentence: str) -> H:
-    """Warn with a sentence and append it to the history's message; "" changes nothing."""
-    if not sentence:
-        return history
-    warn(sentence, AccuracyWarning)
-    return replace(history, message=f"{history.message} {sentence}")
 
 
 def with_model(hit: History, model: object) -> History:
