@@ -101,9 +101,9 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 def _softer_and_stiffer(
     model: AntiOscillators, facts: BeamSection
 ) -> tuple[ModalModel, ModalModel]:
-    """(model with all changes that soften it, model with all that stiffen it).
+    """The softest and the stiffest model that the facts of the beam's section allow.
 
-    Contact laws with a half-space lose the local compliance of the second.
+    The stiffest has a local compliance, which contact laws with a half-space leave out.
     """
     modes = model.modal()
     x = np.minimum(modes.omega / facts["omega"], 1.0)

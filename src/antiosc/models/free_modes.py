@@ -299,7 +299,8 @@ def parameters(
     """Parameters of S sites: (k0, m0, m_st) (S,) each, omega and m (S, n).
 
     omega, b : free frequencies (J,), and displacements (S, J) of the sites in the free modes. r, s
-    : (S,) residual compliances and inertias of the modes left out. Others as of `from_free_modes`.
+    : (S,) residual compliances and inertias of the modes left out. n, shift, method: see
+    `from_free_modes`.
     """
     heavy = s > 0
     above = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)

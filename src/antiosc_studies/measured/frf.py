@@ -351,17 +351,17 @@ class FRF(ReprMixin):
             )
         if np.any(f < 0) or np.any(np.diff(f) <= 0):
             raise InputError("frequency must ascend, from 0 Hz or above.")
-        seen = f > 0
-        if np.count_nonzero(seen) < FEWEST_LINES:
+        nonzero = f > 0
+        if np.count_nonzero(nonzero) < FEWEST_LINES:
             raise InputError(
                 f"a measurement needs {FEWEST_LINES} frequencies above 0 Hz or more; got"
-                f" {np.count_nonzero(seen)}."
+                f" {np.count_nonzero(nonzero)}."
             )
         arrays: dict[str, Array] = {}
         for name in ("coherence", "sigma"):
             if getattr(self, name) is not None:
                 arrays[name] = checks.read_only(
-                    checks.floats(name, getattr(self, name), shape)[seen]
+                    checks.floats(name, getattr(self, name), shape)[nonzero]
                 )
         if self.sigma is not None and np.any(arrays["sigma"] <= 0):
             raise InputError("sigma must be > 0: it is the standard deviation of each value.")
@@ -372,12 +372,12 @@ class FRF(ReprMixin):
                     f"coherence lies between 0 and 1; it ranges from {gamma.min():g} to"
                     f" {gamma.max():g}."
                 )
-        if np.any(values[seen] == 0):
+        if np.any(values[nonzero] == 0):
             raise InputError("values must not be 0 above 0 Hz: the measurement has dropouts.")
         checks.store(
             self,
-            frequency=checks.read_only(f[seen]),
-            values=checks.read_only(values[seen]),
+            frequency=checks.read_only(f[nonzero]),
+            values=checks.read_only(values[nonzero]),
             averages=checks.whole("averages", self.averages),
             sites=names,
             references=forced,
