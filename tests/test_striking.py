@@ -250,6 +250,17 @@ def test_when_no_mesh_helps_it_is_said(step: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("law", "missed"), [(None, False), (0.0, False), (0.004, False), (0.2, True)]
+)
+def test_a_contact_law_that_misses_the_tolerance_is_told(law: float | None, missed: bool) -> None:
+    """The bars without the law are 0.5 % of 1 %: the law may add as much again."""
+    sentence = striking._missed_by_law(budget(0.005, law=law), TOL)
+    assert bool(sentence) == missed
+    if missed:
+        assert "known to 20 %: the bar with it is 20 %, above tol = 1 %" in sentence
+
+
+@pytest.mark.parametrize(
     ("error", "coarser", "expected"),
     [
         (0.02, 0.08, 120),  # falls as n^-2 to 0.002: 40 sqrt(10) = 127, thrice at most

@@ -17,7 +17,7 @@ from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
 from antiosc.base.progress import say
-from antiosc.base.texts import engineering
+from antiosc.base.texts import STOPPED, engineering
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc.models.body import GRAVITY
 from antiosc_app import new, report, results
@@ -212,9 +212,13 @@ def _study(options: Namespace) -> int:
         say(f"warning: {sentence}", sys.stderr)
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
-    if getattr(computed.history, "status", 0) == 2:
-        return 1
-    return 0
+    return int(_stopped_early(computed))
+
+
+def _stopped_early(computed: run.SceneResults) -> bool:
+    """Whether the run, or one impact of a sweep, stopped before its end."""
+    several = () if computed.batch is None else computed.batch.status
+    return STOPPED in (getattr(computed.history, "status", 0), *several)
 
 
 def _stored(scene: CompiledScene, path: str) -> CompiledScene:

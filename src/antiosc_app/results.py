@@ -200,11 +200,12 @@ def with_prefixes(table: Columns) -> dict[str, list[object]]:
 def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     """(name, values) of a column named as "contact time (s)", scaled to "(µs)" if that fits."""
     title, _, unit = name.partition(" (")
-    numbers = [float(v) for v in values if isinstance(v, float | np.floating) and np.isfinite(v)]
-    if not unit or len(numbers) < len(values):
+    if unit in ("", "%)") or not all(isinstance(v, float | np.floating) for v in values):
         return name, values
-    factor, prefixed_unit = prefixed(max(map(abs, numbers), default=0.0), unit.rstrip(")"))
-    return f"{title} ({prefixed_unit})", [factor * v for v in numbers]
+    numbers = np.array(values, dtype=float)
+    largest = max(np.abs(numbers[np.isfinite(numbers)]), default=0.0)
+    factor, prefixed_unit = prefixed(largest, unit.rstrip(")"))
+    return f"{title} ({prefixed_unit})", list(factor * numbers)
 
 
 def format_number(value: object) -> str:
@@ -693,12 +694,18 @@ def _blow(results: SceneResults) -> Presentation:
 def _sweep(results: SceneResults) -> Presentation:
     """A sweep: the varied values, and the results of each impact."""
     batch = results.batch
-    lists = {label(place): list(values) for place, values in varied(results.compiled).items()}
-    table = lists | {f"{_words(n)} ({u})": getattr(batch, n) for n, u in QUANTITIES.items()}
+    varied_values = {
+        label(place): list(values) for place, values in varied(results.compiled).items()
+    }
+    table: Columns = dict(varied_values)
+    for name, unit in QUANTITIES.items():
+        table[f"{_words(name)} ({unit})"] = getattr(batch, name)
+        if name == "peak_force":
+            table |= _bar_column(results.bars)
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
     def draw(ax: Axes) -> None:
-        name, values = next(iter(lists.items()))
+        name, values = next(iter(varied_values.items()))
         numbers = all(isinstance(v, int | float) for v in values)
         ax.plot(values if numbers else range(len(values)), batch.peak_force, "o-", ms=4, lw=1)
         ax.set_xlabel(escaped(f"{name} (SI)"))
@@ -712,6 +719,19 @@ def _sweep(results: SceneResults) -> Presentation:
         sections={"Sweep": [table]},
         pictures=[chart("Sweep", about, draw)],
     )
+
+
+def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
+    """The column of the bars of peak forces, without the law if one row does not know its error."""
+    known = [budget for budget in budgets if budget is not None]
+    if not known:
+        return {}
+    if any(budget.law or budget["peak_force"].total is None for budget in known):
+        name, share = "± without the law (%)", "without_law"
+    else:
+        name, share = "± (%)", "total"
+    shares = [budget and getattr(budget["peak_force"], share) for budget in budgets]
+    return {name: 100 * np.array(shares, dtype=float)}
 
 
 def _sample(results: SceneResults) -> Presentation:

@@ -75,6 +75,26 @@ def test_a_sweep_is_many_runs(tmp_path, capsys):
         assert numbers(tmp_path / "one")["result"]["peak_force"] == pytest.approx(peak, rel=2e-3)
 
 
+@pytest.mark.fem
+def test_a_sweep_has_the_bars_of_its_runs_and_fails_with_one_of_them(tmp_path, capsys):
+    """Each row has the bar of its run; a row without a result is told by the exit code."""
+    ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nmaterial = "steel S235"\nvelocity = 1.0\n'
+    law = '[contact]\nkind = "Hertz"\nstiffness = 5e9\n[simulate]\nduration = 1e-3\n'
+    scene = f'{BRACKET}[extract]\nn = 8\nerror = "estimate"\n{ball}{law}'
+    steps = "simulate.step = [1e-6, 1e-6, 1e-13]\n"  # the last takes more than a million
+    path = written(tmp_path, f"{scene}[sweep]\nimpactor.velocity = [0.5, 1.0, 1.0]\n{steps}")
+    assert antiosc("sweep", path, "--out", tmp_path / "out") == 1
+    assert "peak force (N)  ± without the law (%)" in capsys.readouterr().out
+    columns = table(tmp_path / "out/sweep.csv")
+    assert columns["status"].tolist() == [0, 0, 2]
+    bars = columns["± without the law (%)"]
+    assert np.isnan(bars).tolist() == [False, False, True]
+    single = scene.replace("duration = 1e-3", "duration = 1e-3\nstep = 1e-6")
+    hit = objects(written(tmp_path, single, "single.toml")).history
+    assert bars[1] == pytest.approx(100 * hit.error_budget["peak_force"].without_law, rel=1e-6)
+    assert bars[0] != pytest.approx(bars[1], rel=0.01)
+
+
 def test_a_sweep_of_structures_is_many_scenes(tmp_path):
     """Another site and another number of anti-oscillators: each as in a scene of its own."""
     swept = "[sweep]\nsites.middle.node = [9, 14]\nextract.n = [6, 3]\n"

@@ -26,6 +26,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.process import MEMORY_SHARE, free_memory
+from antiosc.base.texts import percent
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -557,6 +558,7 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], reason: str
             f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
             "finer mesh helps, solid elements would."
         )
+    reason = reason or _missed_by_law(budget, tol)
     if reason:
         budget = replace(budget, notes=(*budget.notes, reason))
     return replace(
@@ -565,6 +567,19 @@ def _finished(answer: Answer, tol: float, records: list[MeshRecord], reason: str
         message=" ".join(filter(None, (hit.message, story, reason))),
         budget=partial(_known, budget),
         structure=answer.structure,
+    )
+
+
+def _missed_by_law(budget: ErrorBudget, tol: float) -> str:
+    """Sentence if the error of the contact law alone brings a bar above the tolerance; else ""."""
+    worst = budget.worst
+    if worst is None or worst <= tol:
+        return ""
+    law = max(bar.law or 0.0 for bar in budget.values())
+    return (
+        f"The contact law is known to {percent(law)}: the bar with it is {percent(worst)}, above"
+        f" tol = {percent(tol)}, and no finer mesh helps; a measured law or measured strengths of"
+        " both bodies would."
     )
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
+from antiosc.base.texts import STOPPED
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
@@ -32,7 +33,8 @@ from antiosc_app.scene_file.schema import (
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc.extension import Tradeoff
+    from antiosc import Batch
+    from antiosc.extension import ErrorBudget, Tradeoff
 
 
 T = TypeVar("T")
@@ -111,6 +113,8 @@ MOST_IMPACTS = 100_000
 MOST_MODELS = 1000
 #: Arguments of a batch that come from other sections.
 _GIVEN = ("models", "impactors", "contacts")
+#: Their names for one impact.
+_SINGULAR = {"models": "model", "impactors": "impactor", "contacts": "contact"}
 
 # -- a scene with other values in it
 
@@ -182,6 +186,41 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
     if not lists or None in (compiled.model, compiled.impactor, compiled.contact, compiled.history):
         return None
     return _batch(build, compiled, lists, next(iter(sizes.values())))
+
+
+#: Largest number of impacts of a sweep whose error bars are computed: each is run again for them.
+MOST_BARS = 50
+
+
+def bars_of_sweep(batch: Call | None) -> Call | None:
+    """The call that computes the error budget of each impact of a sweep; None without a sweep."""
+    if batch is None:
+        return None
+    return Call(_bars_of_rows, {"batch": batch, "arguments": batch.arguments})
+
+
+def _bars_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
+    """The error budget of each impact; None if it has none, and in sweeps above `MOST_BARS`."""
+    if len(batch) > MOST_BARS:
+        return [None] * len(batch)
+    lists = {name for name, values in arguments.items() if isinstance(values, list)}
+    budgets: list[ErrorBudget | None] = []
+    with progress.counting("error bars of the sweep", len(batch)) as done:
+        for i, status in enumerate(batch.status):
+            row = {name: x[i] if name in lists else x for name, x in arguments.items()}
+            impact = {_SINGULAR.get(name, name): value for name, value in row.items()}
+            budgets.append(None if status == STOPPED else _budget(impact))
+            done(i + 1)
+    return budgets
+
+
+def _budget(arguments: Table) -> ErrorBudget | None:
+    """The error budget of an impact; None if its model was not extracted for one."""
+    try:
+        with warnings_to(lambda _: None):  # the batch has told them
+            return antiosc.simulate(**arguments).error_budget
+    except AntioscError:
+        return None
 
 
 def _known(build: Builder) -> list[str]:

@@ -62,6 +62,7 @@ class Objects(Generic[T]):
     probes : name -> signal of [probes].
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
+    bars : the error budget of each impact of [sweep], or None.
     fall : result of [drop].
     peaks, worst : of the fall: results of [accelerometers] by name, and of [worst].
     found : result of [find].
@@ -77,6 +78,7 @@ class Objects(Generic[T]):
     probes: Mapping[str, T] = field(default_factory=dict)
     stresses: T = MISSING
     batch: T = MISSING
+    bars: T = MISSING
     map: T = MISSING
     sample: T = MISSING
     fall: T = MISSING
@@ -138,7 +140,7 @@ STUDIES = {
     "sweep": Study(
         "batch",
         "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
-        ("structure", "model", "impactor", "batch"),
+        ("structure", "model", "impactor", "batch", "bars"),
     ),
     "map": Study(
         "map",
