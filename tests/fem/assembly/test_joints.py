@@ -14,6 +14,7 @@ import antiosc as ao
 import every_joint
 from antiosc.fem.assembly.bolts import element
 from antiosc.models.closed_form.plates import SupportedPlate
+from antiosc.reduce.site.surface import surface_at
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE
 from paths import ROOT
@@ -163,6 +164,21 @@ def test_an_assembly_of_one_part_is_the_part():
     assert ours == pytest.approx(own, rel=1e-9)
     low, same = (eigenfrequencies(s, 9)[6:] for s in (turned, block))
     assert low == pytest.approx(same, rel=1e-7)
+
+
+def test_sheets_in_one_plane_have_the_thickness_of_the_thinner_one():
+    """Their box has no depth; a blow on a rim meets an edge that is rounded to a quarter of it."""
+    sheets = {
+        name: ao.Structure(
+            ao.box_mesh((0.1, 0.1), size=0.05), ao.material("steel S235", thickness=t)
+        )
+        for name, t in (("left", 2e-3), ("right", 1e-3))
+    }
+    at = {"right": ao.Placement(shift=(0.1, 0, 0))}
+    joined = ao.assemble(sheets, [ao.Tie("left:+x", "right:-x")], at)
+    assert joined.dimensions == pytest.approx((0.2, 0.1, 1e-3), rel=1e-12)
+    rim = surface_at(joined, np.array([0.0, 0.05, 0.0]), np.array([1.0, 0.0, 0.0]))
+    assert rim.curvatures == pytest.approx((4e3, 4e3), rel=1e-12)
 
 
 @pytest.mark.slow

@@ -387,8 +387,12 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def dimensions(self) -> Box:
-        length, width, depth = sorted(self.layout.high - self.layout.low, reverse=True)
-        return float(length), float(width), float(depth)
+        box = sorted((self.layout.high - self.layout.low).tolist(), reverse=True)
+        # sheets in one plane and beams on one line have a box without a thickness
+        members = [member.part.dimensions for member in self.layout.members.values()]
+        least = np.min(members or [(0.0, 0.0, 0.0)], axis=0)
+        length, width, depth = np.maximum(box, least).tolist()
+        return length, width, depth
 
     def constants(self) -> tuple[float, float, float]:
         return next(iter(self.layout.members.values())).part.constants()
