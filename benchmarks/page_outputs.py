@@ -39,7 +39,7 @@ REFERENCE = "api/"
 LONGEST, WIDTH, BLANKS = 110, 96, 14
 #: Figures of lines with these words are those of the machine, or rounding; rows of `tradeoff` have
 #: seconds.
-NOISE = re.compile(r"seconds|energy drift|force error|^step |^Solid ")
+NOISE = re.compile(r"seconds|energy drift|force error|^step |^antiosc  ")
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 #: Relative difference of figures of two kinds of processor.
 SAME = 0.02

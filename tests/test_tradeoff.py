@@ -14,7 +14,8 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem.elements import products
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
-from antiosc.strikes.tradeoff import BRACKET, SMALL, Tradeoff, TradeoffMember
+from antiosc.strikes import tradeoff
+from antiosc.strikes.tradeoff import BRACKET, WHOLE, Made, Tradeoff, TradeoffMember
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.document import read
@@ -92,12 +93,61 @@ def test_no_line_is_told_with_the_end_of_the_meshes(tried):
         found.best(tol=0.05)
 
 
-def test_fewer_on_the_first_mesh_of_a_small_part_alone(tried):
-    """A model of a few hundred dofs takes as long on every mesh."""
-    first = tried.table[0].dofs
-    assert sum(one.dofs == first for one in tried.table) > 1
-    others = [one.dofs for one in tried.table if first < one.dofs < SMALL]
-    assert len(others) == len(set(others)) > 0
+@pytest.mark.parametrize("began", [7.0, 9.5])
+def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
+    """Meshes of 1, 2 and 4 s were made in `began` seconds; fewer anti-oscillators take 3/4."""
+    clock = [began]
+    made = [Made(simple(seconds), SITE, None) for seconds in (1.0, 2.0, 4.0)]
+    members = {id(one.answer): simple(one.answer.seconds) for one in made}
+    made = [replace(one, member=members[id(one.answer)]) for one in made]
+
+    def of_few(structure, *_given):
+        clock[0] += 0.75 * structure.cost
+        return simple(0.75 * structure.cost)
+
+    monkeypatch.setattr(tradeoff, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(tradeoff, "_of_few", of_few)
+    monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
+    fewer = tradeoff._fewer(made, None, 0.01, 0.0)
+    assert clock[0] <= WHOLE * 4.0
+    assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
+
+
+def simple(seconds: float) -> SimpleNamespace:
+    """An answer that took these seconds."""
+    known = {"factorization": 0.25 * seconds}
+    part = SimpleNamespace(cost=seconds, dofs=1000, seconds=known, drop_factor=lambda: None)
+    return SimpleNamespace(seconds=seconds, n=200, structure=part)
+
+
+def test_other_methods_stand_beside_the_table(tried):
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL, compare=60.0)
+    other = found.others[0]
+    assert other.method == "unreduced"
+    assert other.dofs == part.dofs
+    true = ao.simulate(ao.extract(part, SITE, n=80), *IMPACT, tol=1e-6)
+    for name in ("peak_force", "impulse", "contact_time"):
+        assert getattr(other, name) == pytest.approx(getattr(true, name), rel=1e-3)
+    last = found.table[-1]
+    apart = abs(other.peak_force / last.peak_force - 1)
+    assert apart * (1 - apart) <= other.difference
+    assert len(found.summary().splitlines()) == 1 + len(found.table) + len(found.others)
+    assert "unreduced" in [line.get_label() for line in found.plot().axes[0].lines]
+    assert found.best(tol=TOL) in found.table
+
+
+def test_a_method_that_does_not_fit_is_told():
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL, compare=1e-9)
+    assert not found.others
+    assert "unreduced: not run" in found.notes[0]
+    assert found.notes[0] in found.summary()
+    moving = ao.tradeoff(
+        ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET), SITE, *IMPACT,
+        tol=TOL, initial_velocity=0.1, compare=60.0,
+    )  # fmt: skip
+    assert "begin at rest" in moving.notes[0]
 
 
 @pytest.mark.parametrize("solver", ["direct", "iterative"])

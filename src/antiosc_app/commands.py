@@ -128,6 +128,8 @@ def _tradeoff(options: Namespace) -> int:
     arguments = {**one_impact(scene, options.file)}
     if options.tol is not None:
         arguments["tol"] = options.tol
+    if options.compare is not None:
+        arguments["compare"] = options.compare
     with run.collected_warnings(scene.warnings):
         tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
     say(f"{tradeoff.summary()}\n{tradeoff.message}")

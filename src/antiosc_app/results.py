@@ -754,13 +754,15 @@ def _tradeoff(results: SceneResults) -> Presentation:
     """Methods that were compared for an impact."""
     compared = results.tradeoff
     assert compared is not None
+    members = (*compared.table, *compared.others)
     table = {
-        "dofs": [member.dofs for member in compared.table],
-        "N": [member.n for member in compared.table],
-        "time (s)": [member.seconds for member in compared.table],
-        "peak (N)": [member.peak_force for member in compared.table],
-        "bar": [percent(member.bar) for member in compared.table],
-        "to finest": [percent(member.difference) for member in compared.table],
+        "method": [member.method for member in members],
+        "dofs": [member.dofs for member in members],
+        "N": [member.n for member in members],
+        "time (s)": [member.seconds for member in members],
+        "peak (N)": [member.peak_force for member in members],
+        "bar": [percent(member.bar) for member in members],
+        "to finest": [percent(member.difference) for member in members],
     }
     about = (
         "Error bars of methods with coarse and fine meshes, with few and many anti-oscillators, and"
@@ -776,7 +778,7 @@ def _tradeoff(results: SceneResults) -> Presentation:
         tables={"tradeoff.csv": table},
         numbers={"tradeoff": compared.numbers()},
         plotted={"tradeoff": compared},
-        sections={"Speed against accuracy": [table, compared.message]},
+        sections={"Speed against accuracy": [table, compared.message, *compared.notes]},
         pictures=[chart("Speed against accuracy", about, draw)],
     )
 

@@ -1,9 +1,11 @@
 """`tradeoff`: error against seconds and memory for one's own part, and the cheapest that is enough.
 
-Members are the meshes of `strike`, the coarse ones first, each with a few, more and enough
-anti-oscillators. Every member has the bar of its own error budget. The meshes end with the first
-whose bar is `BRACKET` of the tolerance: the tolerance then lies between members, and the difference
-of each member to the finest is an error that does not come from an estimate.
+Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
+has the bar of its own error budget. The meshes end with the first whose bar is `BRACKET` of the
+tolerance: the tolerance then lies between members, and the difference of each member to the finest
+is an error that does not come from an estimate. Members with fewer anti-oscillators are made
+afterwards, those of the finest mesh first, as long as the whole takes at most `WHOLE` times the
+seconds of the finest member.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from antiosc.plot.charts import few_log_ticks, figure_or_path, new_figure
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
 from antiosc.strikes import second_order
+from antiosc.strikes.direct import outcomes
 from antiosc.strikes.strike import (
     Answer,
     Material,
@@ -46,6 +49,7 @@ from antiosc.strikes.strike import (
     simulated,
     struck,
 )
+from antiosc.strikes.unreduced import Outcome, blow_of, figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,9 +60,8 @@ if TYPE_CHECKING:
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
 FEW, FEWER = (3, 8, 20, 60), 2.5
-#: Dofs from which fewer anti-oscillators are tried on every mesh. A model of a smaller part takes
-#: about the same time on each: they are tried on the first alone.
-SMALL = 2_000
+#: Most seconds of all members over those of the finest one, by the same clock (`perf_counter`).
+WHOLE = 3.0
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K and of M, both together.
@@ -80,6 +83,8 @@ class TradeoffMember:
     bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
     difference : largest of the three to the finest member, relative.
     impulse, contact_time : of the corrected model [N s], [s].
+    method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (NaN), no
+        anti-oscillators (0) and no correction of the mesh's error.
     """
 
     family: str
@@ -95,24 +100,34 @@ class TradeoffMember:
     difference: float = 0.0
     impulse: float = math.nan
     contact_time: float = math.nan
+    method: str = "antiosc"
 
     def cells(self) -> tuple[str, ...]:
         """The cells of its row in the table."""
         return (
-            *(self.family, engineering(self.size, "m"), f"{self.order}", f"{self.dofs}"),
-            *(f"{self.n}", engineering(self.step, "s"), f"{self.seconds:.3g}"),
-            *(f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
-            *(f"{100 * self.bar:.2g}", f"{100 * self.difference:.2g}"),
+            *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
+            *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
+            *(f"{self.seconds:.3g}", f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
+            "–" if math.isnan(self.bar) else f"{100 * self.bar:.2g}",
+            f"{100 * self.difference:.2g}",
         )
 
 
+#: Markers of other methods.
+OTHERS = ("s", "D")
 #: What errors are drawn over, and the labels of these axes.
 AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
 COLUMNS = {
-    "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9, "seconds": 9, "GB": 9,
-    "peak N": 11, "bar %": 8, "to finest %": 12,
+    "method": -10, "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9,
+    "seconds": 9, "GB": 9, "peak N": 11, "bar %": 8, "to finest %": 12,
 }  # fmt: skip
+
+
+def _line(row: Sequence[str]) -> str:
+    """A row of the printed table."""
+    cells = zip(row, COLUMNS.values(), strict=True)
+    return "".join(f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in cells)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -124,11 +139,15 @@ class Tradeoff(Result):
     table : the members.
     tol : relative tolerance that was asked for.
     hit : the history of the last mesh, as of `strike`.
+    others : of `compare`: other methods on the mesh of `best(tol)`, or of the finest member.
+    notes : sentences on methods that were not run.
     """
 
     table: tuple[TradeoffMember, ...]
     tol: float
     hit: History
+    others: tuple[TradeoffMember, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
@@ -181,25 +200,25 @@ class Tradeoff(Result):
         return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
 
     def numbers(self) -> dict[str, object]:
-        """The table, status and message: name -> JSON value."""
-        table = [asdict(one) for one in self.table]
-        return {"table": table, "tol": self.tol, "status": self.status, "message": self.message}
+        """The tables, status, message and notes: name -> JSON value."""
+        return {
+            "table": [asdict(one) for one in self.table],
+            "others": [asdict(one) for one in self.others],
+            "notes": list(self.notes),
+            "tol": self.tol,
+            "status": self.status,
+            "message": self.message,
+        }
 
     def summary(self) -> str:
-        """The table as text."""
-        rows = [tuple(COLUMNS), *(one.cells() for one in self.table)]
-        widths = COLUMNS.values()
-        return "\n".join(
-            "".join(
-                f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in zip(row, widths, strict=True)
-            )
-            for row in rows
-        )
+        """The table as text, with the other methods and the notes below."""
+        rows = [tuple(COLUMNS), *(one.cells() for one in (*self.table, *self.others))]
+        return "\n".join([*map(_line, rows), *self.notes])
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
         """Bars and differences over seconds and over memory: the figure, or the file written.
 
-        A star is the member of `best(tol=self.tol)`, if there is one.
+        A star is the member of `best(tol=self.tol)`, if there is one. Squares are other methods.
         """
         figure = new_figure((9.0, 4.0), path is None)
         axes = figure.subplots(1, 2, sharey=True)
@@ -224,6 +243,8 @@ class Tradeoff(Result):
         if self.status == 0:
             best = [self.best(tol=self.tol)]
             ax.plot(*points(best, "bar"), "*", ms=12, label="best(tol)")
+        for other, marker in zip(self.others, OTHERS, strict=False):
+            ax.plot(*points([other], "difference"), marker, mfc="none", label=other.method)
         if over == "seconds":
             ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
         few_log_ticks(ax)
@@ -248,6 +269,7 @@ def tradeoff(
     initial_velocity: float | Motion = 0.0,
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
+    compare: float | None = None,
 ) -> Tradeoff:
     """Error of the impact on a part against seconds and memory, down to a tolerance.
 
@@ -260,6 +282,9 @@ def tradeoff(
     tol : float
         Relative error of peak force, impulse and contact time of interest; members are made until
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
+    compare : float, optional
+        Seconds that each other method may take, on the mesh of `best(tol)`: the unreduced model in
+        time. What is forecast to take longer is not run; `notes` say so.
 
     Returns
     -------
@@ -272,51 +297,121 @@ def tradeoff(
         What `strike` refuses.
     """
     tol = checks.tolerance(tol)
+    if compare is not None:
+        compare = checks.positive("compare", compare, "s")
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)
-    made: list[tuple[Answer, TradeoffMember]] = []
+    started = time.perf_counter()
+    meshes: list[Made] = []
     given = material, supports, order, limit
 
-    def add(answer: Answer) -> None:
-        made.append(_with_member(answer))
-        told(f"{len(made)} made, bar {100 * made[-1][1].bar:.2g} %")
-
-    def seen(answer: Answer, place: Site) -> None:
-        accuracy = accuracy_of_steps(BRACKET * tol)
-        large = answer.structure.dofs >= SMALL or not made
-        for n in FEW if large else ():
-            if FEWER * n <= min(answer.n, answer.structure.dofs):
-                add(_of_few(answer.structure, place, run, accuracy, n))
-        add(answer)
-
     with doing("speed against accuracy") as told:
+
+        def seen(answer: Answer, place: Site) -> None:
+            if meshes:  # a member with fewer anti-oscillators has it made again
+                meshes[-1].answer.structure.drop_factor()
+            meshes.append(Made(answer, place, member_of(answer)))
+            told(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
+
         hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen)
-    finest, _ = made[-1]
-    table = tuple(
-        replace(one, difference=max(differences(finest.hit, answer.hit).values()))
-        for answer, one in made
-    )
-    return Tradeoff(table, tol, hit)
+        fewer = _fewer(meshes, run, BRACKET * tol, started)
+        finest = meshes[-1].answer.hit
+        made = [one for mesh in meshes for one in (*fewer[mesh], mesh)]
+        table = tuple(one.beside(finest) for one in made)
+        result = Tradeoff(table, tol, hit)
+        if compare is None:
+            return result
+        chosen = result.best(tol=tol) if result.status == 0 else table[-1]
+        base = made[table.index(chosen)]
+        answer = base.answer
+        blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
+        ran, notes = outcomes(blow, compare, told)
+    others = (base.by(name, outcome, finest) for name, outcome in ran.items())
+    return replace(result, others=tuple(others), notes=tuple(notes))
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A member with what made it."""
+
+    answer: Answer
+    site: Site
+    member: TradeoffMember
+
+    def beside(self, finest: History) -> TradeoffMember:
+        """The member with its difference to the finest."""
+        return replace(self.member, difference=max(differences(finest, self.answer.hit).values()))
+
+    def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
+        """The member of another method on the same mesh."""
+        found = figures(outcome.curve)
+        kept = _kept(self.answer.structure)
+        return replace(
+            self.member,
+            method=method,
+            n=0,
+            step=float(outcome.curve.time[1]),
+            seconds=outcome.seconds,
+            gigabytes=(kept + outcome.bytes) / 1e9,
+            bar=math.nan,
+            difference=max(differences(finest, found).values()),
+            **asdict(found),
+        )
+
+
+def _fewer(
+    meshes: Sequence[Made], run: RunFunction, tol: float, started: float
+) -> dict[Made, list[Made]]:
+    """Members with fewer anti-oscillators of each mesh, those of the finest first.
+
+    None is opened that is expected to exceed `WHOLE`, at the cost of the mesh's own member after
+    the factor, which has more anti-oscillators.
+    """
+    accuracy = accuracy_of_steps(tol)
+    finest = meshes[-1].answer
+    most = WHOLE * meshes[-1].member.seconds
+    fewer: dict[Made, list[Made]] = {}
+    for mesh in reversed(meshes):
+        fewer[mesh] = []
+        structure = mesh.answer.structure
+        for n in FEW:
+            expected = min(mesh.answer.seconds, finest.seconds)  # the first run may compile
+            if mesh.answer is finest:
+                expected -= structure.seconds["factorization"]
+            if time.perf_counter() - started + expected > most:
+                break
+            if FEWER * n <= min(mesh.answer.n, structure.dofs):
+                answer = _of_few(structure, mesh.site, run, accuracy, n)
+                fewer[mesh].append(Made(answer, mesh.site, member_of(answer)))
+        if mesh.answer is not finest:
+            structure.drop_factor()
+    return fewer
 
 
 def _of_few(structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int) -> Answer:
     """The result with a given number of anti-oscillators, at any truncation error."""
+    structure.factorize()
     started = time.perf_counter() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
     hit = second_order.simulated(structure, model, partial(run, error=accuracy))
     return corrected(structure, hit, run, accuracy, n, started)
 
 
-def _with_member(answer: Answer) -> tuple[Answer, TradeoffMember]:
+def _kept(structure: Structure) -> float:
+    """Bytes of K and M as they are kept."""
+    return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
+
+
+def member_of(answer: Answer) -> TradeoffMember:
+    """The row of an answer in the table."""
     structure = answer.structure
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh
-    kept = 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
     solver = structure.factorize()
     cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
     one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(one, mesh.dolfinx)
-    return answer, TradeoffMember(
+    return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),
         order=matrices.form.degree,
@@ -324,7 +419,7 @@ def _with_member(answer: Answer) -> tuple[Answer, TradeoffMember]:
         n=answer.n,
         step=answer.hit.step,
         seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
-        gigabytes=(kept + cost.bytes) / 1e9,
+        gigabytes=(_kept(structure) + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         impulse=answer.hit.impulse,

@@ -78,6 +78,11 @@ def seconds_of_factor(entries: float, columns: float) -> float:
     return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
 
 
+def seconds_of_steps(entries: float, steps: int) -> float:
+    """Seconds of a factor and of so many solves, one after the other."""
+    return _factored(entries) + steps * SUBSTITUTED * entries
+
+
 def _factored(entries: float) -> float:
     return ASSEMBLED * entries + FACTORED * entries**1.5
 

@@ -1,0 +1,49 @@
+"""Other methods for the impact of `tradeoff`, on the mesh of one of its members."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from antiosc.base.errors import AntioscError
+from antiosc.strikes import unreduced
+from antiosc.strikes.unreduced import Blow, Outcome
+
+
+class Method(NamedTuple):
+    """A method: the forecast of its seconds, and its run within a limit of seconds."""
+
+    forecast: Callable[[Blow], float]
+    run: Callable[[Blow, float], Outcome]
+
+
+#: Name -> the method.
+METHODS: Mapping[str, Method] = {
+    "unreduced": Method(unreduced.forecast, lambda blow, _: unreduced.newmark(blow)),
+}
+
+
+def outcomes(
+    made: Callable[[], Blow], seconds: float, told: Callable[[str], None]
+) -> tuple[dict[str, Outcome], list[str]]:
+    """(outcome of each method that takes at most so many seconds, a sentence on each other)."""
+    try:
+        blow = made()
+    except AntioscError as error:
+        return {}, [f"No other method: {str(error).rstrip('.')}."]
+    results = {}
+    notes = []
+    for name, method in METHODS.items():
+        try:
+            expected = method.forecast(blow)
+            if expected > seconds:
+                notes.append(
+                    f"{name}: not run, the forecast of {expected:.2g} s for {blow.structure.dofs} "
+                    f"dofs and {blow.steps} steps exceeds compare = {seconds:g} s."
+                )
+                continue
+            told(f"{name}, about {expected:.2g} s")
+            results[name] = method.run(blow, seconds)
+        except AntioscError as error:
+            notes.append(f"{name}: {str(error).rstrip('.')}.")
+    return results, notes

@@ -1,0 +1,279 @@
+"""The unreduced model of an impact: all dofs in time, by Newmark's average acceleration.
+
+A = K + 4 M/h² is factored once. The displacement of the site is linear in the force, so a step is
+one solve with A and one scalar equation of the contact law.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from antiosc.base import process
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.engine.contact import ContactLaw, State
+from antiosc.fem.linalg.algebra import dot, multiply, sum_of
+from antiosc.fem.linalg.forecast import BYTES, seconds_of_steps
+from antiosc.fem.linalg.solver import Factorization
+from antiosc.fem.linalg.solver_choice import Plan, factorize
+from antiosc.fem.structure.structure import Structure
+from antiosc.impact.histories import History
+from antiosc.models.modal import ModalBody
+from antiosc.reduce.site import Site, functional
+
+#: Steps to a contact. Hertz's blow on a block has errors of 1e-4 of the peak with these.
+STEPS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Striker:
+    """The impactor in its modes: omega [rad/s], beta (closing displacement), start, load (J,).
+
+    residual : compliance [m/N] of its contact point without inertia.
+    """
+
+    omega: Array
+    beta: Array
+    start: Array
+    load: Array
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Blow:
+    """An impact on a part at rest, as methods without anti-oscillators integrate it.
+
+    b : load vector of the site. law : without the half-space compliance of the patch.
+    gap, depth : at the start, and largest indentation that is expected [m]. step, duration : [s].
+    """
+
+    structure: Structure
+    b: Array
+    law: ContactLaw
+    striker: Striker
+    gap: float
+    depth: float
+    step: float
+    duration: float
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return int(np.ceil(self.duration / self.step))
+
+
+class Curve(NamedTuple):
+    """A computed contact: times (n,) [s], forces [N], indentations above the law's origin [m]."""
+
+    time: Array
+    force: Array
+    depth: Array
+
+
+class Outcome(NamedTuple):
+    """The curve of a method, its seconds and its bytes."""
+
+    curve: Curve
+    seconds: float
+    bytes: float
+
+
+def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> Blow:
+    """The impact that a history of the raw model has; InputError for one that is not linear.
+
+    The step is a share of the contact time.
+    """
+    assembly = hit.assembly
+    system = assembly.system
+    part, ball = assembly.spans["structure"], assembly.spans["impactor"]
+    if assembly.stretched:
+        raise InputError("the part has second-order forces, and other methods are linear")
+    if system.damped:
+        raise InputError("the part or the impactor is damped, and other methods are not")
+    if system.v[part].any() or system.loads[:, part].any():
+        raise InputError("the part moves at the start or falls, and other methods begin at rest")
+    if not hit.contact_time:
+        raise InputError("there is no contact")
+    striker = Striker(
+        omega=system.omega[ball],
+        beta=system.beta[0, ball],
+        start=system.v[ball],
+        load=system.loads[0, ball],
+        residual=cast("ModalBody", assembly.bodies["impactor"].modes).r,
+    )
+    return Blow(
+        structure=structure,
+        b=functional(structure, site).b,
+        law=assembly.laws[0],
+        striker=striker,
+        gap=float(system.offsets[0, 0]),
+        depth=float(hit.indentation.max()),
+        step=hit.contact_time / STEPS,
+        duration=duration,
+    )
+
+
+def entries_of(structure: Structure) -> float:
+    """Entries of the factor of K; of the symbolic factor where K has another solver."""
+    solver = structure.factorize()
+    return solver.entries if isinstance(solver, Factorization) else Plan(structure.K).entries
+
+
+def forecast(blow: Blow) -> float:
+    """Seconds that `newmark` takes."""
+    steps = seconds_of_steps(entries_of(blow.structure), blow.steps)
+    return blow.structure.seconds["assembly"] + steps
+
+
+def newmark(blow: Blow) -> Outcome:
+    """Newmark's average acceleration of all dofs, the contact force implicit."""
+    structure = blow.structure
+    began = time.perf_counter() - structure.seconds["assembly"]
+    process.require(BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step")
+    h = blow.step
+    A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
+    curve = _integrated(blow, A)
+    return Outcome(curve, time.perf_counter() - began, BYTES * A.entries)
+
+
+def _integrated(blow: Blow, A: Factorization) -> Curve:
+    """All steps with the factor A of K + 4 M/h²."""
+    h = blow.step
+    M = blow.structure.M
+    comm = blow.structure.comm
+    ball = blow.striker
+    flexibility = A.solve(blow.b)
+    inverse = 1 / (ball.omega**2 + 4 / h**2)
+    alpha = float(dot(comm, blow.b, flexibility)) + float(ball.beta**2 @ inverse)
+    u, v, a = np.zeros((3, len(blow.b)))
+    q, w, c = np.zeros(len(ball.beta)), ball.start, ball.load
+    contact = _Contact(blow, alpha, float(ball.beta @ w))
+    for _ in range(blow.steps):
+        rest = 4 / h**2 * u + 4 / h * v + a
+        ball_rest = 4 / h**2 * q + 4 / h * w + c
+        new = A.solve(multiply(M, rest))
+        ball_new = inverse * (ball_rest + ball.load)
+        F = contact.step(float(ball.beta @ ball_new) - float(dot(comm, blow.b, new)))
+        new += F * flexibility
+        ball_new = ball_new - F * inverse * ball.beta
+        v, a = _moved(h, new, rest, v, a)
+        w, c = _moved(h, ball_new, ball_rest, w, c)
+        u, q = new, ball_new
+    return Curve(*np.array(contact.nodes).T)
+
+
+def _moved(h: float, new: Array, rest: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Velocity and acceleration at the end of a step."""
+    after = 4 / h**2 * new - rest
+    return v + h / 2 * (a + after), after
+
+
+class _Contact:
+    """The contact law in time: `closing` [m] is how far the bodies have approached, `rate` [m/s].
+
+    alpha : decrease [m/N] of `closing` at the end of a step by a unit force there.
+    """
+
+    def __init__(self, blow: Blow, alpha: float, speed: float) -> None:
+        self.blow = blow
+        self.alpha = alpha
+        self.closing = 0.0
+        self.rate = speed
+        self.closed = False
+        self.state: State | None = None
+        self.nodes = [(0.0, 0.0, -blow.gap)]
+
+    def step(self, closing: float) -> float:
+        """The force [N] at the end of a step that without it ends with this `closing`."""
+        h = self.blow.step
+        law = self.blow.law
+        alpha = self.alpha
+        free = closing - self.blow.gap
+        rate = 2 / h * (closing - self.closing) - self.rate
+        origin = law.origin(self.state) if self.state is not None else 0.0
+        force = 0.0
+        if self.closed or free > origin:
+            self._touch(free - origin, rate)
+            assert self.state is not None
+            whole = alpha + self.blow.striker.residual
+            guess = self.nodes[-1][1]
+            force = law.implicit(free, whole, rate, 2 / h * alpha, self.state, guess)
+            free -= whole * force
+            self.closed = force > 0 or free > origin
+            self.state = law.advance(free, rate - 2 / h * alpha * force, self.state)
+            origin = law.origin(self.state)
+        self.closing = closing - alpha * force
+        self.rate = rate - 2 / h * alpha * force
+        self.nodes.append((self.nodes[-1][0] + h, force, free - origin))
+        return force
+
+    def _touch(self, depth: float, rate: float) -> None:
+        """Begin a contact at the time within the step at which the bodies meet."""
+        if self.closed:
+            return
+        before = min(self.nodes[-1][2], 0.0)
+        speed = self.rate + before / (before - depth) * (rate - self.rate)
+        self.state = self.blow.law.touch(max(speed, 0.0), self.state)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Peak force [N], impulse [N s] and contact time [s] of a curve, as those of a `History`."""
+
+    peak_force: float
+    impulse: float
+    contact_time: float
+
+
+def figures(curve: Curve) -> Figures:
+    """The figures of a curve: its peak by a parabola, its impulse by trapezoids."""
+    time, force, _ = curve
+    impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
+    impacts = _impacts(_contacts(curve))
+    gains = [np.diff(np.interp(impact, time, impulses))[0] for impact in impacts]
+    begin, end = impacts[int(np.argmax(gains))] if impacts else (0.0, 0.0)
+    return Figures(_peak(force), float(impulses[-1]), end - begin)
+
+
+def _peak(force: Array) -> float:
+    """The highest value of the parabola through the highest node and its neighbours."""
+    k = int(np.argmax(force))
+    if not 0 < k < len(force) - 1:
+        return float(force[k])
+    before, peak, after = force[k - 1 : k + 2].tolist()
+    curvature = before - 2 * peak + after
+    slope = (after - before) / 2
+    return float(peak - slope**2 / (2 * curvature)) if curvature else float(peak)
+
+
+def _contacts(curve: Curve) -> list[tuple[float, float]]:
+    """(start, end) of each contact, interpolated."""
+    time, _, depth = curve
+    inside = np.concatenate([[False], depth[1:] > 0, [False]])
+    begins = np.flatnonzero(~inside[:-1] & inside[1:])
+    ends = np.flatnonzero(inside[:-1] & ~inside[1:])
+
+    def crossing(k: int) -> float:
+        """When the depth is zero between nodes k and k + 1; the end of the curve at the last."""
+        if k + 1 == len(time):
+            return float(time[k])
+        share = np.clip(depth[k] / (depth[k] - depth[k + 1]), 0.0, 1.0)
+        return float(time[k] + share * (time[k + 1] - time[k]))
+
+    return [(crossing(k), crossing(m)) for k, m in zip(begins, ends, strict=True)]
+
+
+def _impacts(contacts: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Contacts joined where the flight between them is shorter than the impact up to then."""
+    impacts = contacts[:1]
+    for begin, end in contacts[1:]:
+        first, last = impacts[-1]
+        if begin - last < last - first:
+            impacts[-1] = first, end
+        else:
+            impacts.append((begin, end))
+    return impacts

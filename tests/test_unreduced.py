@@ -1,0 +1,116 @@
+"""The unreduced model in time, against many anti-oscillators on the same mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.strikes.unreduced import Curve, blow_of, figures, newmark
+from parts import STEEL, box, plate
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning"),
+    pytest.mark.filterwarnings("ignore::antiosc.base.errors.AntioscWarning"),
+]
+SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+HELD = [ao.Support("left")]
+EDGE = ao.Site((0.25, 0.1), (0, -1), radius=0.012)
+TIP = ao.Site((0.55, 0.01), (0, -1), radius=0.004)
+TOP = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.01)
+BALL = ao.RigidMass(0.5, 1.0)
+HERTZ = ao.Hertz(1e10)
+
+
+def sheet() -> ao.Structure:
+    return ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+
+
+def slender() -> ao.Structure:
+    """It meets the ball several times."""
+    return ao.Structure(plate((24, 1), (0.6, 0.01)), SHEET, HELD)
+
+
+def free() -> ao.Structure:
+    return ao.Structure(box((4, 2, 2), cell="tetrahedron"), ao.Solid(**STEEL))
+
+
+CASES = {
+    "elastic": (sheet, EDGE, HERTZ, 4e-4, {}),
+    "gap and gravity": (sheet, EDGE, HERTZ, 6e-4, {"gap": 1e-4, "gravity": 300.0}),
+    "damped": (sheet, EDGE, ao.Gonthier(1e9, 0.6), 1.2e-3, {}),
+    "plastic": (sheet, EDGE, ao.ElasticPlastic(115e9, 0.01, 3e8, 0.3), 1e-3, {}),
+    "free": (free, TOP, HERTZ, 4e-4, {}),
+    "several contacts": (slender, TIP, HERTZ, 4e-3, {}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_force_is_that_of_many_anti_oscillators(name):
+    made, site, law, duration, more = CASES[name]
+    part = made()
+    hit = ao.simulate(ao.extract(part, site, n=80), BALL, law, duration, tol=1e-6, **more)
+    blow = blow_of(part, site, hit, duration)
+    curve = newmark(replace(blow, step=blow.step / 4)).curve
+    true = hit.force_at(np.minimum(curve.time, duration))
+    assert np.linalg.norm(curve.force - true) <= 3e-3 * np.linalg.norm(true)
+    found = figures(curve)
+    for quantity in ("peak_force", "impulse", "contact_time"):
+        assert getattr(found, quantity) == pytest.approx(getattr(hit, quantity), rel=5e-4)
+
+
+def test_an_elastic_impactor_vibrates():
+    part = sheet()
+    other = ao.extract(free(), TOP, n=20)
+    hit = ao.simulate(ao.extract(part, EDGE, n=80), ao.Impactor(other, 1.0), HERTZ, 1e-3, tol=1e-6)
+    blow = blow_of(part, EDGE, hit, 1e-3)
+    found = figures(newmark(replace(blow, step=blow.step / 8)).curve)
+    assert found.impulse == pytest.approx(hit.impulse, rel=1e-4)
+
+
+def test_second_order_in_the_step():
+    part = free()
+    hit = ao.simulate(ao.extract(part, TOP, n=20), BALL, HERTZ, 4e-4)
+    blow = blow_of(part, TOP, hit, 3e-4)
+    coarse, middle, fine = (newmark(replace(blow, step=1e-6 / k)).curve for k in (1, 2, 4))
+    first = np.linalg.norm(coarse.force - middle.force[::2][: len(coarse.force)])
+    second = np.linalg.norm(middle.force[::2] - fine.force[::4][: len(middle.force[::2])])
+    assert np.log2(first / second) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_figures_of_a_curve():
+    """Half-sines of 3 and 2 s with a flight of 1 s are one impact, one of 1 s after 20 s is not.
+
+    The highest lies between two nodes.
+    """
+    time = np.linspace(0.0, 30.0, 2011)
+    depth = np.full(time.size, -1.0)
+    for height, begin, end in ((1.0, 0.0, 3.0), (0.9, 4.0, 6.0), (0.9, 26.0, 27.0)):
+        inside = (time > begin) & (time < end)
+        depth[inside] = height * np.sin(np.pi * (time[inside] - begin) / (end - begin))
+    found = figures(Curve(time, np.maximum(depth, 0.0), depth))
+    assert found.peak_force == pytest.approx(1.0)
+    assert found.impulse == pytest.approx(2 / np.pi * (3.0 + 0.9 * 3.0), rel=1e-3)
+    assert found.contact_time == pytest.approx(6.0, abs=0.05)
+
+
+@pytest.mark.parametrize("what", ["damped", "moving", "no contact"])
+def test_what_it_does_not_integrate_is_refused(what):
+    part = free()
+    model = ao.extract(part, TOP, n=10)
+    ball = BALL
+    more = {}
+    if what == "damped":
+        model = replace(model, damping=ao.Damping(0.02))
+    if what == "moving":
+        more = {"initial_velocity": 0.1}
+    if what == "no contact":
+        ball = ao.RigidMass(0.5, -1.0)
+    hit = ao.simulate(model, ball, HERTZ, 4e-4, **more)
+    with pytest.raises(ao.InputError, match={"moving": "at rest"}.get(what, what)):
+        blow_of(part, TOP, hit, 4e-4)
