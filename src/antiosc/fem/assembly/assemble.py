@@ -77,7 +77,8 @@ LARGEST_BLOCK = 6000
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """The dofs and rows of an elimination; `pivot` and `owner` have one entry a row."""
+    """Constraint rows C (m, n + k) of an elimination; `pivot` and `owner` have one entry for each
+    row."""
 
     C: Sparse
     pivot: IntArray
@@ -99,7 +100,7 @@ def eliminate(
     basis: Sparse | None = None,
     prescribed: Array | None = None,
 ) -> Eliminated:
-    """Solve the constraints for dependent dofs: u = T q.
+    """Solve the constraints for the dependent dofs; return T of u = T q.
 
     Parameters
     ----------
@@ -136,14 +137,14 @@ def eliminate(
     free = ~fixed
     free[involved] = False
     count = len(involved)
-    own = whole[:count, :count].tocoo()
+    block = whole[:count, :count].tocoo()
     diagonal = np.flatnonzero(free)
     T = scipy.sparse.csr_matrix(
         (
-            np.concatenate([own.data, np.ones(len(diagonal))]),
+            np.concatenate([block.data, np.ones(len(diagonal))]),
             (
-                np.concatenate([involved[own.row], diagonal]),
-                np.concatenate([involved[own.col], diagonal]),
+                np.concatenate([involved[block.row], diagonal]),
+                np.concatenate([involved[block.col], diagonal]),
             ),
         ),
         shape=(n, n),
@@ -161,7 +162,9 @@ def eliminate(
 
 
 def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """C without the columns of fixed dofs and without entries that are rounding."""
+    """C without the entries of fixed dofs, and without coefficients that are rounding in
+    their row.
+    """
     C.sum_duplicates()
     size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = row_numbers(C)
@@ -171,19 +174,19 @@ def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
 
 
 def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
-    """(T of the constrained dofs, the dependent ones, redundant joints)."""
+    """(T of the dofs in the constraints, numbers of the dependent dofs, redundant joints)."""
     T = scipy.sparse.identity(len(system.scale), format="csr")
-    rounds, left = _peeled(system)
+    rounds, remaining = _peeled(system)
     redundant: list[Redundant] = []
-    found = [np.zeros(0, dtype=int)]
-    if len(left):
-        solved, pivots, redundant = _blocks(system, left)
+    dependent = [np.zeros(0, dtype=int)]
+    if len(remaining):
+        solved, pivots, redundant = _blocks(system, remaining)
         T = _substituted(T, solved, pivots)
-        found.append(pivots)
+        dependent.append(pivots)
     for which, pivots in reversed(rounds):
         T = _substituted(T, _for_pivots(system.C[which], pivots), pivots)
-        found.append(pivots)
-    return T, np.concatenate(found), redundant
+        dependent.append(pivots)
+    return T, np.concatenate(dependent), redundant
 
 
 def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
@@ -193,33 +196,34 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
     ones.
     """
     rounds: list[tuple[IntArray, IntArray]] = []
-    left = np.arange(system.C.shape[0])
-    while len(left):
-        own = system.C[left]
-        row = row_numbers(own)
-        size = np.abs(own.data) * system.scale[own.indices]
-        asked = system.pivot[left][row]
-        large = size >= PIVOT * largest(size, row, len(left))[row]
-        alone = np.bincount(own.indices, minlength=own.shape[1])[own.indices] == 1
-        fits = np.flatnonzero(alone & np.where(asked < 0, large, asked == own.indices))
+    remaining = np.arange(system.C.shape[0])
+    while len(remaining):
+        C = system.C[remaining]
+        row = row_numbers(C)
+        size = np.abs(C.data) * system.scale[C.indices]
+        preferred = system.pivot[remaining][row]
+        large = size >= PIVOT * largest(size, row, len(remaining))[row]
+        alone = np.bincount(C.indices, minlength=C.shape[1])[C.indices] == 1
+        fits = np.flatnonzero(alone & np.where(preferred < 0, large, preferred == C.indices))
         if not len(fits):
             break
         fits = fits[np.argsort(size[fits], kind="stable")]  # the largest is written last
-        pivot = np.full(len(left), -1)
-        pivot[row[fits]] = own.indices[fits]
-        here = pivot >= 0
-        rounds.append((left[here], pivot[here]))
-        left = left[~here]
-    return rounds, left
+        pivot = np.full(len(remaining), -1)
+        pivot[row[fits]] = C.indices[fits]
+        solved = pivot >= 0
+        rounds.append((remaining[solved], pivot[solved]))
+        remaining = remaining[~solved]
+    return rounds, remaining
 
 
 def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
-    """Functionals equal to the pivot dofs: each row of C solved for its own."""
+    """Rows of C, each solved for its pivot dof: functionals of the other dofs that equal the
+    pivots."""
     row = row_numbers(C)
-    own = C.indices == pivots[row]
+    is_pivot = C.indices == pivots[row]
     at = np.zeros(C.shape[0])
-    at[row[own]] = C.data[own]
-    data = np.where(own, 0.0, -C.data / at[row])
+    at[row[is_pivot]] = C.data[is_pivot]
+    data = np.where(is_pivot, 0.0, -C.data / at[row])
     solved = scipy.sparse.csr_matrix((data, C.indices, C.indptr), shape=C.shape)
     solved.eliminate_zeros()
     return solved
@@ -227,33 +231,37 @@ def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
 
 def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
     """T with the dofs `pivots` replaced by the functionals `solved` of other dofs."""
-    own = (solved @ T).tocoo()
+    new_rows = (solved @ T).tocoo()
     keep = np.ones(T.shape[0])
     keep[pivots] = 0.0
     rest = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
-    new = scipy.sparse.csr_matrix((own.data, (pivots[own.row], own.col)), shape=T.shape)
-    result = (rest + new).tocsr()
+    placed = scipy.sparse.csr_matrix(
+        (new_rows.data, (pivots[new_rows.row], new_rows.col)), shape=T.shape
+    )
+    result = (rest + placed).tocsr()
     result.eliminate_zeros()
     return result
 
 
 def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
-    """(solved rows, their dofs, redundant joints) of coupled rows, block by block."""
+    """(solved rows, their dofs, redundant joints) of rows that share dofs, solved block by
+    block.
+    """
     pattern = abs(system.C[left][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
     ends = np.searchsorted(block[order], np.arange(count + 1))
     parts, pivots = [], []
-    found: dict[int, tuple[set[int], int]] = {}
+    by_joint: dict[int, tuple[set[int], int]] = {}
     for k in range(count):
         solved, chosen, follows = _block(system, left[order[ends[k] : ends[k + 1]]])
         parts.append(solved)
         pivots.append(chosen)
         for joint, others in follows:
-            before, times = found.get(joint, (set(), 0))
-            found[joint] = before | others, times + 1
+            before, times = by_joint.get(joint, (set(), 0))
+            by_joint[joint] = before | others, times + 1
     redundant = []
-    for joint, (others, times) in sorted(found.items()):
+    for joint, (others, times) in sorted(by_joint.items()):
         names = [system.labels[k] for k in sorted(others) if system.labels[k]]
         if system.labels[joint]:
             redundant.append((system.labels[joint], names, times))
@@ -261,7 +269,8 @@ def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Red
 
 
 def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
-    """Solve one connected block: (rows, their dofs, redundant rows as (joint, other joints))."""
+    """Solve one block of coupled rows: (solved rows, their dofs, redundant rows as (joint, other
+    joints))."""
     C = system.C[rows]
     if C.shape[0] > LARGEST_BLOCK:
         raise InputError(
@@ -269,8 +278,8 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
         )
     columns = np.unique(C.indices)
-    given = columns[system.scale[columns] == 0]  # the last ones
-    columns = columns[: len(columns) - len(given)]
+    prescribed_columns = columns[system.scale[columns] == 0]  # the last ones
+    columns = columns[: len(columns) - len(prescribed_columns)]
     scale = system.scale[columns]
     A = C[:, columns].toarray() * scale
     size = np.linalg.norm(A, axis=1, keepdims=True)
@@ -289,19 +298,21 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
         )
     chosen = order[:rank]
     others = order[rank:]
-    prescribed = Q.T @ (C[:, given].toarray() / size)[keep]
+    prescribed = Q.T @ (C[:, prescribed_columns].toarray() / size)[keep]
     solved = np.hstack(
         [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
     )
     values = solved * scale[chosen][:, None]
-    used = np.append(columns[others], given)
+    used = np.append(columns[others], prescribed_columns)
     where = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
     result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
     return result, columns[chosen], follows
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
-    """(numbers of independent unit rows, (joint, joints that span its row) of each other row)."""
+    """(numbers of linearly independent rows of A, (joint, joints that span its row) of the
+    others).
+    """
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
     upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
@@ -425,25 +436,24 @@ def assemble_checked(
     apart: bool = False,
     prestress: Prestress | None = None,
 ) -> Structure:
-    """`assemble` for checked joints; `apart`: parts without a joint are allowed, since supports
-    hold each.
-    """
+    """`assemble` for checked joints; `apart` permits parts without a joint, if supports hold each
+    part."""
     started = time.perf_counter()
     solver = checked_choice(solver)
-    given = checked_parts(parts)
-    comm = communicator(given)
-    members = on_every_rank(given, comm)
+    checked = checked_parts(parts)
+    comm = communicator(checked)
+    members = on_every_rank(checked, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
-    kept: list[Constraints] = []  # what rank 0 does not send to others
+    constraints_on_root: list[Constraints] = []  # what rank 0 does not send to others
 
     def work() -> _Joined:
         made, constraints = _joined(layout, joints, supports, attachments_of(attached), apart)
-        kept.append(constraints)
+        constraints_on_root.append(constraints)
         return made
 
     made = on_root(comm, work)
     layout.points = made.points
-    local = Shares(comm, layout, block_of(layout), given)
+    local = Shares(comm, layout, block_of(layout), checked)
     dependent = made.eliminated.dependent
     K, M = reduced(local, made.eliminated, made.added)
     modes, shift = modes_of(layout, local, K, M, made.eliminated, *made.motions)
@@ -462,7 +472,7 @@ def assemble_checked(
         eliminated=made.eliminated,
         added=made.added,
         local=local,
-        constraints=kept[0] if kept else None,
+        constraints=constraints_on_root[0] if constraints_on_root else None,
     )
     if prestress is not None:
         matrices = with_prestress(matrices, prestress, joints)
@@ -496,8 +506,8 @@ def _joined(
     fixed = _fixed(layout)
     places = layout.places
     scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
-    held = list_of("supports", supports, Support, "Support(where, fix)")
-    rows = [Rows.free(support_rows(layout, one), "") for one in held]
+    checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
+    rows = [Rows.free(support_rows(layout, one), "") for one in checked_supports]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, HeldDofs(rows, fixed), label)
@@ -527,14 +537,13 @@ def _joined(
 
 
 def _fixed(layout: Layout) -> BoolArray:
-    """Mask of the fixed dofs: those of supports of the parts, and out-of-plane dofs of reference
-    points.
-    """
+    """Mask of the fixed dofs: of supported parts, and of reference points out of the plane of plane
+    parts."""
     fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         fixed[member.first + member.part.fixed] = True
-    for one in layout.condensed.values():
-        fixed[one.rows] = one.part.fixed
+    for superelement_part in layout.condensed.values():
+        fixed[superelement_part.rows] = superelement_part.part.fixed
     for name in layout.points:
         if layout.plane:
             fixed[layout.of_point(name)[[2, 3, 4]]] = True
@@ -544,13 +553,13 @@ def _fixed(layout: Layout) -> BoolArray:
 def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
     """Warn of constraints that follow from those of other joints."""
     for label in dict.fromkeys(label for label, _, _ in redundant):
-        own = [(others, times) for name, others, times in redundant if name == label]
-        count = sum(times for _, times in own)
-        rest = list(dict.fromkeys(n for names, _ in own for n in names if n != label))
-        if rest:
+        follows = [(others, times) for name, others, times in redundant if name == label]
+        count = sum(times for _, times in follows)
+        leading = list(dict.fromkeys(n for names, _ in follows for n in names if n != label))
+        if leading:
             warn(
                 f"{count} constraint{'s' if count > 1 else ''} of {label} follow"
-                f"{'' if count > 1 else 's'} from those of {' and '.join(rest)}: the joints "
+                f"{'' if count > 1 else 's'} from those of {' and '.join(leading)}: the joints "
                 "overlap; remove the repeated ones.",
             )
 
@@ -559,8 +568,8 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
     """InputError for a part, a body of a part, or a reference point without any joint."""
     bodies = assembled.unjoined_bodies(layout)
     body = np.zeros(layout.count, dtype=int)
-    for k, one in enumerate(bodies):
-        body[one.rows] = k
+    for k, body_k in enumerate(bodies):
+        body[body_k.rows] = k
     # all functionals of one spring belong together
     springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
     links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
@@ -569,13 +578,13 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         (np.ones(links.nnz), (body[links.indices], of_row)), shape=(len(bodies), links.shape[0])
     )
     label = scipy.sparse.csgraph.connected_components(touched @ touched.T, directed=False)[1]
-    largest = np.bincount(label, [len(one.rows) for one in bodies]).argmax()
+    largest = np.bincount(label, [len(body_k.rows) for body_k in bodies]).argmax()
     for k in np.flatnonzero(label != largest):
-        one = bodies[k]
-        if one.name in layout.points:
-            raise InputError(f"the reference point {one.name!r} is joined to nothing.")
-        several = sum(other.name == one.name for other in bodies) > 1
-        which = f"a piece at {point_text(one.centre)} of the part" if several else "the part"
+        body_k = bodies[k]
+        if body_k.name in layout.points:
+            raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")
+        several = sum(other.name == body_k.name for other in bodies) > 1
+        which = f"a piece at {point_text(body_k.centre)} of the part" if several else "the part"
         raise InputError(
-            f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
+            f"{which} {body_k.name!r} is joined to nothing else: add a joint, or leave it out."
         )

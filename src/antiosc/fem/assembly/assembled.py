@@ -50,7 +50,7 @@ STILL = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class RigidDofs:
-    """Dofs with their rigid motions: of a body before joining, or of the assembly."""
+    """The dofs and rigid motions of one body before joining, or of the whole assembly."""
 
     name: str  # of the part or of the reference point, for messages
     rows: IntArray  # its dofs in u
@@ -61,20 +61,20 @@ class RigidDofs:
 
 def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
     """The connected bodies of parts, superelements and points, before they are joined."""
-    found: list[tuple[str, IntArray, Array, float]] = []
+    bodies: list[tuple[str, IntArray, Array, float]] = []
     for member in layout.members.values():
         labels = member.connected
         for label in range(int(labels.max()) + 1):
             nodes = np.flatnonzero(labels == label)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
-            found.append((member.name, member.first + rows, *_around(member.nodes[nodes], layout)))
-    for one in layout.condensed.values():
-        rows = np.arange(one.first, one.first + one.size)
-        found.append((one.name, rows, *_around(one.points, layout)))
+            bodies.append((member.name, member.first + rows, *_around(member.nodes[nodes], layout)))
+    for part in layout.condensed.values():
+        rows = np.arange(part.first, part.first + part.size)
+        bodies.append((part.name, rows, *_around(part.points, layout)))
     for name, x in layout.points.items():
-        found.append((name, layout.of_point(name), x, layout.size / 2))
+        bodies.append((name, layout.of_point(name), x, layout.size / 2))
     places = layout.places
-    return [_rigid_body(places, *one) for one in found]
+    return [_rigid_body(places, *part) for part in bodies]
 
 
 def _around(x: Array, layout: Layout) -> tuple[Array, float]:
@@ -130,17 +130,17 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
     values = []
     count = 0
     for body in bodies:
-        own = body.motions[:, np.abs(body.motions).max(axis=0) > 0]
-        rows.append(np.repeat(body.rows, own.shape[1]))
-        columns.append(np.tile(count + np.arange(own.shape[1]), len(own)))
-        values.append(own.ravel())
-        count += own.shape[1]
+        motions = body.motions[:, np.abs(body.motions).max(axis=0) > 0]
+        rows.append(np.repeat(body.rows, motions.shape[1]))
+        columns.append(np.tile(count + np.arange(motions.shape[1]), len(motions)))
+        values.append(motions.ravel())
+        count += motions.shape[1]
     where = np.concatenate(rows), np.concatenate(columns)
     return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=(size, count))
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
-    """Constraints scaled to unit size, and one row for each fixed dof."""
+    """The constraints scaled to unit size, followed by one row for each fixed dof."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     keep = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
@@ -157,30 +157,33 @@ def _null_space(E: Array | Sparse) -> Array:
         return np.eye(k)
     R = np.zeros((0, k))
     for some in np.array_split(np.arange(E.shape[0]), 1 + E.shape[0] * k // ENTRIES_AT_ONCE):
-        own = E[some].toarray() if scipy.sparse.issparse(E) else E[some]
-        R = scipy.linalg.qr(np.vstack([R, own]), mode="r")[0][:k]
+        dense = E[some].toarray() if scipy.sparse.issparse(E) else E[some]
+        R = scipy.linalg.qr(np.vstack([R, dense]), mode="r")[0][:k]
     _, values, right = np.linalg.svd(R)
     values = np.concatenate([values, np.zeros(k - len(values))])
     return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
 
 
-def _excluding_rigid(found: Array, rigid: Array) -> Array:
-    """Orthonormal basis of the motions `found` orthogonal to `rigid`."""
-    if not found.shape[1]:
-        return found
+def _excluding_rigid(motions: Array, rigid: Array) -> Array:
+    """Orthogonal basis (n, k − r) of the part of `motions` (n, k) that is orthogonal to `rigid` (n,
+    r)."""
+    if not motions.shape[1]:
+        return motions
     basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
-    left = found - basis @ (basis.T @ found)
-    left -= basis @ (basis.T @ left)
-    U, values, _ = np.linalg.svd(left, full_matrices=False)
-    count = found.shape[1] - rigid.shape[1]
+    rest = motions - basis @ (basis.T @ motions)
+    rest -= basis @ (basis.T @ rest)
+    U, values, _ = np.linalg.svd(rest, full_matrices=False)
+    count = motions.shape[1] - rigid.shape[1]
     return np.asarray(U[:, :count] * values[:count])
 
 
-def described(one: RigidDofs, motions: Array) -> str:
+def described(body: RigidDofs, motions: Array) -> str:
     """The motions (rows of u, m) of a body as text, such as "translation along x"."""
-    coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
+    coefficients = np.linalg.lstsq(body.motions, motions[body.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
-    return support.of_body(coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size)
+    return support.of_body(
+        coefficients[:, size > STILL] / size[size > STILL], body.centre, body.size
+    )
 
 
 #: A part is at rest if its motion is below this fraction of the largest.
@@ -202,13 +205,13 @@ def modes_of(
     moving: Sequence[RigidDofs],
 ) -> tuple[Array, float]:
     """(M-orthonormal strain-free motions (rows of this rank, r), first shift)."""
-    found = local.own(eliminated.coordinates(np.hstack([rigid, mechanisms])))
+    motions = local.own(eliminated.coordinates(np.hstack([rigid, mechanisms])))
     comm = local.comm
-    modes = orthonormal(comm, M, found)
-    if modes.shape[1] < found.shape[1]:
-        values, turn = np.linalg.eigh(dot(comm, found, multiply(M, found)))
-        idle = eliminated.T @ local.whole(found @ turn[:, values <= IDLE_MASS * values[-1]])
-        points = [one for one in moving if np.abs(idle[one.rows]).max() > STILL]
+    modes = orthonormal(comm, M, motions)
+    if modes.shape[1] < motions.shape[1]:
+        values, turn = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
+        idle = eliminated.T @ local.whole(motions @ turn[:, values <= IDLE_MASS * values[-1]])
+        points = [body for body in moving if np.abs(idle[body.rows]).max() > STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "
             f"{_in_words(idle, points)}; join it, support it, or give it a mass."
@@ -217,10 +220,12 @@ def modes_of(
         return modes, 0.0
     u = eliminated.T @ local.whole(modes)
     least = AT_REST * np.abs(u).max()
-    left = max(_force_ratio(local.of[m.name], u, u[m.rows], least) for m in layout.members.values())
-    if left > MECHANISM_FORCE:
+    force = max(
+        _force_ratio(local.of[m.name], u, u[m.rows], least) for m in layout.members.values()
+    )
+    if force > MECHANISM_FORCE:
         raise AccuracyError(
-            f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
+            f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {force:.1e}, "
             f"limit {MECHANISM_FORCE:.0e}): parts or their distances differ too much in size for "
             "double precision."
         )
@@ -238,7 +243,12 @@ def modes_of(
 
 
 def _force_ratio(share: Share, u: Array, motions: Array, least: float) -> float:
-    """Largest force of motions u (n, k) in a part, relative to the absolute values of K's entries.
+    """Largest of `force_ratios` of motions u (n, k) in a part; about 1e-16 if they do not strain
+    it.
+
+    Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
+
+    Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
 
     Those whose `motions` of the part (rows, k) are below `least` count as rounding.
     """
@@ -274,8 +284,8 @@ def warn_of_motions(
 def _in_words(mechanisms: Array, moving: Sequence[RigidDofs]) -> str:
     """The mechanisms as text, body by body."""
     names: dict[str, str] = {}
-    for one in moving:
-        names.setdefault(one.name, described(one, mechanisms))
+    for body in moving:
+        names.setdefault(body.name, described(body, mechanisms))
     return "; ".join(f"{name!r}: {words}" for name, words in names.items())
 
 
@@ -293,14 +303,14 @@ class Added:
     """
 
     def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
-        self._elastic = [(one, rounded(one.G @ T)) for one in elastic]
-        self.mass = float(sum(one.mass for one in elastic))
+        self._elastic = [(term, rounded(term.G @ T)) for term in elastic]
+        self.mass = float(sum(term.mass for term in elastic))
         every = stacked([G for _, G in self._elastic], T.shape[1])
 
         def whole(blocks: Sequence[Array]) -> Sparse:
             return (every.T @ scipy.sparse.block_diag([np.zeros((0, 0)), *blocks]) @ every).tocsr()
 
-        self.K, self.M = whole([one.k for one in elastic]), whole([one.m for one in elastic])
+        self.K, self.M = whole([term.k for term in elastic]), whole([term.m for term in elastic])
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
         """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
@@ -310,32 +320,30 @@ class Added:
         return found + [term(k, t) for one, term in named for k, t in one.branches]
 
     def springs(self) -> list[Dissipation]:
-        """The springs as functionals of u, with their stiffnesses."""
-        every = [one for one, _ in self._elastic]
-        return [Dissipation(one.G, one.k, name=one.name, point=one.point) for one in every]
+        """The springs as `Dissipation` terms on u, whose c is the stiffness."""
+        every = [term for term, _ in self._elastic]
+        return [Dissipation(term.G, term.k, name=term.name, point=term.point) for term in every]
 
     def mass_on_u(self, count: int) -> Sparse:
         """Mass matrix (n, n) of the point masses on the `count` dofs u."""
-        own = [one.G.T @ scipy.sparse.csr_matrix(one.m) @ one.G for one, _ in self._elastic]
-        return sum(own, Sparse((count, count))).tocsr()
+        masses = [term.G.T @ scipy.sparse.csr_matrix(term.m) @ term.G for term, _ in self._elastic]
+        return sum(masses, Sparse((count, count))).tocsr()
 
     def forces(self, motions: Array) -> Array:
         """Elastic forces in q (n, j) for motions of u (n, j)."""
         forces = np.zeros(motions.shape)
-        for one, G in self._elastic:
-            forces += G.T @ (one.k @ (one.G @ motions))
+        for term, G in self._elastic:
+            forces += G.T @ (term.k @ (term.G @ motions))
         return forces
 
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
-        """For motions r of u (n, j): M r on the coordinates q (n, j), and rᵀ M r (j, j), of the
-        masses.
-        """
+        """(M r (n, j) on q, rᵀ M r (j, j)) of the attached masses, for motions r of u (n, j)."""
         loads = np.zeros(motions.shape)
         energies = np.zeros((motions.shape[1],) * 2)
-        for one, G in self._elastic:
-            moved = one.G @ motions
-            loads += G.T @ (one.m @ moved)
-            energies += moved.T @ one.m @ moved
+        for term, G in self._elastic:
+            moved = term.G @ motions
+            loads += G.T @ (term.m @ moved)
+            energies += moved.T @ term.m @ moved
         return loads, energies
 
 
@@ -371,19 +379,19 @@ class AssembledMatrices(StructureMatrices):
     def mass(self) -> float:
         for name in self.layout.condensed:
             raise InputError(f"the mass of the part {name!r} is not known: it is a superelement.")
-        own = sum(member.part.mass for member in self.layout.members.values())
-        return float(own + self.added.mass)
+        of_parts = sum(member.part.mass for member in self.layout.members.values())
+        return float(of_parts + self.added.mass)
 
     @property
     def plausibility(self) -> Plausibility:
-        known = [member.part.plausibility for member in self.layout.members.values()]
-        doubts = list(dict.fromkeys(text for one in known for text in one.get("doubts", ())))
-        found: Plausibility = {"doubts": doubts} if doubts else {}
-        if known and not self.layout.condensed:
-            found["wave_speed"] = max(one["wave_speed"] for one in known)
-        if sheets := [one["thickness"] for one in known if "thickness" in one]:
-            found["thickness"] = min(sheets)
-        return found
+        of_parts = [member.part.plausibility for member in self.layout.members.values()]
+        doubts = list(dict.fromkeys(text for data in of_parts for text in data.get("doubts", ())))
+        result: Plausibility = {"doubts": doubts} if doubts else {}
+        if of_parts and not self.layout.condensed:
+            result["wave_speed"] = max(data["wave_speed"] for data in of_parts)
+        if sheets := [data["thickness"] for data in of_parts if "thickness" in data]:
+            result["thickness"] = min(sheets)
+        return result
 
     @property
     def dimensions(self) -> Box:
@@ -404,12 +412,12 @@ class AssembledMatrices(StructureMatrices):
         moving = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
-            own = np.zeros(self.layout.count)
+            of_parts = np.zeros(self.layout.count)
             load = self.added.inertial_loads(moving[:, None])[0][:, 0]
             for member in self.layout.members.values():
                 along = member.at.rotation.T @ direction
-                own[member.rows] = member.part.uniform_inertia(along)
-            return np.asarray(self.T.T @ own + load)
+                of_parts[member.rows] = member.part.uniform_inertia(along)
+            return np.asarray(self.T.T @ of_parts + load)
 
         return self.local.own(on_root(self.comm, work))
 
@@ -439,39 +447,40 @@ class AssembledMatrices(StructureMatrices):
         )
 
     def dissipation(self) -> list[Dissipation]:
-        """Dashpots, Maxwell branches, layers that relax, damping of superelements."""
+        """All damping terms on q: dashpots, Maxwell branches, relaxing layers, damping of
+        superelements."""
         rows = self.local.rows
-        found = [replace(one, G=one.G[:, rows]) for one in self.added.dissipation()]
+        terms = [replace(term, G=term.G[:, rows]) for term in self.added.dissipation()]
         for member in self.layout.members.values():
             T = self.T[member.rows]
-            dashpots = [one for one in member.part.dissipation() if one.matrix is None]
-            found += [replace(one, G=(one.G @ T)[:, rows]) for one in dashpots]
-        return found + self._layers
+            dashpots = [term for term in member.part.dissipation() if term.matrix is None]
+            terms += [replace(term, G=(term.G @ T)[:, rows]) for term in dashpots]
+        return terms + self._layers
 
     @cached_property
     def _layers(self) -> list[Dissipation]:
         """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
-        found = []
+        terms = []
         made = dict[tuple[str, int], PETSc.Mat]()
         for part in self.layout.condensed.values():
             if part.part.C is not None:
                 T = self.T[part.rows]
                 C = (T.T @ scipy.sparse.csr_matrix(part.part.C) @ T).tocsr()[self.local.rows]
                 C.sort_indices()
-                found.append(Dissipation(matrix=self.local.matrix("C", C)))
+                terms.append(Dissipation(matrix=self.local.matrix("C", C)))
         for name, share in self.local.of.items():
-            for one in share.part.dissipation():
-                if one.matrix is None:
+            for term in share.part.dissipation():
+                if term.matrix is None:
                     continue
-                key = name, id(one.matrix)
+                key = name, id(term.matrix)
                 if key not in made:
-                    made[key] = self._on_q({name: one.matrix})
-                owner = (name, one.owner[1]) if one.owner else None
-                found.append(replace(one, matrix=made[key], owner=owner))
-        return found
+                    made[key] = self._on_q({name: term.matrix})
+                owner = (name, term.owner[1]) if term.owner else None
+                terms.append(replace(term, matrix=made[key], owner=owner))
+        return terms
 
     def _on_q(self, matrices: Mapping[str, PETSc.Mat]) -> PETSc.Mat:
-        """Matrices of some parts, projected on q."""
+        """Tᵀ A T of the assembly for the matrices A of some parts."""
         nothing = Sparse((self.layout.count,) * 2)
         K = _projected(self.local, self.eliminated, self.local.rows_of(matrices), nothing)
         return self.local.matrix("K", K)
@@ -485,8 +494,8 @@ class AssembledMatrices(StructureMatrices):
         if not parts:
             return None
         u = self.expanded(V)
-        own = [share.part.loss_stiffness(u[share.rows]) for share in parts]
-        return np.asarray(np.sum([each for each in own if each is not None], axis=0))
+        of_parts = [share.part.loss_stiffness(u[share.rows]) for share in parts]
+        return np.asarray(np.sum([matrix for matrix in of_parts if matrix is not None], axis=0))
 
     # -- from u to the parts
 
@@ -516,7 +525,7 @@ class AssembledMatrices(StructureMatrices):
         return np.asarray(self.T @ self.local.whole(q))
 
     def joined(self, loads: Loads, rows: slice = slice(None)) -> Loads:
-        """Project loads on some rows of u on the whole vector q."""
+        """Loads on the given rows of u, as loads on the whole vector q."""
         return self.T[rows].T @ loads
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
@@ -529,23 +538,22 @@ class AssembledMatrices(StructureMatrices):
         return [(member, u[member.rows]) for member in members]
 
     def decided(self, work: Callable[[], Found]) -> Found:
-        """The result of `work()` on rank 0, used on all ranks, since rounding could decide
-        otherwise elsewhere.
-        """
+        """The result of `work()` on rank 0, sent to all ranks: rounding could change a decision
+        between ranks."""
         return on_root(self.comm, work)
 
     def own(self, rows: Array) -> Array:
-        """The rows of this rank of a complete vector that `decided` work returned."""
+        """The rows of this rank of a complete vector, as `decided` returns it."""
         return self.local.own(rows)
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
-    """Functionals stacked as rows of one matrix."""
+    """Functionals (m_i, count) stacked as the rows of one matrix (Σ m_i, count)."""
     return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
 
 
 def block_of(layout: Layout) -> int:
-    """Number of dofs of a node; 1 if it differs between the parts.
+    """Number of dofs per node if all parts have the same; otherwise 1.
 
     The factor is ordered by the coupling of the first dof of each node. With blocks of half a node,
     that of the rotations of a flat sheet would be coupled to no displacement, and the ordering
@@ -559,20 +567,23 @@ def block_of(layout: Layout) -> int:
 
 
 def reduced(local: Shares, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """(K, M) of joined parts."""
+    """(K, M) of the joined parts: Tᵀ K T and Tᵀ M T, with 1 on the diagonal of K at dependent
+    dofs.
+    """
     parts = {name: share.part for name, share in local.of.items()}
     diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
-    own = local.rows_of({name: part.K for name, part in parts.items()})
-    K = local.matrix("K", _projected(local, eliminated, own, added.K + diagonal))
-    own = local.rows_of({name: part.M for name, part in parts.items()})
-    M = local.matrix("M", _projected(local, eliminated, own, added.M))
+    rows = local.rows_of({name: part.K for name, part in parts.items()})
+    K = local.matrix("K", _projected(local, eliminated, rows, added.K + diagonal))
+    rows = local.rows_of({name: part.M for name, part in parts.items()})
+    M = local.matrix("M", _projected(local, eliminated, rows, added.M))
     if any(by_strains(part.K) for part in parts.values()):
         K.setAttr(PRODUCT, _product(local, eliminated, added))
     return K, M
 
 
 def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) -> Sparse:
-    """The rows of this rank of Tᵀ K T + added; `K` (m, n): its rows of K, which is overwritten.
+    """The rows of this rank of Tᵀ K T + added; `K` (m, n) holds the same rows of K and is
+    overwritten.
 
     With E the identity on the dofs that stay and D the rows of T of the others, the first term is
     E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small: every rank has
@@ -580,13 +591,13 @@ def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) 
     """
     same = _unchanged(eliminated.T)
     which = np.flatnonzero(~same)
-    own = np.flatnonzero(~same[local.rows])
-    forces = local.added((K[own].T @ eliminated.T[local.rows][own]).tocsr())  # K symmetric
+    changed = np.flatnonzero(~same[local.rows])
+    forces = local.added((K[changed].T @ eliminated.T[local.rows][changed]).tocsr())  # K symmetric
     across = (scipy.sparse.diags(same.astype(float)) @ forces).tocsr()
     inside = (eliminated.T[which].T @ forces[which]).tocsr()
     small = (across + across.T + (inside + inside.T) / 2 + added).tocsr()
     small.sum_duplicates()
-    for row in own:
+    for row in changed:
         K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
     K.data[~same[K.indices]] = 0.0
     result = (K + local.own(small)).tocsr()
@@ -596,16 +607,17 @@ def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) 
 
 
 def _unchanged(T: Sparse) -> BoolArray:
-    """Mask (n,): dofs of u that are dofs of q."""
+    """Mask (n,) of the dofs of u that are themselves coordinates q: unit rows of T."""
     row = row_numbers(T)
-    own = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
+    unit = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
     same = np.zeros(T.shape[0], dtype=bool)
-    same[row[own]] = True
+    same[row[unit]] = True
     return same
 
 
 def _product(local: Shares, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
-    """Product with K through the accurate products of the parts."""
+    """Function that multiplies rows of this rank by the K of the assembly, by the products of the
+    parts."""
     T = eliminated.T
     back = T.T.tocsr()
     small = (added.K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()[local.rows]

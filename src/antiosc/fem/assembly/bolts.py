@@ -117,7 +117,10 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
 
 
 def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
-    """(a (12,), B (12, 12)): a beam with the dofs g of `element` elongates by a·g + gᵀBg/2.
+    """(a (12,), B (12, 12)) of the elongation a·g + gᵀBg/2 of a beam with dofs g as in `element`.
+
+    B contains the squared slopes of the deflection, and the twist, which lengthens fibres off the
+    axis.
 
     B contains the slopes of its deflections, and the twist, which lengthens fibres off the axis.
     """
@@ -140,7 +143,7 @@ def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
 
 
 def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
-    """φ = 12 EI/(GκA L²); 0 for a beam that is rigid in shear."""
+    """Timoshenko's φ = 12 EI/(GκA L²); 0 for a beam without shear deformation."""
     if not beam.shear:
         return 0.0
     return 12 * beam.E * I / (beam.G * beam.section.A * beam.section.shear * L**2)

@@ -137,7 +137,7 @@ def _as_rigid_body(
 
 
 def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Rows]:
-    """Rows for the rotations of a point that move no follower, which are therefore fixed."""
+    """Rows that fix the rotations of a leading point that would move none of its followers."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point
@@ -157,7 +157,8 @@ def _rows_of(projection: Array) -> Array:
 
 
 def _single(follower: EndMotion, count: int) -> IntArray:
-    """The single follower dof for which each row is solved; -1 if there are several."""
+    """The dof (count,) for which each row of a follower is solved: its only dof, or -1 if it has
+    several."""
     pivots = np.full(count, -1)
     alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
     pivots[alone] = follower.displacements.indices[follower.displacements.indptr[alone]]

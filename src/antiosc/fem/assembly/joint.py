@@ -87,7 +87,7 @@ class EndMotion:
         return self.six[3:]
 
     def has(self, direction: Array) -> bool:
-        """Whether the end has the motion along a unit direction (6,)."""
+        """Whether the end can move along a unit direction (6,) of displacements and rotations."""
         return bool(direction @ self.space @ direction > 1 - MISSING_SHARE)
 
     def components(self, names: Sequence[str]) -> Sparse:
@@ -104,7 +104,7 @@ class EndMotion:
         ]
 
     def turns(self, all_of: Array) -> bool:
-        """Whether the end has all rotations in the image of a projection (3, 3)."""
+        """Whether the end has every rotation in the image of the projection `all_of` (3, 3)."""
         missing = all_of - all_of @ self.space[3:, 3:] @ all_of
         return bool(np.abs(missing).max() <= MISSING_SHARE)
 
@@ -204,7 +204,9 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
 
 
 def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMotion | None:
-    """The motion of a reference point, a site or node of a superelement; None for other ends."""
+    """The motion of a reference point, or of a site or node of a superelement; None for other
+    ends.
+    """
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
         return _of_condensed(layout, layout.condensed[part], end, allow_partial)
@@ -287,24 +289,24 @@ def _of_point(
 
 
 def _around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
-    """Quadrature points within a ball on a part's surface, its faces, sheets or lines."""
+    """Quadrature points within `radius` of a point on the faces, sheets or lines of a part."""
     faces = member.part.faces
     centre = member.at.own(place[None])[0]
     close = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
-    whole = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
-    inside = np.flatnonzero(np.linalg.norm(whole.x - centre, axis=1) <= radius)
+    points = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
+    inside = np.flatnonzero(np.linalg.norm(points.x - centre, axis=1) <= radius)
     if len(inside) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
             f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
             "the radius."
         )
-    part = WeightedPoints(*(getattr(whole, one.name)[inside] for one in fields(WeightedPoints)))
-    return replace(part, x=member.at.placed(part.x))
+    selected = WeightedPoints(*(getattr(points, f.name)[inside] for f in fields(WeightedPoints)))
+    return replace(selected, x=member.at.placed(selected.x))
 
 
 def _space(layout: Layout, member: Member) -> Array:
-    """Projection (6, 6) on the displacements and rotations that the nodes of a part have."""
+    """Projection (6, 6) onto the displacements and rotations that the nodes of a part have."""
     return scipy.linalg.block_diag(np.eye(3), member.has_rotations * layout.rotations)
 
 
@@ -356,7 +358,7 @@ class Rows:
 
     @classmethod
     def free(cls, matrix: Sparse, label: str) -> Rows:
-        """Rows, each of which may be solved for any of its dofs."""
+        """Rows without a preferred pivot: each may be solved for any of its dofs."""
         return cls(matrix, np.full(matrix.shape[0], -1), label)
 
 
@@ -367,7 +369,8 @@ def following(
     motions: Sequence[tuple[tuple[str, ...], Sparse]],
     label: str,
 ) -> Rows:
-    """The dofs of P nodes of a part follow motions [(names of components, (3P, n))]."""
+    """The constraints that make the dofs of P nodes follow motions [(names of components, (3P,
+    n))]."""
     rows, pivots = [], []
     for names, motion in motions:
         for name, of_component in layout.of_components(member, names, motion):
@@ -380,7 +383,7 @@ def following(
 
 @dataclass(frozen=True, eq=False)
 class HeldDofs:
-    """The dofs that are held before the constraints of a joint are formed."""
+    """The constraints and fixed dofs that exist before the constraints of a joint are formed."""
 
     rows: Sequence[Rows]  # of the supports and of earlier joints
     fixed: BoolArray  # (n,) dofs that are zero
@@ -416,7 +419,8 @@ class Eliminated:
 
 @dataclass(frozen=True, eq=False)
 class Stiffness:
-    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to the block-diagonal K_b and M_b."""
+    """A joint's or attachment's stiffness k and mass m of functionals G: adds Gᵀ k G to K_b, Gᵀ m G
+    to M_b."""
 
     G: Sparse  # (j, n) functionals of u
     #: k, m: (j, j) stiffness and mass of these
@@ -433,7 +437,7 @@ class Stiffness:
 
     @property
     def strains(self) -> Array:
-        """Unit combinations of the functionals that vanish in strain-free motions.
+        """Unit combinations (r, functionals) of the functionals that vanish in strain-free motions.
 
         Functionals without entries, such as motions out of a plane, take no part.
         """
@@ -462,11 +466,11 @@ class Joint(Checked):
         """Add the reference points of the joint to the layout."""
 
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
-        """Constraints of the joint."""
+        """The linear constraints C u = 0 of the joint."""
         return []
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """Springs and masses of the joint."""
+        """The springs and masses of the joint."""
         return []
 
     def label(self, number: int) -> str:
@@ -494,7 +498,7 @@ NAME = checked_by(text)
 
 
 def support_rows(layout: Layout, support: Support) -> Sparse:
-    """Functionals that a support holds at zero."""
+    """The functionals (m, n) of u that a support fixes at zero."""
     names = support.components(["x", "y", "rz"] if layout.plane else COMPONENTS)
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
@@ -539,7 +543,7 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
 
 
 def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[Stiffness]:
-    """Contributions of a mass, a grounded spring or a damper at each of its points."""
+    """The terms of a mass, a grounded spring or a damper, one for each of its points."""
     values = values_of(attached, layout.plane)
     names = list(values)
     diagonal = np.diag(list(values.values()))
@@ -575,7 +579,7 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
 
 
 def superelement(layout: Layout, member: Condensed) -> Stiffness:
-    """K and M of a superelement on its dofs."""
+    """K and M of a superelement as a term on its own dofs."""
     part = member.part
     functionals = layout.units(np.arange(member.first, member.first + member.size))
     return Stiffness(functionals, part.K, part.M, rigid=part.rigid)

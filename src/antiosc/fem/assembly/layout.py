@@ -39,7 +39,7 @@ def row_numbers(matrix: Sparse) -> IntArray:
 
 
 def largest(size: Array, row: IntArray, count: int) -> Array:
-    """Largest absolute entry of each row (count,)."""
+    """Largest value of `size` in each row (count,), where `row` is the row of each entry."""
     result = np.zeros(count)
     np.maximum.at(result, row, size)
     return result
@@ -113,7 +113,7 @@ class Layout:
 
     @property
     def rotations(self) -> Array:
-        """Projection (3, 3) on the rotations of nodes: about z alone for plane parts."""
+        """Projection (3, 3) onto the rotations that nodes have: about z alone for plane parts."""
         if self.plane:
             return np.diag([0.0, 0.0, 1.0])
         return np.eye(3)
@@ -129,7 +129,7 @@ class Layout:
         return scipy.sparse.csr_matrix(entries, shape=(count, self.count))
 
     def nothing(self, count: int) -> Sparse:
-        """`count` zero functionals."""
+        """A zero matrix (count, n) of functionals of u."""
         return scipy.sparse.csr_matrix((count, self.count))
 
     @property
@@ -155,7 +155,9 @@ class Layout:
     def at_points(
         self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Rows of displacements (`names` = ROTATIONS: rotations) at reference points X of cells."""
+        """Displacements (3P, n) at reference points X of cells; rotations if `names` is
+        ROTATIONS.
+        """
         space = member.part.form.space
         entries = []
         for axis, name in enumerate(names):
@@ -170,7 +172,7 @@ class Layout:
     def at_nodes(
         self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Displacements (or rotations: `names` = ROTATIONS) of nodes (P,)."""
+        """Displacements (3P, n) of nodes (P,); rotations if `names` is ROTATIONS."""
         entries = []
         for axis, name in enumerate(names):
             if name in member.part.form.components:
@@ -208,7 +210,8 @@ class Layout:
     def of_components(
         self, member: Member, names: tuple[str, ...], motions: Sparse
     ) -> Iterator[tuple[str, Sparse]]:
-        """(name, functionals (P, n)) of the components of a part along its axes.
+        """Yield (name, functionals (P, n)) of each component that the part has, along the part's
+        axes.
 
         `motions` (3P, n): displacements, or rotations, of P points in the axes of the assembly.
         """
@@ -223,12 +226,12 @@ class Layout:
         return np.asarray(member.first + member.block * np.asarray(nodes) + component)
 
     def units(self, columns: IntArray) -> Sparse:
-        """Functionals that pick single dofs."""
+        """Functionals (columns, n) that each select one dof of u."""
         return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
 
 
 def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) -> bool:
-    """Whether all parts are plane; InputError if only some are."""
+    """Whether the parts are plane; InputError if some are plane and others are not."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
         sheet = next(name for name, flat_part in plane.items() if flat_part)
@@ -304,15 +307,15 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
         entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))
     if not entries:
         return None
-    rest = np.flatnonzero(~changed)
+    unchanged = np.flatnonzero(~changed)
     row, column, value = (np.concatenate(arrays) for arrays in zip(*entries, strict=True))
-    value = np.concatenate([value, np.ones(len(rest))])
-    where = np.concatenate([row, rest]), np.concatenate([column, rest])
+    value = np.concatenate([value, np.ones(len(unchanged))])
+    where = np.concatenate([row, unchanged]), np.concatenate([column, unchanged])
     return scipy.sparse.csr_matrix((value, where), shape=(on_free.shape[1],) * 2)
 
 
 def rounded(matrix: Sparse) -> Sparse:
-    """The matrix without entries that are rounding relative to the largest of their row."""
+    """The matrix without entries below the rounding error of the largest entry of their row."""
     matrix = matrix.tocsr()
     size = np.abs(matrix.data)
     row = row_numbers(matrix)
@@ -322,7 +325,8 @@ def rounded(matrix: Sparse) -> Sparse:
 
 
 def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, IntArray, Array]:
-    """Entries (row, column, value) of the basis of the dofs `columns` for functionals A (k, c)."""
+    """Entries (row, column, value) of the orthogonal basis of the dofs `columns`, for functionals A
+    (k, c)."""
     A = A / np.linalg.norm(A, axis=1, keepdims=True)
     blocks: list[tuple[IntArray, Array]] = []
     every, last, _ = _split_by_halves(A, positions, np.arange(len(columns)), blocks)
@@ -343,7 +347,10 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
 def _split_by_halves(
     A: Array, positions: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
 ) -> tuple[IntArray, Array, Array]:
-    """(dofs, vectors on which the functionals do not vanish, values there) of part of the dofs.
+    """(dofs, vectors on which functionals A (k, c) do not vanish, values A on them) of the dofs
+    `some`.
+
+    The vectors on which all functionals vanish are added to `blocks`.
 
     The vectors on which they vanish are added to `blocks`.
     """

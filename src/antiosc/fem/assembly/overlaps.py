@@ -116,7 +116,7 @@ OUTSIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Quadrature points on the intersection of two surfaces, n of them."""
+    """n quadrature points on the intersection of two surfaces."""
 
     face: tuple[IntArray, IntArray]  # (n,), (n,) face of the first and of the second side
     xi: tuple[Array, Array]  # (n, dim), (n, dim) coordinates in these
@@ -131,7 +131,7 @@ class Overlap:
         return Overlap((g, f), (eta, xi), (y, x), self.weight)
 
     def only(self, keep: BoolArray) -> Overlap:
-        """The overlap at the points in the mask `keep`."""
+        """The overlap restricted to the points in the mask `keep`."""
         f, g = self.face
         xi, eta = self.xi
         x, y = self.x
@@ -195,7 +195,7 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
 def _coordinates(
     side: Facets, face: IntArray, points: Array, along: Array | None
 ) -> tuple[Array, Array, BoolArray]:
-    """(ξ, points of the face, whether they lie in it) of points projected on faces."""
+    """(ξ, projected points, mask of those inside their face) of points projected onto faces."""
     xi = projected(
         lambda k, xi: side.at(face[k], xi),
         points,
@@ -211,7 +211,9 @@ def _coordinates(
 def _of_edges(
     first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
-    """(pair, points, weights) on the common segments of edges."""
+    """(number of the pair, points, weights) of quadrature on the common segments of pairs of
+    edges.
+    """
     start = first.corners[mine, 0]
     end = first.corners[mine, 1]
     length = np.linalg.norm(end - start, axis=1)
@@ -233,7 +235,10 @@ def _of_edges(
 def _of_faces(
     first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
-    """(pair, points, weights) on the common polygons of faces, in the planes of the first ones."""
+    """(number of the pair, points, weights) of quadrature on the common polygons of pairs of faces.
+
+    The polygons lie in the planes of the faces of `first`.
+    """
     normal = first.normals[mine]
     least = np.argmin(np.abs(normal), axis=1)
     e1 = np.cross(normal, np.eye(3)[least])
@@ -255,18 +260,18 @@ def _of_faces(
         b = polygon[:, k]
         c = polygon[:, k + 1]
         twice = _cross(b - a, c - a)
-        there = np.flatnonzero((count > k + 1) & (twice > LEAST_OVERLAP * area))
+        overlapping = np.flatnonzero((count > k + 1) & (twice > LEAST_OVERLAP * area))
         u = xi[:, 0]
         v = xi[:, 1]
         at = (
-            a[there, None]
-            + u[None, :, None] * (b - a)[there, None]
-            + v[None, :, None] * (c - a)[there, None]
+            a[overlapping, None]
+            + u[None, :, None] * (b - a)[overlapping, None]
+            + v[None, :, None] * (c - a)[overlapping, None]
         )
-        x = centre[there, None] + np.einsum("nqa,nad->nqd", at, axes[there])
-        pairs.append(np.repeat(there, len(w)))
+        x = centre[overlapping, None] + np.einsum("nqa,nad->nqd", at, axes[overlapping])
+        pairs.append(np.repeat(overlapping, len(w)))
         points.append(x.reshape(-1, 3))
-        weights.append((twice[there, None] * np.asarray(w)).ravel())
+        weights.append((twice[overlapping, None] * np.asarray(w)).ravel())
     if not pairs:
         return np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros(0)
     return np.concatenate(pairs), np.vstack(points), np.concatenate(weights)

@@ -80,7 +80,7 @@ class Superelement:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A superelement at its placement in an assembly."""
+    """A superelement as a part of an assembly, with its placement and its first dof in u."""
 
     name: str  # of the part in the assembly
     part: Superelement  # the superelement
@@ -138,8 +138,8 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     columns = len(model.direction)
     follows = np.eye(columns) if model.dependence is None else np.asarray(model.dependence)
     where = np.zeros((columns, 3))
-    for site, own in model.columns.items():
-        where[list(own)] = points[site]
+    for site, columns_of_site in model.columns.items():
+        where[list(columns_of_site)] = points[site]
     # the columns that are dofs: those that equal one of them
     leads = [int(np.flatnonzero((follows == unit).all(axis=1))[0]) for unit in np.eye(count)]
     kind = np.full(size, AMPLITUDE)
@@ -157,8 +157,8 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
         ends[site] = Interface(np.array(points[site]), six, space, *patch)
     none = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
-    found = Superelement(both.K, both.M, places, ends, *none)
-    return _padded(_without_rigid_strain(name, found, "patches on curved faces turn otherwise"))
+    made = Superelement(both.K, both.M, places, ends, *none)
+    return _padded(_without_rigid_strain(name, made, "patches on curved faces turn otherwise"))
 
 
 def of_matrices(name: str, given: NodalMatrices) -> Superelement:
@@ -182,17 +182,17 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
     places = given.places
     ends = {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
-        own = node == number
+        at_node = node == number
         six = np.vstack(
-            [np.where(own & (places.kind == kind), places.axes.T, 0.0) for kind in (MOVE, TURN)]
+            [np.where(at_node & (places.kind == kind), places.axes.T, 0.0) for kind in (MOVE, TURN)]
         )
         space = np.diag(six.any(axis=1).astype(float))
-        ends[str(number)] = Interface(given.map.points[own][0], six, space)
+        ends[str(number)] = Interface(given.map.points[at_node][0], six, space)
     fixed = np.zeros(size, dtype=bool)
     fixed[given.fixed] = True
     C = None if given.C is None else _dense(given.C)
-    found = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
-    return _padded(_without_rigid_strain(name, found, "its coordinates may have too few digits"))
+    made = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
+    return _padded(_without_rigid_strain(name, made, "its coordinates may have too few digits"))
 
 
 def _dense(matrix: object) -> Array:
@@ -239,9 +239,8 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
 
 def _padded(one: Superelement) -> Superelement:
-    """The superelement with fixed dofs appended, so that the dofs of later nodes start at whole
-    blocks.
-    """
+    """The superelement with fixed dofs appended, so that its size is a multiple of the dofs of a
+    node."""
     more = -one.size % NODE_DOFS
     places = one.places
     right = ((0, 0), (0, more))
@@ -278,16 +277,16 @@ def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
     for name in parts:
         _check_name("part", name)
-    found = {name: _part(name, part) for name, part in parts.items()}
-    if all(isinstance(part, Superelement) for part in found.values()):
+    result = {name: _part(name, part) for name, part in parts.items()}
+    if all(isinstance(part, Superelement) for part in result.values()):
         raise InputError("an assembly needs a part with a mesh; all parts are superelements.")
-    return found
+    return result
 
 
 def _check_name(what: str, name: object) -> None:
     """InputError for a name that joints cannot refer to."""
-    found = checks.name(f"a {what}'s name", name)
-    if not found.strip() or ":" in found:
+    text = checks.name(f"a {what}'s name", name)
+    if not text.strip() or ":" in text:
         raise InputError(f"a {what}'s name must be a text without a colon; got {shown(name)}.")
 
 
@@ -313,28 +312,28 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
 
 def checked_places(members: Mapping[str, object], at: object) -> dict[str, Placement]:
     """The placement of each part by name, checked."""
-    given = {} if at is None else at
-    if not isinstance(given, Mapping):
+    placements = {} if at is None else at
+    if not isinstance(placements, Mapping):
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
-    for name in given:
+    for name in placements:
         if not isinstance(name, str) or name not in members:
             parts = name_list(name, members, "the parts")
             raise InputError(f"at names {shown(name)}, which is no part; {parts}.")
-    return {name: placement(name, given.get(name)) for name in members}
+    return {name: placement(name, placements.get(name)) for name in members}
 
 
 def checked_points(members: Mapping[str, object], points: object) -> dict[str, Array]:
     """The coordinates (3,) [m] of each reference point by name, checked."""
-    given = {} if points is None else points
-    if not isinstance(given, Mapping):
+    named = {} if points is None else points
+    if not isinstance(named, Mapping):
         raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
-    found = {}
-    for name, x in given.items():
+    result = {}
+    for name, x in named.items():
         _check_name("point", name)
         if name in members:
             raise InputError(f"{name!r} names both a part and a reference point.")
-        found[name] = in_space(coordinates(f"points[{name!r}]", x))
-    return found
+        result[name] = in_space(coordinates(f"points[{name!r}]", x))
+    return result
 
 
 def whole(mesh: Mesh) -> Mesh:
@@ -344,32 +343,32 @@ def whole(mesh: Mesh) -> Mesh:
     the order in which they were given.
     """
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices, dtype=np.int64)
-    found = mesh.comm.allgather((numbers, mesh.dolfinx.geometry.x[:, : mesh.gdim]))
-    most = max((int(own.max()) for own, _ in found if len(own)), default=-1)
+    of_ranks = mesh.comm.allgather((numbers, mesh.dolfinx.geometry.x[:, : mesh.gdim]))
+    most = max((int(of_rank.max()) for of_rank, _ in of_ranks if len(of_rank)), default=-1)
     points = np.zeros((most + 1, mesh.gdim))  # zero for numbers that no cell uses
-    for own, x in found:
-        points[own] = x
+    for of_rank, x in of_ranks:
+        points[of_rank] = x
     count = compat.cell_map(mesh.dolfinx).size_local
-    given = np.asarray(mesh.dolfinx.topology.original_cell_index)[:count]
+    original = np.asarray(mesh.dolfinx.topology.original_cell_index)[:count]
     nodes = numbers[compat.geometry_nodes(mesh.dolfinx)[:count]]
-    given, nodes = (
-        np.concatenate(each) for each in zip(*mesh.comm.allgather((given, nodes)), strict=True)
+    original, nodes = (
+        np.concatenate(pair) for pair in zip(*mesh.comm.allgather((original, nodes)), strict=True)
     )
-    cells = np.ascontiguousarray(nodes[np.argsort(given, kind="stable")])
+    cells = np.ascontiguousarray(nodes[np.argsort(original, kind="stable")])
     made = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
     return Mesh(made, local_groups(made, _groups(mesh, numbers)), mesh.name)
 
 
 def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
-    """The vertices of all entities of each group, by their numbers."""
+    """The vertices of the entities in each group on all ranks, by the node numbers `numbers`."""
     # a collective call of dolfinx: for every dimension on all ranks
     vertices = [numbers[compat.entity_vertices(mesh.dolfinx, d)] for d in range(mesh.tdim + 1)]
-    own = {
+    local = {
         name: {dim: vertices[dim][entities] for dim, entities in parts.items()}
         for name, parts in mesh.groups.items()
     }
-    joined: dict[str, dict[int, IntArray]] = {name: {} for name in own}
-    for part in mesh.comm.allgather(own):
+    joined: dict[str, dict[int, IntArray]] = {name: {} for name in local}
+    for part in mesh.comm.allgather(local):
         for name, parts in part.items():
             for dim, entities in parts.items():
                 before = joined[name].get(dim)

@@ -157,7 +157,9 @@ class Slider(_Axis):
 
 
 def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Array) -> EndMotion:
-    """The motion at point x, rigidly connected to an end."""
+    """The motion of point x, connected rigidly to an end; InputError if the end lacks the
+    rotation.
+    """
     arm = x - end_motion.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
@@ -176,7 +178,7 @@ def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Arra
 
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
-    """b − a along directions (k, 6), without entries that are rounding of equal coefficients."""
+    """Difference b − a along directions (k, 6), without coefficients that are rounding."""
     along = scipy.sparse.csr_matrix(directions)
     components = (along @ (b - a)).tocsr()
     distinct = abs(components) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))

@@ -30,7 +30,11 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """What a rank has of a part, as it was given.
+    """The rows of one part that a rank holds.
+
+    rows : number in u of each row of the part on this rank. counted : the rows that no other rank
+    counts; a slice only for a part that every rank holds whole. places : (rows of all ranks,)
+    number in u of each column of the part's matrices.
 
     rows : number in u of each of its rows.
     counted : which of them no other rank has: all, but of a part that every rank has for itself.
@@ -44,7 +48,9 @@ class Share:
 
     @classmethod
     def of(cls, comm: MPI.Comm, member: Member, given: MeshedStructure | Superelement) -> Share:
-        """This rank's share of `given`; `member`: the assembly's copy of the whole part."""
+        """This rank's share of the part `given`; `member` is the assembly's copy of the whole
+        part.
+        """
         assert isinstance(given, MeshedStructure)
         if given.comm.size == 1:  # this rank has all of it
             rows = np.arange(member.first, member.first + given.rows, dtype=PETSc.IntType)
@@ -56,18 +62,19 @@ class Share:
         return cls(given, rows, slice(None), np.concatenate(comm.allgather(rows)))
 
     def entries(self, matrix: PETSc.Mat, count: int) -> tuple[IntArray, Sparse]:
-        """The counted rows of a matrix of the part: (their m numbers in u, the rows (m, count)).
+        """(numbers in u (m,), rows (m, count)) of the counted rows of a matrix of the part.
 
         `count`: number of entries of u.
         """
         pointers, columns, values = with_entries(matrix).getValuesCSR()
-        own = Sparse((values, self.places[columns], pointers), (len(pointers) - 1, count))
+        all_rows = Sparse((values, self.places[columns], pointers), (len(pointers) - 1, count))
         rows = self.rows[self.counted]
-        return rows, own if len(rows) == len(self.rows) else own[self.counted]
+        return rows, all_rows if len(rows) == len(self.rows) else all_rows[self.counted]
 
 
 class Shares:
-    """The rows of an assembly that a rank of `comm` owns, and its shares of the parts, by name."""
+    """Division of an assembly over the ranks of `comm`: the rows of this rank, its shares of the
+    parts."""
 
     def __init__(
         self,
@@ -85,34 +92,37 @@ class Shares:
         self.of = {name: Share.of(comm, m, given[name]) for name, m in layout.members.items()}
 
     def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
-        """The rows of this rank of vectors that every rank holds whole."""
+        """The rows of this rank of vectors that are complete on every rank."""
         return q if self.comm.size == 1 else q[self.rows]
 
     def whole(self, q: Array) -> Array:
-        """Whole vectors, gathered from the rows of each rank; all ranks must call it."""
+        """Complete vectors, gathered from the rows of all ranks; all ranks must call it."""
         return q if self.comm.size == 1 else np.concatenate(self.comm.allgather(q))
 
     def summed(self, forces: Array) -> Array:
-        """The rows of this rank of the sum over all ranks of whole vectors."""
+        """The rows of this rank of the sum of complete vectors over all ranks."""
         return self.own(self.comm.allreduce(forces))
 
     def of_parts(self, work: Callable[[MeshedStructure, Array], Array], u: Array) -> Array:
-        """work(part, its rows of u (n, k)), one rank's share of the sum over all ranks (n, k)."""
+        """This rank's contribution (n, k) to the sum over all parts of work(part, its rows of u (n,
+        k))."""
         result = np.zeros(u.shape)
-        for one in self.of.values():
-            result[one.rows[one.counted]] = work(one.part, u[one.rows])[one.counted]
+        for share in self.of.values():
+            result[share.rows[share.counted]] = work(share.part, u[share.rows])[share.counted]
         return result
 
     def rows_of(self, matrices: Mapping[str, PETSc.Mat]) -> Sparse:
-        """The rows of this rank (m, n) of matrices of some parts, on the diagonal of u."""
-        found = [self.of[name].entries(matrix, self.count) for name, matrix in matrices.items()]
+        """The rows (m, n) of this rank of the block-diagonal matrix of the matrices of some
+        parts.
+        """
+        shares = [self.of[name].entries(matrix, self.count) for name, matrix in matrices.items()]
         free(self.comm)
         if self.comm.size > 1:
-            found = self._exchanged(found)
-        numbers = np.concatenate([np.zeros(0, PETSc.IntType), *(rows for rows, _ in found)])
+            shares = self._exchanged(shares)
+        numbers = np.concatenate([np.zeros(0, PETSc.IntType), *(rows for rows, _ in shares)])
         numbers -= self.rows.start
-        stacked = scipy.sparse.vstack([Sparse((0, self.count)), *(own for _, own in found)])
-        found.clear()
+        stacked = scipy.sparse.vstack([Sparse((0, self.count)), *(block for _, block in shares)])
+        shares.clear()
         if (np.diff(numbers) < 0).any():
             order = np.argsort(numbers)
             stacked, numbers = stacked.tocsr()[order], numbers[order]
@@ -125,18 +135,18 @@ class Shares:
         process.trim_heap()
         return result
 
-    def _exchanged(self, found: list[tuple[IntArray, Sparse]]) -> list[tuple[IntArray, Sparse]]:
-        """All ranks' entries of the rows of this rank; `found` is emptied."""
-        kept: list[tuple[IntArray, Sparse]] = []
+    def _exchanged(self, pieces: list[tuple[IntArray, Sparse]]) -> list[tuple[IntArray, Sparse]]:
+        """Entries of all ranks in the rows of this rank; the list `pieces` is emptied."""
+        local: list[tuple[IntArray, Sparse]] = []
         sent: list[list[tuple[IntArray, Sparse]]] = [[] for _ in range(self.comm.size)]
-        while found:
-            rows, own = found.pop()
+        while pieces:
+            rows, matrix_rows = pieces.pop()
             owner = np.searchsorted(self._starts, rows, side="right") - 1
             for rank in np.unique(owner):
-                to = kept if rank == self.comm.rank else sent[rank]
-                to.append((rows[owner == rank], own[owner == rank]))
+                to = local if rank == self.comm.rank else sent[rank]
+                to.append((rows[owner == rank], matrix_rows[owner == rank]))
         received = self.comm.alltoall(sent)
-        return kept + [one for several in received for one in several]
+        return local + [piece for several in received for piece in several]
 
     def added(self, matrix: Sparse) -> Sparse:
         """The sum over all ranks of matrices that have few entries."""
@@ -165,16 +175,16 @@ class Shares:
 
 
 def _nodes_in_copy(part: MeshedStructure, copy: MeshedStructure) -> IntArray:
-    """The node in a copy on this rank alone of each node that this rank owns of a part."""
+    """For each node of a part that this rank owns, its number in the complete copy on this rank."""
     cells = np.asarray(part.mesh.dolfinx.topology.original_cell_index)
     where = np.argsort(copy.mesh.dolfinx.topology.original_cell_index)
-    here = _nodes_of_cells(part, np.arange(len(cells)))
-    there = _nodes_of_cells(copy, where[cells])
-    found = np.full(1 + int(here.max(initial=part.rows)), -1)
-    found[here] = there
-    found = found[: part.rows // part.block]
-    assert (found >= 0).all()
-    return found
+    nodes = _nodes_of_cells(part, np.arange(len(cells)))
+    copied = _nodes_of_cells(copy, where[cells])
+    result = np.full(1 + int(nodes.max(initial=part.rows)), -1)
+    result[nodes] = copied
+    result = result[: part.rows // part.block]
+    assert (result >= 0).all()
+    return result
 
 
 def _nodes_of_cells(part: MeshedStructure, cells: IntArray) -> IntArray:

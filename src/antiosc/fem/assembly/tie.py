@@ -73,26 +73,27 @@ class Tie(Between):
     late: ClassVar[bool] = True
 
     def constraints(self, layout: Layout, held: HeldDofs, label: str) -> list[Rows]:
-        """Every free dof of the follower equals the displacement of the leader."""
+        """Constraints by which every free dof of the follower equals the displacement of the
+        leader."""
         sides = [
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(sides, label)
         self._warn_of_overlap(sides, common, label)
-        taken = held.fixed.copy()
+        unavailable = held.fixed.copy()
         for rows in held.rows:
-            taken[rows.pivot[rows.pivot >= 0]] = True
+            unavailable[rows.pivot[rows.pivot >= 0]] = True
         leads = _leader(sides, common)
-        movable = [_movable(layout, side, common, k, taken) for k, side in enumerate(sides)]
+        movable = [_movable(layout, side, common, k, unavailable) for k, side in enumerate(sides)]
         if not any(movable):
-            taken = held.fixed  # both follow other joints: what is said twice is found later
+            unavailable = held.fixed  # both follow other joints: what is said twice is found later
         elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
             leads = 1 - leads
         follower = sides[1 - leads]
         leader = sides[leads]
         if leads == 0:
             common = common.exchanged()
-        return _projection(layout, follower, leader, common, taken, label)
+        return _projection(layout, follower, leader, common, unavailable, label)
 
     def _common(self, sides: Sequence[Facets], label: str) -> Overlap:
         dims = [side.dim for side in sides]
@@ -174,7 +175,7 @@ def _projection(
     taken: BoolArray,
     label: str,
 ) -> list[Rows]:
-    """Rows u_f − D⁻¹ M u_l = 0 of all components that the follower has."""
+    """Rows u_f − D⁻¹ M u_l = 0 for every component of the follower, by L2 projection."""
     phi = follower.basis(common.face[0], common.xi[0])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     phi = phi[:, nodes]
@@ -262,7 +263,9 @@ class _Projection:
 def _led(
     layout: Layout, follower: Facets, leader: Facets, common: Overlap
 ) -> list[tuple[tuple[str, ...], Sparse]]:
-    """(components, their functionals) of the leader at the quadrature points of the follower."""
+    """[(components, functionals of the leader's motion)] at the quadrature points of the
+    follower.
+    """
     member = leader.member
     cell = leader.cells[common.face[1]]
     X = leader.reference(common.face[1], common.xi[1])
@@ -287,7 +290,7 @@ def _led(
 
 
 def _whole(side: Facets, nodes: IntArray) -> Array:
-    """∫ φ² over all faces of a side, for the shape function φ of each of `nodes`."""
+    """∫ φ² over all faces of a side, for the shape function φ of each of `nodes`: (nodes,)."""
     face, xi, weight = side.rule()
     phi = side.basis(face, xi)[:, nodes]
     return np.asarray(phi.multiply(phi).T @ weight).ravel()
@@ -314,8 +317,10 @@ ENOUGH = 0.1
 def led_by_solid(
     layout: Layout, edge: Facets, face: Facets, common: Overlap, label: str
 ) -> tuple[Sparse, Sparse, Array]:
-    """Displacement u₀ (3Q, n), n × g (3Q, n) and normals (Q, 3) of a solid's face at points of an
-    edge.
+    """Displacement u₀ (3Q, n), n × g (3Q, n) and normals (Q, 3) of a solid's face along an edge of
+    a shell.
+
+    u₀ + z g is the linear fit of the face's displacement over the thickness of the shell.
     """
     normals, thickness = _sheet(edge, common)
     s, w = np.polynomial.legendre.leggauss(LAYERS)
@@ -328,8 +333,8 @@ def led_by_solid(
     on, xi, y = closest(face, x.reshape(-1, 3), reach)
     offset = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
     along = np.abs(np.einsum("qld,qd->ql", offset, normals))
-    there = np.isfinite(y[:, 0]).reshape(count, LAYERS)
-    weight = w / 2 * (there & (along <= OFF * thickness[:, None]))
+    on_face = np.isfinite(y[:, 0]).reshape(count, LAYERS)
+    weight = w / 2 * (on_face & (along <= OFF * thickness[:, None]))
     total = weight.sum(axis=1)
     middle = (weight * height).sum(axis=1) / np.where(total > 0, total, 1.0)
     second = (weight * (height - middle[:, None]) ** 2).sum(axis=1)
@@ -361,7 +366,9 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
 
 
 def _combined(factors: Array, matrices: Array) -> Sparse:
-    """Σ_j factor_qj · (matrix_q) u_j for points q and layers j, as a matrix (3Q, 3QL)."""
+    """Matrix (3Q, 3QL) of the sums Σ_j factor_qj · matrix_q · u_qj over L layers j at Q
+    points q.
+    """
     count, layers = factors.shape
     values = np.einsum("qj,qab->qajb", factors, matrices)
     row = 3 * np.arange(count)[:, None, None, None] + np.arange(3)[None, :, None, None]
@@ -382,7 +389,8 @@ def rotation_rows(
     led: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Two rotations of each node follow `led` (3 functionals of each node, n × g)."""
+    """Constraints: two rotations of each node, not that about its normal, follow `led` (n × g, 3 a
+    node)."""
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     rows, pivots = [], []
@@ -393,12 +401,12 @@ def rotation_rows(
         E = np.vstack([first / np.linalg.norm(first), np.cross(unit, first)])
         axes = E @ member.at.rotation  # on the components of the part
         drilling = int(np.argmax(np.abs(unit @ member.at.rotation)))
-        others = [c for c in range(3) if c != drilling]
-        inverse = np.linalg.inv(axes[:, others])
+        components = [c for c in range(3) if c != drilling]
+        inverse = np.linalg.inv(axes[:, components])
         left = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
         right = scipy.sparse.csr_matrix(inverse @ E) @ led[3 * i : 3 * i + 3]
         rows.append(left - right)
-        pivots += list(dofs[i, others])
+        pivots += list(dofs[i, components])
     matrix = scipy.sparse.vstack(rows).tocsr()
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0
     matrix.eliminate_zeros()
