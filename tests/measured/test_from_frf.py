@@ -261,6 +261,48 @@ def test_a_supported_part_without_modes_above_the_band_is_no_free_one():
     assert model.m_st < 0.2
 
 
+def test_rounding_changes_neither_the_peak_nor_its_bar():
+    """Two modes without any above the band: the displacements of the expected ones fall to zero.
+
+    Figures of the data enter the force and its bars with factors near 1; 1e-6 leaves 1e7 times
+    their change for the condition of the equations, and is 1e-3 of the bar.
+    """
+    part = ao.AntiOscillators(
+        m0=0.05, k0=1e6, m=[0.2, 0.1], omega=[3e3, 9e3], damping=ao.Damping(0.01)
+    )
+    f = np.linspace(24.0, 3200.0, 398)
+    w = 2 * np.pi * f
+    random = np.random.default_rng(0)
+    exact = -(w**2) * part.modal().receptance(w)
+    values = exact * (1 + 0.01 * random.standard_normal(f.size))
+    ball, law = ao.RigidMass(0.3, velocity=0.5), ao.Hertz(1e8)
+    found = []
+    for share in (0.0, 1e-13, 1e-13):
+        rounded = values * (1 + share * random.standard_normal(f.size))
+        model = ao.from_frf(ao.FRF(f, rounded, "accelerance"))
+        hit = ao.simulate(model, ball, law, 6e-3)
+        bar = hit.error_budget["peak_force"]
+        found.append([hit.peak_force, hit.impulse, 1 + bar.noise, 1 + bar.band])
+    assert np.allclose(found, found[0], rtol=1e-6, atol=0.0)
+    true = ao.simulate(part, ball, law, 6e-3)
+    assert abs(hit.peak_force / true.peak_force - 1) < bar.total
+
+
+def test_a_step_that_is_cut_is_the_best_within_its_limits():
+    """x minimises x'Ax/2 - r'x in a box: its slope is zero inside, and points out at the limits."""
+    random = np.random.default_rng(0)
+    J = random.standard_normal((40, 6))
+    A, limits = J.T @ J, (np.full(6, -0.1), np.full(6, 0.1))
+    right = A @ np.array([0.5, 0.05, -0.02, 0.03, -0.4, 0.0])
+    x = fit._bounded(A, right, limits)
+    slope = A @ x - right
+    inside = np.abs(x) < 0.1
+    assert 0 < inside.sum() < 6
+    assert np.allclose(slope[inside], 0.0, atol=1e-10)
+    assert np.all(slope[~inside] * np.sign(x[~inside]) < 0)
+    assert np.allclose(fit._bounded(A, right, fit.UNLIMITED), np.linalg.solve(A, right))
+
+
 def test_gauss_newton_meets_the_noise():
     """At the true body chi^2 is one, and refining it stays there."""
     tail = Tail(OMEGA[4:], np.full(2, 0.1), B[4:, :1] ** 2, np.full(2, 0.5))
