@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import os
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -76,6 +77,11 @@ ROOM = 0.1
 #: partly held patch.
 MOST_TRIED = 40
 PARTLY_HELD = "supports fix"
+#: Largest number of groups that are named for a plane; of those that are named on the terminal;
+#: width of the comment of a scene that lists all.
+MOST_NAMED = 4
+MOST_NAMES = 12
+WIDTH = 96
 #: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
 #: Guessed thickness of a sheet and diameter of a bar, over the longest side.
@@ -96,6 +102,13 @@ DOFS_FOR_EACH = 4
 #: at most 40 000 times, 13 in a period. With 2 s for a sheet of 6 m the largest stress was 297 %
 #: off.
 LONGEST_RUN = 3000
+#: A fall of a new scene and of the page: height [m], tilt [degree] so that not all vertices of a
+#: face touch at once, number of impacts, and the floor.
+FALL_HEIGHT = 1.0
+TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
+IMPACTS = 3
+FRICTION = 0.3
+FLOOR_MATERIAL = "concrete C30/37"
 #: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
 
@@ -112,6 +125,7 @@ class Inspection:
     groups : names of its groups.
     cells : their number and kind in words.
     where : group of the support; plane : (point, normal) of supported nodes; neither: free.
+    on_plane : names of the groups that lie on that plane.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
     others : (point, direction, radius) of sites to try if that one cannot be struck.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
@@ -141,6 +155,7 @@ class Inspection:
     faces: IntArray = field(repr=False)
     held: BoolArray = field(repr=False)
     of_deck: bool = False
+    on_plane: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     flat: tuple[float, float] | None = None
     others: Sequence[tuple[list[float], list[float], float | None]] = ()
@@ -204,7 +219,11 @@ class Inspection:
         kind = "as its deck says" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
         sentences = [f"{name}: {self.cells}, {side} mm; {kind}."]
-        sentences += [*self.notes, f"it reaches {outline.text()}.", "taken, and what changes it:"]
+        sentences += [
+            *self.notes,
+            f"it reaches {outline.text(MOST_NAMES)}.",
+            "taken, and what changes it:",
+        ]
         return [*sentences, *aligned(self.taken(drop))]
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
@@ -227,7 +246,7 @@ class Inspection:
         elif self.family == "Beam" and not self.of_deck:
             rows.append(("section", f"a bar of {self.thickness:g} m", "[material] section"))
         if drop:
-            fall = "from 1 m, without supports, z up"
+            fall = f"from {FALL_HEIGHT:g} m, without supports, z up, tilted by {list(TILT)}°"
             return [*rows, ("fall", fall, "[drop] height, tilt")]
         rows.append(("held", self._held(), "[[supports]]"))
         site = f"{_rounded(self.point)} m along {self.direction}"
@@ -247,7 +266,12 @@ class Inspection:
         if self.where:
             return f"at the group {self.where!r}"
         if self.plane:
-            return f"at the nodes on the plane through {_rounded(self.plane[0])} m"
+            point, normal = self.plane
+            axis = normal.index(1.0)
+            plane = f"the plane {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
+            if not self.on_plane:
+                return f"at the nodes on {plane}"
+            return f"{', '.join(self.on_plane[:MOST_NAMED])}: the nodes on {plane}"
         return "nowhere: it is free"
 
 
@@ -347,6 +371,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         faces,
         supported,
         of_deck=structure is not None,
+        on_plane=_groups_on(mesh, supported) if plane else (),
         flat=flat,
         others=others,
         bars=_has_bars(mesh, structure),
@@ -460,6 +485,12 @@ def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
         compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel() for dim, entities in parts
     ]
     return np.unique(np.concatenate([np.zeros(0, dtype=int), *vertices]))
+
+
+def _groups_on(mesh: Mesh, nodes: BoolArray) -> tuple[str, ...]:
+    """Names of the groups of facets or edges with all their vertices among these nodes."""
+    names = (name for name, parts in mesh.groups.items() if max(parts, default=3) < mesh.tdim)
+    return tuple(name for name in names if nodes[_nodes_of(mesh, name)].all())
 
 
 def _plane(
@@ -629,12 +660,22 @@ def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
     from antiosc.plot.surfaces import Deformed, deformed_figure
 
     height = 1e3 * (inspection.points[:, 2] - inspection.points[:, 2].min())
-    shade = height if drop else inspection.held.astype(float)
-    label = "height over its lowest point (mm)" if drop else "1: held"
-    most = max(float(shade.max()), 1.0)
-    part = Deformed(inspection.points, inspection.points, inspection.faces, shade, label, most)
-    arrow = None if drop else (np.array(inspection.point), np.array(inspection.direction))
-    save_figure(deformed_figure(part, arrow=arrow, whole_scale=True), path, dpi=100)
+    points, faces = inspection.points, inspection.faces
+    if drop:
+        label = "height over its lowest point (mm)"
+        part = Deformed(points, points, faces, height, label, float(height.max()))
+        figure = deformed_figure(part, whole_scale=True)
+    else:  # each face has points of its own, so that it is held or not
+        count = faces.shape[1]
+        held = np.repeat(inspection.held[faces].all(axis=1), count).astype(float)
+        points = points[faces.ravel()]
+        faces = np.arange(len(points)).reshape(-1, count)
+        arrow = np.array(inspection.point), np.array(inspection.direction)
+        part = Deformed(points, points, faces, held, "", 1.0)
+        figure = deformed_figure(part, arrow=arrow, whole_scale=True)
+        held_text = "yellow: held; " if held.any() else ""
+        figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")
+    save_figure(figure, path, dpi=100)
 
 
 #: The geometry of a scene without a given part.
@@ -682,8 +723,24 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         band=_band(LARGEST_BALL if inspection is None else inspection.ball),
         ball=LARGEST_BALL if inspection is None else inspection.ball,
         drop=drop,
+        groups=[] if inspection is None else _listed(inspection.groups),
+        fall={
+            "height": FALL_HEIGHT,
+            "tilt": list(TILT),
+            "until": IMPACTS,
+            "friction": FRICTION,
+            "floor": FLOOR_MATERIAL,
+        },
         json=json.dumps,
     )
+
+
+def _listed(groups: Sequence[str]) -> list[str]:
+    """The names of groups as lines of a comment."""
+    kept = "\0"  # in place of a space in a name, at which no line may end
+    names = ", ".join(json.dumps(name, ensure_ascii=False).replace(" ", kept) for name in groups)
+    lines = textwrap.wrap(names, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return [line.replace(kept, " ") for line in lines]
 
 
 def _band(radius: float) -> float:

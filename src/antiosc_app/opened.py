@@ -53,6 +53,7 @@ from antiosc_app.set_up import (
     STRIKERS,
     InspectedFile,
     SetUp,
+    Striker,
     Table,
     face_of,
     read,
@@ -60,6 +61,7 @@ from antiosc_app.set_up import (
     scene_of,
     toml,
 )
+from antiosc_studies.drops.body import CORNER, RATIO
 
 if TYPE_CHECKING:
     from antiosc import Fall, Site, Structure
@@ -238,6 +240,7 @@ class Opened:
             direction=tuple(look.direction),
             material="" if look.of_deck else FIRST,
             thickness=thickness,
+            striker=Striker(radius=look.ball),
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
         shape, faces, faces_held = skin(self._structure(scene), look)
@@ -252,6 +255,7 @@ class Opened:
             "striker_materials": MATERIALS,
             "hammers": HAMMERS,
             "floors": FLOORS,
+            "fall": {"damping": RATIO, "corner_radius": _corner(look)},
             "geometry": geometry,
             "saves": self._given is None,
             "engine": live.engine(),
@@ -437,6 +441,12 @@ def _told_of_file(look: new.Inspection) -> str:
     unit = look.read.get("unit")
     taken = f", its file in {unit} (antiosc open --unit)" if unit else ""
     return " ".join([f"{side} mm{taken}.", *map(capitalised, look.notes)])
+
+
+def _corner(look: new.Inspection) -> float:
+    """Radius [m] that a fall takes for sharp corners."""
+    sides = look.high - look.low
+    return float(min(CORNER, sides[sides > 0].min() / 4))
 
 
 def _key(scene: CompiledScene, sections: tuple[str, ...]) -> str:

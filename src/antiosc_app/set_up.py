@@ -13,7 +13,7 @@ import numpy as np
 from antiosc import IMPACTORS
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
-from antiosc_app.new import Inspection
+from antiosc_app.new import FALL_HEIGHT, FLOOR_MATERIAL, FRICTION, IMPACTS, TILT, Inspection
 
 #: A table of a scene.
 Table = dict[str, Any]
@@ -40,9 +40,8 @@ FIRST_OF_BALL = "bearing steel 100Cr6"
 #: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
-FRICTION, IMPACTS, MODES = 0.3, 3, 20  # of a floor; of a fall
-#: Tilt of a fall on a face [degree], so that not all vertices touch at once.
-TILT = (2.0, 1.0, 0.0)
+#: Direction in the axes of the file that points down in a fall.
+DOWN = (0.0, 0.0, -1.0)
 #: Duration of the impact on a solid or a bar [s].
 DURATION = 1e-3
 
@@ -88,10 +87,15 @@ class Striker:
     material: str = FIRST_OF_BALL
     #: name of a hammer, whose speed is that of its test
     name: str = HAMMERS[0]
-    #: height of a fall [m]; the site's direction points up
-    height: float = 1.0
+    #: height of a fall [m]
+    height: float = FALL_HEIGHT
+    #: direction of the part that points down; then rotations about x, y and z [degree]
+    down: tuple[float, ...] = DOWN
+    tilt: tuple[float, ...] = TILT
+    #: radius of sharp corners in a fall [m]; None: as `antiosc.drop` takes it
+    corner_radius: float | None = None
     #: material of the floor
-    floor: str = RIGID_FLOOR
+    floor: str = FLOOR_MATERIAL
 
     def __post_init__(self) -> None:
         checks.choice("the striker", self.kind, STRIKERS)
@@ -101,6 +105,10 @@ class Striker:
         lengths = (("radius", "m"), ("height", "m"))
         for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
             checks.positive(name, getattr(self, name), unit)
+        for name in ("down", "tilt"):
+            checks.floats(name, getattr(self, name), (3,))
+        if self.corner_radius is not None:
+            checks.positive("corner_radius", self.corner_radius, "m")
 
 
 @dataclass(frozen=True)
@@ -118,7 +126,8 @@ class SetUp:
     thickness: float | None = None
     #: names of the held faces
     held: tuple[str, ...] = ()
-    damping: float = 0.0
+    #: damping ratio; None: none of an impact, that of `antiosc.drop` of a fall
+    damping: float | None = None
     #: whether the mesh is refined around the site
     finer: bool = False
 
@@ -128,7 +137,8 @@ class SetUp:
         for name in ("radius", "thickness"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
-        checks.nonnegative("damping", self.damping)
+        if self.damping is not None:
+            checks.nonnegative("damping", self.damping)
         checks.flag("finer", self.finer)
         if self.material:
             checks.choice("the material", self.material, MATERIALS)
@@ -145,13 +155,19 @@ def rounded_up(value: float) -> float:
 def read(values: object) -> SetUp:
     """The set-up that the page sends; InputError for anything else."""
     table = dict(_known("set-up", values, SetUp))
-    table["striker"] = Striker(**_known("striker", table.get("striker", {}), Striker))
-    for name in ("point", "direction", "held"):
-        values_given = table.get(name, [])
-        if not isinstance(values_given, list):
+    striker = dict(_known("striker", table.get("striker", {}), Striker))
+    _as_tuples(striker, [name for name in ("down", "tilt") if name in striker])
+    _as_tuples(table, ("point", "direction", "held"))
+    return SetUp(**{**table, "striker": Striker(**striker)})
+
+
+def _as_tuples(table: Table, names: Sequence[str]) -> None:
+    """Turn the lists of a table into tuples, in place; InputError for what is no list."""
+    for name in names:
+        values = table.get(name, [])
+        if not isinstance(values, list):
             raise InputError(f"{name} must be a list.")
-        table[name] = tuple(values_given)
-    return SetUp(**table)
+        table[name] = tuple(values)
 
 
 def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
@@ -168,6 +184,8 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     title = f"An impact on {source.name}"
     if set_up.striker.kind == FLOOR:
         part = _part(source, replace(set_up, finer=False))
+        if look.of_deck:
+            part["deck"]["free"] = True
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
     site: Table = {"point": list(set_up.point), "direction": list(set_up.direction), "snap": True}
     if look.family == "Solid":
@@ -226,16 +244,19 @@ def _striker(striker: Striker) -> Table:
 
 
 def _drop(set_up: SetUp) -> Table:
-    """The section [drop]; the clicked place points down."""
+    """The section [drop]."""
     striker = set_up.striker
     floor: Table = {"friction": FRICTION}
     if striker.floor != RIGID_FLOOR:
-        record = materials.record(striker.floor)
-        known = {name: getattr(record, name) for name in ("E", "nu", "rho", "yield_strength")}
-        floor["material"] = {name: value for name, value in known.items() if value is not None}
-    down = [-c for c in set_up.direction]
-    options: Table = {"until": IMPACTS, "modes": MODES, "damping": set_up.damping, "floor": floor}
-    return {"height": striker.height, "toward": down, "tilt": list(TILT), **options}
+        floor["material"] = striker.floor
+    options: Table = {"until": IMPACTS, "floor": floor}
+    if set_up.damping is not None:
+        options["damping"] = set_up.damping
+    if striker.corner_radius is not None:
+        options["corner_radius"] = striker.corner_radius
+    if striker.down != DOWN:
+        options["toward"] = list(striker.down)
+    return {"height": striker.height, "tilt": list(striker.tilt), **options}
 
 
 def toml(sections: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc_app import set_up
+from antiosc_app import new, set_up
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
@@ -224,8 +225,8 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     from antiosc_app.opened import Opened
 
     opened = Opened(block)
-    setup = asked(opened, direction=[-1, 0, 0])
-    setup["striker"] |= {"kind": "floor", "height": 0.2, "floor": "concrete C30/37"}
+    setup = asked(opened)
+    setup["striker"] |= {"kind": "floor", "height": 0.2, "down": [1, 0, 0], "tilt": [2, 1, 0]}
     told = call(opened, "settle", setup)
     impacts = told["fall"]["impacts"]
     first = told["fall"]["turns"][impacts[0]["frame"]]
@@ -245,12 +246,29 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     opened.close()
 
 
+def test_page_and_new_scene_begin_with_the_same_striker_and_the_same_fall(opened, step):
+    path = step.with_name("written.toml")
+    setup = asked(opened)
+    for drop in (False, True):
+        new.write_scene(path, step, drop=drop)
+        written = tomllib.loads(path.read_text(encoding="utf-8"))
+        setup["striker"]["kind"] = "floor" if drop else "ball"
+        shown = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)
+        assert shown.get("impactor") == written.get("impactor")
+        assert shown.get("drop", {}) | shown["geometry"] == written.get("drop", {}) | {
+            name: value for name, value in written["geometry"].items() if name != "refine"
+        }
+        for ending in (".toml", ".png"):
+            path.with_suffix(ending).unlink()
+
+
 WRONG = [
     {"extra": 1}, {"point": [0, 0]}, {"point": "here"}, {"point": [0, 0, "a"]}, {"held": "face 1"},
     {"held": ["../../etc"]}, {"held": [1]}, {"direction": [0, 0, 0]}, {"radius": -1.0},
     {"radius": "big"}, {"material": "unobtainium"}, {"material": "/etc/passwd"}, {"material": 3},
     {"damping": 2.0}, {"finer": "yes"}, {"thickness": 0}, {"striker": {"kind": "bomb"}},
     {"striker": {"mass": 0.0}}, {"striker": {"path": "x"}}, {"striker": []}, {"point": [9, 9, 9]},
+    {"striker": {"tilt": 3}}, {"striker": {"down": [0, 0, "a"]}},
     {"striker": {"kind": "floor", "height": 0}}, {"striker": {"floor": "lava"}},
 ]  # fmt: skip
 
@@ -268,7 +286,6 @@ def test_what_is_written_is_toml():
         "many": [{"where": "face 1"}, {"plane": [[0.0, 0.0, 0.0], [0, 0, 1]]}],
         "sites": {"struck": {"inner": {"kind": "a", "d": 1e20}}},
     }  # fmt: skip
-    import tomllib
 
     assert tomllib.loads(set_up.toml(table)) == table
 
@@ -366,17 +383,14 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
 
 
 def test_a_structure_is_struck_where_its_supports_leave_it_free():
-    from antiosc_app.new import inspect_structure
-
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
-    look = inspect_structure(part)
+    look = new.inspect_structure(part)
     assert look.point[2] < 0.01
     assert look.radius is not None
 
 
 def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
-    from antiosc_app import new
     from antiosc_app.skin import skin
 
     mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 pytest.importorskip("jinja2")
 
+import antiosc as ao
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
 from paths import DEMOS, MESHES
@@ -19,6 +21,17 @@ pytestmark = pytest.mark.fem
 
 PARTS = [path for kind in ("msh", "geo", "step") for path in sorted(MESHES.glob(f"*.{kind}"))]
 PARTS.append(DEMOS / "scenes/bar.inp")
+
+
+def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
+    mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.02)
+    names = [f"face {i} of a body" for i in range(40)]
+    groups = {name: mesh.groups["+z"] for name in names} | {"below": mesh.groups["-z"]}
+    look = template._inspect_mesh(replace(mesh, groups=groups), {}, None)
+    text = template.text("scene.toml", "part.msh", look)
+    assert all(f'"{name}"' in text for name in names)
+    held = next(value for name, value, _ in look.taken(drop=False) if name == "held")
+    assert held.startswith("below: ")
 
 
 @pytest.mark.slow

@@ -45,7 +45,9 @@ def draw_faces(
     scale: ScalarMappable,
     dark: float = DARK,
 ) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale."""
+    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale if it
+    has a label.
+    """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -56,13 +58,16 @@ def draw_faces(
     axes.add_collection3d(
         Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
     )
-    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    if label:
+        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
 
 
 def draw_lines(
     figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
 ) -> None:
-    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale."""
+    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale
+    if it has a label.
+    """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
 
     colours = scale.to_rgba(value)
@@ -70,7 +75,8 @@ def draw_lines(
         axes.add_collection3d(Line3DCollection(corners, colors=colours, linewidths=3))
     else:
         axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
-    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    if label:
+        figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
 
 
 def colour_scale(value: Array) -> ScalarMappable:
@@ -121,7 +127,7 @@ class Deformed:
     points, moved : (P, 3) [m], at rest and with displacements drawn larger.
     faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
     values : (P,) magnitude of the displacements, in the unit that `label` states.
-    label : of the values, with the factor by which displacements are drawn larger.
+    label : of the values, with the factor by which displacements are drawn larger; "": no scale.
     largest : value of all times.
     """
 

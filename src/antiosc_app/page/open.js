@@ -3,11 +3,14 @@
 // Fields of the set-up: name, label, unit, least and largest value of the slider; of the striker
 // also the kinds that have it.
 const FIELDS = {
-  striker: [["radius", "radius", "m", 1e-3, 0.2, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
-    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]]],
-  "site-fields": [["radius", "radius of the patch", "m", 1e-4, 0.1]],
-  part: [["thickness", "thickness", "m", 1e-4, 0.1], ["damping", "damping ratio", "", 0, 0.1]],
+  striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
+    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
+    ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
+  "site-fields": [["radius", "patch radius", "mm", 0.1, 100]],
+  part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1]],
 };
+const SIZES = { mm: 1e-3 }; // of units of the fields that are not those of the set-up
+const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
 const GRIP = 22; // pixels around the tail of the arrow that drag it
@@ -138,8 +141,9 @@ class Bench {
     const seen = this.seen(x, y);
     if (!seen) return;
     if (!hold && document.querySelector("input[name=click]:checked").value === "strike") {
-      this.change({ point: seen.point.map(rounded), direction: seen.normal.map((c) => rounded(-c)) });
       this.face = seen.name;
+      if (this.setup.striker.kind === "floor") this.striker({ down: seen.normal.map(rounded) });
+      else this.change({ point: seen.point.map(rounded), direction: seen.normal.map((c) => rounded(-c)) });
     } else if (seen.name) this.toggle(seen.name);
     else this.wrong("This face is not flat and has no name in the file: it cannot be held by a click.", false);
   }
@@ -181,8 +185,10 @@ class Bench {
       (material) => this.striker({ material }), {}, ["ball", "mass"]);
     this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
     this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"]);
-    this.triple("point", "place", "m");
-    this.triple("direction", "direction", "");
+    this.triple("site-fields", "point", "place", "mm");
+    this.triple("site-fields", "direction", "direction", "");
+    this.triple("striker", "down", "what points down", "", ["floor"]);
+    this.triple("striker", "tilt", "then tilted about x, y, z", "°", ["floor"]);
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
     find("undo").onclick = () => this.undo(this.past, this.future);
     find("redo").onclick = () => this.undo(this.future, this.past);
@@ -206,29 +212,41 @@ class Bench {
     this.shown.push(() => { select.value = get(); row.hidden = Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
   }
 
-  // Three coordinates.
-  triple(name, label, unit) {
-    const row = made("label", find("site-fields"), unit ? `${label} (${unit})` : label), inputs = [0, 1, 2].map((i) =>
+  // Three coordinates, of the set-up or of the striker of some kinds.
+  triple(where, name, label, unit, kinds = null) {
+    const row = made("label", find(where), "", { className: "triple" }), size = SIZES[unit] || 1;
+    made("span", row, unit ? `${label} (${unit})` : label);
+    const inputs = [0, 1, 2].map((i) =>
       made("input", row, "", { type: "number", step: "any", name: `${name} ${"xyz"[i]}`, ariaLabel: `${label}, ${"xyz"[i]}${unit && ` in ${unit}`}` }));
-    inputs.forEach((input) => { input.onchange = () => this.change({ [name]: inputs.map((one) => Number(one.value)) }); });
-    this.shown.push(() => inputs.forEach((input, i) => { input.value = this.setup[name][i]; }));
+    const set = (values) => (kinds ? this.striker(values) : this.change(values));
+    inputs.forEach((input) => { input.onchange = () => set({ [name]: inputs.map((one) => exact(one.value * size)) }); });
+    this.shown.push(() => {
+      const values = (kinds ? this.setup.striker : this.setup)[name];
+      row.hidden = !(kinds || STRUCK).includes(this.setup.striker.kind);
+      inputs.forEach((input, i) => { input.value = exact(values[i] / size); });
+    });
   }
 
   slider(where, name, label, unit, least, most, kinds = null) {
     const of = kinds ? this.setup.striker : this.setup;
-    if (of[name] === null && name !== "radius") return;
+    if (of[name] === null && name === "thickness") return;
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
     made("span", row, unit);
-    const set = (value, done) => (kinds ? this.striker({ [name]: value }, done) : this.change({ [name]: value }, done));
+    const size = SIZES[unit] || 1;
+    const set = (shown, done) => {
+      const values = { [name]: exact(shown * size) };
+      return kinds ? this.striker(values, done) : this.change(values, done);
+    };
     const value = () => Number((least ? least * (most / least) ** range.value : range.value * most).toPrecision(3));
     range.oninput = () => set(value(), false);
     range.onchange = () => set(value(), true);
     number.onchange = () => set(Number(number.value), true);
     this.shown.push(() => {
-      const now = kinds ? this.setup.striker[name] : this.setup[name] ?? (this.site && this.site.radius);
-      row.hidden = !now && now !== 0 || name === "radius" && this.setup.striker.kind === "floor" || Boolean(kinds) && !kinds.includes(this.setup.striker.kind);
+      const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
+      const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (name === "radius" ? STRUCK : [kind]);
+      row.hidden = !wanted.includes(kind) || !now && name !== "damping";
       if (row.hidden) return;
       range.value = least ? Math.log(now / least) / Math.log(most / least) : now / most;
       number.value = now;
@@ -236,11 +254,18 @@ class Bench {
     });
   }
 
+  // The value of a field that the set-up leaves open.
+  taken(name) {
+    const falls = this.setup.striker.kind === "floor";
+    if (name === "radius") return this.site ? this.site.radius : 0;
+    return falls || name !== "damping" ? this.facts.fall[name] : 0;
+  }
+
   show_fields() {
     for (const one of this.shown) one();
     const falls = this.setup.striker.kind === "floor";
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
-    find("how").textContent = falls ? "The face that you click lands first, inclined by 2°." : "Drag the tail of the arrow to change the direction.";
+    find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
     for (const name of this.setup.held) {
       made("button", find("held-list"), `held: ${name} ×`, { type: "button", title: "free it", onclick: () => this.toggle(name) });
@@ -325,6 +350,7 @@ class Bench {
       this.tell(verdict);
       Object.assign(this.page.data, judged);
       this.page.follow_stress();
+      this.page.picture();
     }
     document.documentElement.dataset.complete = this.turn;
   }
@@ -375,6 +401,7 @@ class Bench {
   }
 }
 
+const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
 const rounded = (x) => Number(x.toPrecision(5)) || 0;
 
 globalThis.bench = new Bench();

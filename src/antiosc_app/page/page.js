@@ -270,6 +270,7 @@ class Page {
     const drawn = this.part.most("stress");
     this.drawn ??= drawn; // the first impact is the computed one
     this.hit.stress = (this.data.stress ?? this.drawn) * drawn / (this.drawn || 1);
+    this.part.known = { stress: this.hit.stress };
     this.write(this.hit, this.known_bars);
   }
 
@@ -287,7 +288,7 @@ class Page {
 
   legend() {
     const [label, unit] = this.sites ? [this.data.sites.names[this.kind], this.data.sites.units[this.kind]] : NAMES[this.kind];
-    const [low, high] = this.sites ? this.sites.range(this.kind) : [0, this.part.most(this.kind)];
+    const [low, high] = this.sites ? this.sites.range(this.kind) : [0, this.part.top(this.kind)];
     find("low").textContent = engineering(low, unit);
     find("high").textContent = engineering(high, unit);
     const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.until, "s")}` : "";

@@ -37,6 +37,9 @@ class Part {
     return this.largest[kind];
   }
 
+  // The end of the scale of colours: the largest value, be it drawn or between the drawn points and times.
+  top(kind) { return Math.max(this.most(kind), this.known && this.known[kind] || 0); }
+
   // A field at one state: components of all points.
   field({ fields, scale, factors }, x) {
     const size = fields.length / scale.length, sum = new Float32Array(size), n = x.length;
@@ -66,10 +69,10 @@ class Part {
     const { data, rest, place } = this, values = new Float32Array(this.count);
     let at = rest, way = [0, 0, 0];
     if (kind && this.states) {
-      const { x, way: moved } = this.states[frame], sizes = this.sizes(kind, x), most = this.most(kind) || 1;
+      const { x, way: moved } = this.states[frame], sizes = this.sizes(kind, x), top = this.top(kind) || 1;
       const u = this.field(data.motion, x);
       at = rest.map((r, i) => r + this.factor * u[i]);
-      sizes.forEach((size, p) => { values[p] = size / most; });
+      sizes.forEach((size, p) => { values[p] = size / top; });
       if (place) way = this.touching(u, moved);
     } else values.forEach((_, p) => { values[p] = data.held && data.held[p] ? DARK : PLAIN; });
     this.view.put("part", at, values, data.faces);

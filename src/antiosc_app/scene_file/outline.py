@@ -44,8 +44,7 @@ GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs"
 #: Sections of points, and keys that hold a point or names of groups.
 POINTS = ("sites", "probes", "accelerometers", "sensors")
 KEYS = ("point", "at", "where")
-#: Names of groups that are listed, and digits of a box.
-MOST_NAMES = 12
+#: Digits of a box.
 DIGITS = 4
 
 
@@ -67,13 +66,13 @@ class Outline:
     high: Array
     element: float
 
-    def text(self) -> str:
-        """The box and the groups in words."""
-        groups = ", ".join(self.groups[:MOST_NAMES]) or "none"
-        more = len(self.groups) - MOST_NAMES
+    def text(self, most: int | None = None) -> str:
+        """The box and the groups in words; `most`: number of groups that are named."""
+        groups = ", ".join(self.groups[:most]) or "none"
+        more = 0 if most is None else len(self.groups) - most
         return (
             f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
-            f" groups: {groups}" + (f" and {more} more" if more > 0 else "")
+            f" groups: {groups}" + (f" and {more} more, which the scene lists" if more > 0 else "")
         )
 
     def distance(self, point: Array) -> float:
