@@ -247,10 +247,6 @@ def _force_ratio(share: Share, u: Array, motions: Array, least: float) -> float:
     it.
 
     Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
-
-    Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
-
-    Those whose `motions` of the part (rows, k) are below `least` count as rounding.
     """
     moves = np.abs(motions).max(axis=0) > least
     if not moves.any():

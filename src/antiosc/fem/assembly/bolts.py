@@ -121,8 +121,6 @@ def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
 
     B contains the squared slopes of the deflection, and the twist, which lengthens fibres off the
     axis.
-
-    B contains the slopes of its deflections, and the twist, which lengthens fibres off the axis.
     """
     a = np.zeros(12)
     B = np.zeros((12, 12))

@@ -351,8 +351,6 @@ def _split_by_halves(
     `some`.
 
     The vectors on which all functionals vanish are added to `blocks`.
-
-    The vectors on which they vanish are added to `blocks`.
     """
     if len(some) <= SMALLEST_PIECE:
         vectors = np.eye(len(some))

@@ -32,13 +32,10 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 class Share:
     """The rows of one part that a rank holds.
 
-    rows : number in u of each row of the part on this rank. counted : the rows that no other rank
-    counts; a slice only for a part that every rank holds whole. places : (rows of all ranks,)
-    number in u of each column of the part's matrices.
-
-    rows : number in u of each of its rows.
-    counted : which of them no other rank has: all, but of a part that every rank has for itself.
-    places : (rows of all ranks,) number in u of each column of its matrices.
+    rows : number in u of each row of the part on this rank.
+    counted : slice of the rows that only this rank counts: all of them, unless every rank holds the
+        whole part.
+    places : (rows of all ranks,) number in u of each column of the part's matrices.
     """
 
     part: MeshedStructure

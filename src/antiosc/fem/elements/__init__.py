@@ -205,7 +205,7 @@ class Layer(Checked):
         return np.asarray(T.T @ Q @ T)
 
     def contraction(self) -> Array:
-        """Matrix (1, 3): the strain ε3 across the layer is its product with (ε1, ε2, γ12), in plane
+        """Matrix (1, 3) that gives the strain ε3 across the layer from (ε1, ε2, γ12), in plane
         stress.
 
         Across the fibres the layer is assumed isotropic, with Poisson's ratio nu12 along them and
@@ -264,13 +264,13 @@ class PlateSection:
 
     @property
     def t2_of_shear(self) -> float:
-        """t² of the isotropic plate that has the same ratio of bending to shear stiffness, m²."""
+        """t² (m²) of the isotropic plate that has the same ratio of bending to shear stiffness."""
         return 20 * _over_angles(self.bending) / float(np.trace(self.S))
 
     @property
     def t2_of_stretch(self) -> float:
-        """t² of the isotropic plate that has the same ratio of bending to membrane stiffness,
-        m².
+        """t² (m²) of the isotropic plate that has the same ratio of bending to membrane
+        stiffness.
         """
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
@@ -304,7 +304,7 @@ class PlateSection:
 
     @property
     def spin(self) -> float:
-        """∫ ρ (z − z_m)² dz about the middle z_m of the mass, kg."""
+        """Rotary inertia ∫ ρ (z − z_m)² dz per area, kg, about the middle z_m of the mass."""
         return self.I2 - self.I1**2 / self.I0
 
     @property
@@ -322,7 +322,7 @@ class PlateSection:
 
 
 def _over_angles(stiffness: Array) -> float:
-    """Mean over all rotations of the entry (3, 3) of a plane stiffness; G if it is isotropic."""
+    """Mean of the entry (3, 3) of a plane stiffness over all rotations; G of an isotropic one."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
@@ -360,7 +360,9 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
 def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
-    """S (2, 2) [N/m] from the energy of the shear stresses that are in equilibrium with bending."""
+    """Transverse shear stiffness S (2, 2) [N/m], from the energy of shear stresses in equilibrium
+    with bending.
+    """
     shear_at = _equilibrium(z, Q, A, B, D)
     # f is quadratic in z within a layer, its energy of degree four: three Gauss points
     points, weights = np.polynomial.legendre.leggauss(3)

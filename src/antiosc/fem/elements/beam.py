@@ -112,8 +112,10 @@ class Beam(Isotropic):
         return on_lines(mesh, parts, order)
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
-        """Length of the box; with the rectangles that have A and I of the sections, the least
-        height as the thickness, and the largest A over it as the width.
+        """(length, width, thickness) of a beam, as if its sections were rectangles with their A and
+        I.
+
+        The thickness is the least height, the width the largest A over it.
         """
         thickness = min(
             (12 * material.section.I / material.section.A) ** 0.5 for material in materials
@@ -127,7 +129,9 @@ def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
 
 
 def _shear_degree(order: int) -> int:
-    """Quadrature degree of the shear energy: as many Gauss points as the order prevent locking."""
+    """Quadrature degree 2·order − 1 of the shear energy: `order` Gauss points, which avoids
+    locking.
+    """
     return 2 * order - 1
 
 
@@ -167,9 +171,9 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
 
 def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> WeakForm:
-    """Weak form of beams in space, straight or curved; `on_sheet`: they are stiffeners of a shell.
+    """Weak form of beams in space, straight or curved; `on_sheet`: the beams stiffen a shell.
 
-    Order 3 goes with cubic triangles of a shell.
+    Order 3 matches the cubic triangles of a shell.
     """
     space = compat.lagrange(mesh.dolfinx, order, 6)
     w = ufl.TrialFunction(space)
@@ -344,6 +348,8 @@ class Truss(Isotropic):
         )
 
     def dimensions(self, box: Box, materials: Sequence[Truss]) -> Box:
-        """The length of the box; sides of the thickest and thinnest bars, if square."""
+        """(length, width, thickness) of a truss: sides of the thickest and the thinnest bar, if
+        square.
+        """
         areas = [material.area for material in materials]
         return box[0], sqrt(max(areas)), sqrt(min(areas))

@@ -83,7 +83,7 @@ class CellByCell(ABC):
 
     @abstractmethod
     def _node_blocks(self, k: float, m: float) -> Array:
-        """The diagonal blocks of k K + m M that the cells of this rank give, (dofs, 3)."""
+        """The diagonal 3×3 blocks of k K + m M summed over the cells of this rank: (dofs, 3)."""
 
     def product(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).
@@ -122,9 +122,9 @@ class CellByCell(ABC):
         result = np.array(self._exchange.ghosts_added(self._node_blocks(k, m)))
         for factor, matrix in zip((k, m), self.added, strict=True):
             _add_blocks(result, factor, matrix)
-        own = result.reshape(-1, 3, 3)
-        own[self._held // 3, self._held % 3, :] = 0.0
-        own[self._held // 3, :, self._held % 3] = 0.0
+        blocks = result.reshape(-1, 3, 3)
+        blocks[self._held // 3, self._held % 3, :] = 0.0
+        blocks[self._held // 3, :, self._held % 3] = 0.0
         result[self._held, self._held % 3] = k
         return result
 
@@ -133,8 +133,8 @@ class CellByCell(ABC):
         return self._assembled(self._form, self._conditions, k, m, self.added)
 
     def coarse(self, k: float, m: float, P: PETSc.Mat) -> PETSc.Mat:
-        """k K + m M of linear elements on these cells, with the matrices added at points; P:
-        prolongation.
+        """k K + m M of linear elements on these cells, with the matrices added at points projected
+        by P.
         """
         added = [matrix.ptap(P) if self.carries else matrix for matrix in self.added]
         return self._assembled(self.linear, {}, k, m, added)

@@ -34,7 +34,7 @@ class CompiledCells(CellByCell):
 
     @cached_property
     def _cells(self) -> list[tuple[library.CCells, Array]]:
-        """Cells of K and of M in the form of the C library, each with its workspace."""
+        """(cells for the C library, workspace) of K and of M."""
         return [(kernel.cells(), np.empty(kernel.room + kernel.dofs)) for kernel in self._kernels]
 
     def product(self, x: Array, k: float, m: float) -> Array:

@@ -50,8 +50,9 @@ def _tangential(frame: Frame, motion: Expr) -> tuple[Expr, Expr]:
 
 
 class SecondOrderStrain(NamedTuple):
-    """Second-order strain of an element family: total strain ε(u) + η(u, u)/2, forces N linear in
-    it.
+    """Second-order strain η of an element family; the total strain is ε(u) + η(u, u)/2.
+
+    `strain` is ε(u), `eta` is η(a, b); `forces` gives N, which is linear in the strain.
     """
 
     strain: Callable[[Expr], Expr]
@@ -133,7 +134,7 @@ def _of_sheets(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
 
 
 def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
-    """Second-order strain of beams along the axis; twist adds polar radius² × twist² to η."""
+    """Second-order strain of beams along the axis; η contains the squared twist × polar radius²."""
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
     offset = coefficient(mesh, parts, lambda b: b.offset)

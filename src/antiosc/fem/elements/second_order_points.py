@@ -67,11 +67,11 @@ class PartPoints:
         self._turned = self.gradient.T.tocsr()
 
     def about(self, state: Array) -> PartPoints:
-        """The points with a static state (dofs,) as the reference state of motions."""
+        """The same points for motions about a static state (dofs,)."""
         return replace(self, base=self.slopes(state))
 
     def slopes(self, motion: Array) -> Array:
-        """Derivatives (n, d, b) of a motion (dofs,)."""
+        """Derivatives (n, d, b) of a motion (dofs,) at the points."""
         derivatives = self.gradient @ motion.reshape(-1, self.components)
         return np.asarray(derivatives.reshape(self.weight.size, -1, self.components))
 
@@ -83,7 +83,7 @@ class PartPoints:
         return self.weighted_stress(strain)
 
     def weighted_stress(self, strain: Array) -> Array:
-        """C times a strain (n, s), times the weights."""
+        """weight × C × strain at every point, for a strain (n, s)."""
         return np.einsum("nst,nt->ns", self.stiffness, strain) * self.weight[:, None]
 
     def second(self, a: Array, b: Array) -> Array:
@@ -94,7 +94,7 @@ class PartPoints:
         return np.asarray(product.reshape(len(a), -1) @ self._both().T)
 
     def load(self, strained: Array, pushed: Array) -> Array:
-        """Forces (dofs,) whose work on a motion w is Σ strained·ε(w) + pushed·∇w.
+        """Nodal forces (dofs,) whose work on any motion w is Σ strained·ε(w) + pushed·∇w.
 
         `strained` (n, s) are weighted stresses, `pushed` (n, d, b). Forces on fixed dofs are
         included.
@@ -109,8 +109,8 @@ class PartPoints:
         return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
-        """Array (n, d, b) such that stress·η(a, w) = array·∇w, with `slopes` the derivatives
-        of a.
+        """Array A (n, d, b) with stress·η(a, w) = A·∇w for every w; `slopes` are the derivatives of
+        a.
         """
         result = np.zeros_like(slopes)
         ways = slopes.shape[1]
@@ -119,12 +119,14 @@ class PartPoints:
         return result
 
     def _both(self) -> Array:
-        """V (s, d d), symmetrized: the second-order strain as bilinear forms of the derivatives."""
+        """The symmetrized V as a matrix (s, d d): η of two motions from the products of their
+        derivatives.
+        """
         both = (self.square + self.square.transpose(0, 2, 1)) / 2
         return np.asarray(both.reshape(len(both), -1))
 
     def _every(self) -> Array:
-        """T at every point (n, s, d, b)."""
+        """T (n, s, d, b) at every point, broadcast if all points share it."""
         return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
 
 
@@ -153,7 +155,7 @@ def _points(
     stiffness: Callable[[compat.GaussPoints], Array],
     moved: int,
 ) -> PartPoints:
-    """The Gauss points; `ways` gives the `count` directional derivatives of a scalar (UFL)."""
+    """The Gauss points; `ways` is the UFL vector of `count` directional derivatives of a scalar."""
     mesh = part.mesh
     space = part.form.space
     at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))

@@ -177,7 +177,8 @@ def _engineering(e: Expr) -> Expr:
 def energies(
     section: SectionFields, a: SurfaceStrains, b: SurfaceStrains
 ) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) energy densities of two strain states.
+    """(membrane and drilling, shear, bending) energy densities: bilinear forms of two strain
+    states.
 
     The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
     therefore non-negative by itself, for any integration points.
@@ -195,9 +196,7 @@ def energies(
 
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
-    """Density of the mass form of the motions u + z θ×n, and of the drilling rotation θ·n about
-    the middle of the mass.
-    """
+    """Density of the mass form of a shell: motions u + z θ×n, and drilling rotations θ·n."""
     u, turn = _halves(w)
     u_v, turn_v = _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
@@ -223,8 +222,8 @@ def areas_of(mesh: Mesh) -> Expr:
 
 
 def rise_of(mesh: Mesh) -> Expr:
-    """Distance [m] of the middle node of each quadrilateral from the mean of its corners, along
-    the normal; 0 for cells of order 1.
+    """Cell-wise height [m] of a quadrilateral's middle node over the mean of its corners; 0 for
+    order 1.
     """
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:
@@ -257,7 +256,7 @@ QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # those of lower d
 
 
 def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
-    """Components along two tangents of (1 − R)(θ×n), which the shear strain omits (UFL).
+    """The components of (1 − R)(θ×n), which the shear strain omits, along two tangents (UFL).
 
     `X`: the reference coordinates; `motion`: the trial or test function, whose last three
     components are θ; `n`: the normal (3,); `along` (2, gdim): the tangents. On curved triangles, n
@@ -288,10 +287,10 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
 
 
 def _dropped_of_cubics() -> Array:
-    """Factors of (1 − R) of the cubics ξᵖηᑫ along ξ and along η, indexed (cubic, direction,
-    component, factor).
+    """Coefficients of (1 − R) applied to each cubic ξᵖηᑫ in each direction: (cubic, direction,
+    component, 7).
 
-    The factors multiply the monomials of QUADRATIC and the cubic itself.
+    They multiply the six monomials of QUADRATIC and the cubic itself.
     """
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 

@@ -127,7 +127,7 @@ class Solid(Isotropic):
         return cosine**2 * normal + (1 - cosine**2) * tangential
 
     def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
-        """The sides of the box; of a plane part, which bends in its plane, its width is last."""
+        """The sides of the box; for a plane part its width, across which it bends, comes last."""
         if self.plane is None:
             return box
         length, width, _ = box
@@ -135,7 +135,7 @@ class Solid(Isotropic):
 
 
 def depth_of(mesh: Mesh, parts: Parts) -> Expr:
-    """Thickness [m] of plane parts and 1 of other parts (UFL)."""
+    """Thickness [m] of plane parts, and 1 for other parts, as a UFL coefficient."""
 
     def depth(solid: Family) -> float:
         plane = getattr(solid, "plane", None)
@@ -147,7 +147,9 @@ def depth_of(mesh: Mesh, parts: Parts) -> Expr:
 
 
 def isotropic_stress(mesh: Mesh, parts: Parts) -> Callable[[Expr], Expr]:
-    """Function of a strain: stress in isotropic solids times thickness (UFL)."""
+    """Function that gives the stress of isotropic solids, times the thickness, for a strain
+    (UFL).
+    """
     lame = coefficient(mesh, parts, _first_lame)
     shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
     depth = depth_of(mesh, parts)
@@ -214,7 +216,7 @@ def _is_thin(mesh: Mesh) -> bool:
 
 
 def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
-    """Strains times √stiffness, and the quadrature degree of K."""
+    """(strains × √stiffness as a UFL vector, quadrature degree of K)."""
     root = coefficient(mesh, parts, lambda s: np.linalg.cholesky(s.voigt).T)
     return root * _voigt_strain(u), degree
 

@@ -43,8 +43,8 @@ class Tetrahedra(CellByCell):
         data = np.empty((count, DATA))
         # x = x0 + Σ λ_i (x_i - x_0): the gradients are the columns of the inverse
         data[:, :9] = np.linalg.inv(edges).transpose(0, 2, 1).reshape(count, 9)
-        for material, own in self._parts:
-            data[own[own < count], 9:] = _constants(material)
+        for material, cells in self._parts:
+            data[cells[cells < count], 9:] = _constants(material)
         data[:, 9:] *= volume[:, None]
         self._nodes = _in_lanes(nodes[order].astype(np.int32))
         self._data = _in_lanes(data[order])
@@ -65,7 +65,7 @@ class Tetrahedra(CellByCell):
         return library.library.aom_tetra_product_float, self._given(self._single)
 
     def _given(self, data: NDArray[Any]) -> list[library.CTetra]:
-        """The groups of cells, with the data in one precision."""
+        """The groups of cells for the C library, with `data` in single or double precision."""
         return [
             library.CTetra(
                 end - begin, *(library.address(array[begin:end]) for array in (self._nodes, data))
@@ -81,21 +81,23 @@ class Tetrahedra(CellByCell):
         lame = k * data[:, 9] * 20
         shear = k * data[:, 10] * 20
         density = m * data[:, 11]
-        found = np.zeros((self._dofs // 3, 3, 3))
+        result = np.zeros((self._dofs // 3, 3, 3))
         for node, ends in enumerate(ENDS):
             G = _squares(slopes, ends)
-            own = (lame + shear)[:, None, None] * G
+            blocks = (lame + shear)[:, None, None] * G
             inertia = (6 if len(ends) == 1 else 32) * density
             spread = shear * np.trace(G, axis1=1, axis2=2) + inertia
             for a in range(3):
-                own[:, a, a] += spread
+                blocks[:, a, a] += spread
                 for b in range(3):
-                    found[:, a, b] += np.bincount(nodes[:, node], own[:, a, b], len(found))
-        return found.reshape(-1, 3)
+                    result[:, a, b] += np.bincount(nodes[:, node], blocks[:, a, b], len(result))
+        return result.reshape(-1, 3)
 
 
 def _squares(slopes: Array, ends: Sequence[int]) -> Array:
-    """∫ grad N ⊗ grad N / V (n, 3, 3) of one node's shape function N, from `slopes`, grad λ."""
+    """Integral (n, 3, 3) of grad N ⊗ grad N over a cell, per volume; `slopes` are the gradients of
+    λ.
+    """
     g = slopes[:, ends[0]]
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])

@@ -65,8 +65,8 @@ DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
-    """(reference vector of 0°, projected on the sheet; sign of the cell's normal toward the top),
-    cell-wise.
+    """Cell-wise functions (projected 0° direction of a sheet, sign ±1 of the normal toward its
+    top).
 
     Raises
     ------
@@ -123,7 +123,7 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
 
 
 def _side(direction: Direction, x: Array, normals: Array) -> Array:
-    """±1 (cells,): the sign with which the normal points to the top."""
+    """Sign ±1 (cells,): whether a cell's normal points toward the top, given by a direction."""
     up = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
     side = np.sign(up[:, 0])
     _refuse(
@@ -167,7 +167,7 @@ def _check_neighbours(
     has_sides: BoolArray,
     stated: BoolArray,
 ) -> None:
-    """InputError if the normals of two neighbouring cells point to different sides of the sheet.
+    """InputError if two neighbouring cells have normals on different sides of the sheet.
 
     This is checked if both stacks are unsymmetric and at least one uses the normals of the mesh.
     Edges of three or more cells are not checked.
@@ -195,8 +195,10 @@ def _check_neighbours(
 def _compare(
     edges: IntArray, way: Array, has_sides: BoolArray, stated: BoolArray, points: Array
 ) -> None:
-    """InputError if two cells with `has_sides` run along their common edge in the same direction,
-    unless both have a `stated` top.
+    """InputError if two cells at one edge have opposite normals: both run along it in one
+    direction.
+
+    Only cells with `has_sides` are compared, and not if both have a `stated` top.
     """
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]

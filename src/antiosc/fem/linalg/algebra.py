@@ -111,10 +111,10 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     if not by_scipy(matrix):
         return _petsc().hold(matrix, rows, value)
     free = np.ones(matrix.shape[0])
-    held = np.zeros(matrix.shape[0])
-    free[rows], held[rows] = 0.0, value
-    kept = scipy.sparse.diags(free)
-    result = (kept @ matrix @ kept + scipy.sparse.diags(held)).tocsr()
+    constrained = np.zeros(matrix.shape[0])
+    free[rows], constrained[rows] = 0.0, value
+    projector = scipy.sparse.diags(free)
+    result = (projector @ matrix @ projector + scipy.sparse.diags(constrained)).tocsr()
     result.eliminate_zeros()
     return result
 
@@ -133,13 +133,13 @@ def free_when_dropped(*matrices: Matrix) -> None:
 
 
 def declare_definite(matrix: Matrix) -> None:
-    """Tell PETSc that the matrix is symmetric and positive definite."""
+    """Mark the matrix for PETSc as symmetric and positive definite."""
     if not by_scipy(matrix):
         _petsc().declare_definite(matrix)
 
 
 def quotient(a: Array, b: Array) -> Array:
-    """a / b, and 0 where b is 0."""
+    """a / b elementwise, with 0 where b is 0."""
     return np.divide(a, b, out=np.zeros_like(a), where=b != 0)
 
 
@@ -185,7 +185,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
 
 
 def roots(matrix: Matrix) -> Array:
-    """√a_ii on the rows of this rank; a typical value for an empty row."""
+    """√a_ii of the rows of this rank; rows with a zero diagonal get the median of the others."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
     if not all(comm.allgather(result.all())):
@@ -195,14 +195,16 @@ def roots(matrix: Matrix) -> Array:
 
 
 def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
-    """‖A x/√D‖ / ‖√D x‖ of each column, `product` being A X: 1e-16 for a null vector."""
+    """‖A x/√D‖ / ‖√D x‖ of each column x of X (k,), about 1e-16 for a null vector; `product` is A
+    X.
+    """
     comm = communicator(matrix)
     root = roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)
 
 
 def softness(matrix: Matrix, X: Array, product: Array) -> Array:
-    """xᵀA x / xᵀD x of each column, `product` being A X: ±1e-16 for a null vector.
+    """xᵀA x / xᵀD x of each column x of X (k,), about ±1e-16 for a null vector; `product` is A X.
 
     Unlike `force_ratios` it is insensitive, to first order, to errors in x.
     """
@@ -213,7 +215,7 @@ def softness(matrix: Matrix, X: Array, product: Array) -> Array:
 
 
 def frequency(K: Matrix, M: Matrix) -> float:
-    """Median of K_ii/M_ii over the dofs with mass, rad²/s²: below the top of the spectrum."""
+    """Median of K_ii/M_ii over the dofs with mass, rad²/s²: an ω² below the top of the spectrum."""
     k, m = (diagonal(matrix) for matrix in (K, M))
     ratios = communicator(K).allgather(k[m > 0] / m[m > 0])
     return float(np.median(np.concatenate(ratios)))

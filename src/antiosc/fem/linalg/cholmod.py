@@ -147,7 +147,7 @@ class Factor(ctypes.Structure):
 
 @cache
 def loaded_cholmod() -> ctypes.CDLL:
-    """CHOLMOD's functions; MissingDependencyError if its version is not known here."""
+    """The library with CHOLMOD's functions; MissingDependencyError for an unknown version."""
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
         raise MissingDependencyError(
@@ -160,9 +160,9 @@ def loaded_cholmod() -> ctypes.CDLL:
     lib.cholmod_l_solve2.argtypes = [c_int, POINTER(Factor), *([c_void_p] * 7)]
     lib.cholmod_l_ensure_dense.restype = c_void_p
     lib.cholmod_l_ensure_dense.argtypes = [c_void_p, *([c_size_t] * 3), c_int, c_void_p]
-    found = version(lib)
-    text = ".".join(map(str, found))
-    if found[0] not in VERSIONS:
+    release = version(lib)
+    text = ".".join(map(str, release))
+    if release[0] not in VERSIONS:
         raise MissingDependencyError(
             f"CHOLMOD {text} is not known to antiosc (3.0 to 5.x are): its structures may differ."
         )
@@ -182,19 +182,19 @@ def version(lib: ctypes.CDLL) -> tuple[int, int, int]:
 
 
 def _unlike_defaults(lib: ctypes.CDLL) -> str:
-    """The settings that differ from the expected defaults, as text."""
+    """The settings of CHOLMOD that differ from `DEFAULTS`, as text."""
     common = Common()
     lib.cholmod_l_start(byref(common))
-    found = {}
+    settings = {}
     for name in DEFAULTS:
         value = getattr(common, name)
-        found[name] = tuple(value) if isinstance(value, ctypes.Array) else value
+        settings[name] = tuple(value) if isinstance(value, ctypes.Array) else value
     lib.cholmod_l_finish(byref(common))
-    return ", ".join(f"{k} = {v}" for k, v in found.items() if v != DEFAULTS[k])
+    return ", ".join(f"{k} = {v}" for k, v in settings.items() if v != DEFAULTS[k])
 
 
 def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
-    """The error for a CHOLMOD call at `what` (of `size` bytes) that failed with this status."""
+    """The error for a failed CHOLMOD call; `what` names the step, which needs `size` bytes."""
     if common.status == NO_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
         return allocation_failed(
@@ -356,19 +356,21 @@ class Analysis:
         return int(self.memory.factor.contents.xsize)
 
     def fronts(self) -> Array:
-        """Operation count of each supernode: Σ c² over its columns of c entries."""
-        found = self.memory.factor.contents
-        starts = (self.memory.integers(p, found.nsuper + 1) for p in (found.super, found.pi))
+        """Operations of the factorization of each supernode: Σ c² over its columns with c
+        entries.
+        """
+        factor = self.memory.factor.contents
+        starts = (self.memory.integers(p, factor.nsuper + 1) for p in (factor.super, factor.pi))
         width, height = (np.diff(start).astype(float) for start in starts)
         squares = (width - 1) * width * (2 * width - 1) / 6
         return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
     def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int, dissected: bool) -> IntArray:
-        """An ordering of A's rows from an ordering of its nodes, whose graph is block² times
-        smaller.
+        """An ordering of A's rows from one of its nodes, whose graph has block² times fewer
+        entries.
 
-        `dissected`: by METIS. Where other rows come last, AMD makes less fill without them and
-        1.7 times as much with them.
+        `dissected`: by METIS. Where other rows come last, AMD makes less fill without them and 1.7
+        times as much with them.
         """
         matrix, _kept = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None, dissected)
@@ -379,15 +381,17 @@ class Analysis:
     def _analysed(
         self, matrix: Sparse, permutation: IntArray | None, dissected: bool = False
     ) -> ctypes._Pointer[Factor]:
-        """Symbolic factor for a permutation, by METIS, or by the best of AMD and METIS."""
+        """Symbolic factor for a given permutation, by METIS (`dissected`), or by the better of AMD
+        and METIS.
+        """
         lib = self.memory.lib
         common = self.memory.common
         common.nmethods = int(permutation is not None or dissected)
         common.method[0].ordering = METIS if dissected else GIVEN
-        given = None
+        ordering = None
         if permutation is not None:
-            given = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
-        pointer = None if given is None else given.data
+            ordering = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
+        pointer = None if ordering is None else ordering.data
         factor = lib.cholmod_l_analyze_p(byref(matrix), pointer, None, 0, byref(common))
         if not factor:
             raise failure(common, f"the ordering of {matrix.nrow} rows")
@@ -420,12 +424,14 @@ class Cholesky:
         factor = memory.factor
         with without_openmp(), blas_threads(analysis.fronts()):
             done = memory.lib.cholmod_l_factorize(byref(analysis.matrix), factor, byref(common))
-        found = factor.contents
-        if not done or not found.is_super or not found.x:
-            raise failure(common, f"the Cholesky factor of {found.n} rows", 8.0 * found.xsize)
-        if found.minor < found.n:
+        factor_data = factor.contents
+        if not done or not factor_data.is_super or not factor_data.x:
+            raise failure(
+                common, f"the Cholesky factor of {factor_data.n} rows", 8.0 * factor_data.xsize
+            )
+        if factor_data.minor < factor_data.n:
             raise NotPositiveDefiniteError(
-                f"column {found.minor} of {found.n} is not positive definite"
+                f"column {factor_data.minor} of {factor_data.n} is not positive definite"
             )
 
     def solve(self, B: Array) -> Array:
@@ -464,28 +470,28 @@ class Cholesky:
     @cached_property
     def permutation(self) -> IntArray:
         """Permutation (n,): row i of P A Pᵀ is row permutation[i] of A."""
-        found = self._memory.factor.contents
-        return self._memory.integers(found.Perm, found.n)
+        factor = self._memory.factor.contents
+        return self._memory.integers(factor.Perm, factor.n)
 
     @cached_property
     def supernodes(self) -> Supernodes:
-        """L as arrays in CHOLMOD's memory, which is kept as long as one of them is used."""
+        """L as arrays in CHOLMOD's memory, which is freed with the last of them."""
         memory = self._memory
-        found = self._memory.factor.contents
-        many = found.nsuper + 1
+        factor = self._memory.factor.contents
+        many = factor.nsuper + 1
         return Supernodes(
-            start=memory.integers(found.super, many),
-            row=memory.integers(found.pi, many),
-            rows=memory.integers(found.s, found.ssize),
-            value=memory.integers(found.px, many),
-            values=memory.reals(found.x, found.xsize),
+            start=memory.integers(factor.super, many),
+            row=memory.integers(factor.pi, many),
+            rows=memory.integers(factor.s, factor.ssize),
+            value=memory.integers(factor.px, many),
+            values=memory.reals(factor.x, factor.xsize),
         )
 
     def corner(self, last: int) -> tuple[IntArray, Array]:
-        """(Order in L of the last `last` rows of A, their dense block of L).
+        """(the last `last` rows of A in the order of L, their dense lower block of L).
 
-        With A's rows eliminated in that order the block is a factor of the Schur complement onto
-        them, if they came last.
+        If these rows were eliminated last, the block is the factor of the Schur complement onto
+        them.
         """
         L = self.supernodes
         permutation = self.permutation
@@ -514,9 +520,9 @@ class SinglePrecision:
     def __init__(self, factor: Cholesky) -> None:
         L = factor.supernodes
         self.permutation = factor.permutation.copy()
-        self._lists = [np.array(one, np.int64) for one in (L.start, L.row, L.rows, L.value)]
+        self._lists = [np.array(array, np.int64) for array in (L.start, L.row, L.rows, L.value)]
         self._values = L.values.astype(np.float32)
-        places = [*(library.address(one) for one in self._lists), library.address(self._values)]
+        places = [*(library.address(array) for array in self._lists), library.address(self._values)]
         self._supernodes = library.CSupernodes(len(L.start) - 1, *places)
         self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
 
@@ -541,20 +547,20 @@ class SinglePrecision:
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:
-    """A as CHOLMOD's upper triangle, and the arrays it points to.
+    """(A as CHOLMOD's structure of an upper triangle, the arrays to which it points).
 
-    Rows of the one are columns of the other: the lower triangle of A is what CHOLMOD reads.
+    CHOLMOD stores columns: the rows of A's lower triangle are the columns of the upper one.
     """
     if not A.has_sorted_indices:  # A itself stays: another matrix may share its pattern
         A = A.sorted_indices()
-    kept = A.indptr.astype(np.int64), A.indices.astype(np.int64), np.ascontiguousarray(A.data)
-    p, i, x = (array.ctypes.data for array in kept)
-    return Sparse(*A.shape, A.nnz, p, i, None, x, None, UPPER, LONG, REAL, 0, 1, 1), kept
+    arrays = A.indptr.astype(np.int64), A.indices.astype(np.int64), np.ascontiguousarray(A.data)
+    p, i, x = (part.ctypes.data for part in arrays)
+    return Sparse(*A.shape, A.nnz, p, i, None, x, None, UPPER, LONG, REAL, 0, 1, 1), arrays
 
 
 @cache
 def refusal() -> str:
-    """Why CHOLMOD cannot be called directly here; empty if it can.
+    """The reason why CHOLMOD cannot be called directly; empty if it can.
 
     The declared structures are tested on a small matrix: the factor must reproduce A, and a solve
     its inverse.

@@ -48,7 +48,9 @@ log = logging.getLogger(__name__)
 
 
 class Factored(Protocol):
-    """The part of `Structure` that is needed here: matrices, communicator, factor of K + sM."""
+    """Protocol of the part of `Structure` that compliances need: K, M, communicator, factor of K +
+    sM.
+    """
 
     K: Matrix
     M: Matrix
@@ -85,7 +87,7 @@ def deflections(
 
 
 def _room(structure: Factored) -> bool:
-    """Whether memory holds the additional factors; warns if it does not."""
+    """Whether memory suffices for the additional factors; warns if not."""
     solver = structure.factorize()
     comm = structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
@@ -103,7 +105,7 @@ def _room(structure: Factored) -> bool:
 
 
 def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> tuple[Array, Array]:
-    """bᵀ(K + sM)⁻¹b of every load for the structure's shift s, and for s + `step`.
+    """bᵀ(K + sM)⁻¹b (loads,) of every load b: for the structure's shift s, and for s + `step`.
 
     On several ranks each of the two is computed on its own rank, with a factor of the whole matrix.
     """
@@ -116,15 +118,15 @@ def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> 
         return first, compliances(Cholesky(A, permutation=solver.cholesky.permutation), loads)
     whole = scipy.sparse.vstack(comm.allgather(loads))
     matrices = gathered(solver.A, 0), gathered(sum_of(*stiffer), 1)
-    found, error = None, None
+    values, error = None, None
     try:
         for A in matrices:
             if A is not None:
-                found = compliances(Cholesky(A, structure.K.getBlockSize()), whole)
+                values = compliances(Cholesky(A, structure.K.getBlockSize()), whole)
     except Exception as caught:  # the other ranks must not wait for this one
         error = caught
     agree(comm, error)
-    return comm.bcast(found, root=0), comm.bcast(found, root=1)
+    return comm.bcast(values, root=0), comm.bcast(values, root=1)
 
 
 def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
@@ -158,7 +160,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     # columns in postorder: neighbours in the tree follow one another
     first = np.array([position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in used], int)
     order = used[np.argsort(first, kind="stable")]
-    found = np.zeros(B.shape[1])
+    result = np.zeros(B.shape[1])
     W = np.zeros((len(position), LOADS_PER_WALK))
     with counting("sites of the map", len(order)) as ready:
         for start in range(0, len(order), LOADS_PER_WALK):
@@ -177,15 +179,15 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
                     d = min(c + PANEL, width)
                     z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
                     z[d:] -= block[d:, c:d] @ z[c:d]
-                found[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
+                result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
                 Z[among[width:]] = z[width:]
                 Z[L.start[s] : L.start[s + 1]] = 0.0
             ready(min(start + LOADS_PER_WALK, len(order)))
-    return found
+    return result
 
 
 def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArray) -> IntArray:
-    """Parent of each supernode, which holds its first row below; -1: the root of the tree."""
+    """Parent (supernodes,) of each supernode in the elimination tree; -1 for a root."""
     below = np.diff(row) > columns
     parent = np.full(len(columns), -1)
     parent[below] = supernode[rows[(row[:-1] + columns)[below]]]
@@ -193,7 +195,7 @@ def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArr
 
 
 def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:
-    """The supernodes `supernodes` and all their ancestors, children first."""
+    """The given supernodes and all their ancestors, children before parents."""
     seen: set[int] = set()
     for leaf in supernodes:
         s = int(leaf)

@@ -29,13 +29,16 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class Products:
-    """What products of two levels take for each entry of A, or that A would have.
+    """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds.
 
-    row : entries of a row. bytes : of the levels and, where products are taken from the cells, of
-        what these keep. aggregated : the same where the coarse level is not factored, with the
-        products while they are made. seconds : of an iteration. set_up : seconds of the set-up,
-        beside the factor of the coarse level. finer : entries of a factor of quadratic elements
-        over those of linear ones on the same cells.
+    row : entries in a row of A.
+    bytes : of the levels and, for products by cells, of the data of the cells.
+    aggregated : bytes where the coarse level is not factored, with its products while they are
+        made.
+    seconds : of an iteration.
+    set_up : seconds of the set-up, beside the factor of the coarse level.
+    finer : entries of the factor for quadratic elements over those for linear ones on the same
+        cells.
     """
 
     row: float
@@ -58,7 +61,7 @@ HEXAHEDRA = Products(180.0, 4.0, 5.0, 4e-9, set_up=6e-8, finer=11.0)
 
 @dataclass(frozen=True)
 class Cost:
-    """Bytes beside the structure's own, and seconds of one core where these are known."""
+    """Forecast of a solver: bytes beside the structure's own, and seconds of one core if known."""
 
     bytes: float
     seconds: float | None = None
@@ -69,12 +72,16 @@ class Cost:
 
 
 def of_factor(entries: float, columns: float) -> Cost:
-    """A factor with so many entries, and a model with `columns` right-hand sides at once."""
+    """Cost of a factor with `entries` entries and of a model with `columns` right-hand sides at
+    once.
+    """
     return Cost(BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
-    """Seconds of a factor, and of a model with `columns` right-hand sides at once."""
+    """Seconds for a factor of `entries` entries and a model with `columns` right-hand sides at
+    once.
+    """
     return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
 
 
@@ -89,11 +96,11 @@ def _factored(entries: float) -> float:
 
 @dataclass(frozen=True)
 class LevelSizes:
-    """Sizes of a two-level solver.
+    """Numbers of entries from which the cost of a two-level solver follows.
 
     stored : entries of A; for products by cells those that A would have.
-    factor : entries of the factor of A, from which those of the coarse factor follow; 0: the
-        coarse level is not factored.
+    factor : entries of the factor of A, from which those of the coarse factor follow; 0: the coarse
+        level is not factored.
     """
 
     stored: float
@@ -114,16 +121,16 @@ class LevelSizes:
 
     @property
     def set_up(self) -> float:
-        """Seconds of the set-up."""
+        """Seconds of the set-up of the levels."""
         return self.products.set_up * self.stored + _factored(self.coarse)
 
     @property
     def iteration(self) -> float:
-        """Seconds of an iteration."""
+        """Seconds of one iteration."""
         return self.products.seconds * self.stored + COARSE * self.coarse
 
     def cost(self, iterations: float, columns: float) -> Cost:
-        """Memory and time of a model whose solves take so many iterations."""
+        """Cost of a model whose solves take `iterations` iterations each."""
         solves = SOLVES * columns * iterations * self.iteration
         return Cost(self.bytes, self.set_up + solves)
 

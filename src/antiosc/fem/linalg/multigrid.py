@@ -48,11 +48,11 @@ BACKWARD_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Levels:
-    """The data of a part for a multigrid.
+    """Functions that give the data of a part for a multigrid.
 
-    motions : gives its rigid-body motions (rows of this rank, r).
-    coarser : gives P, the fine dofs of the coarse ones, fixed ones zero; None where no coarse
-        space is known.
+    motions : its rigid-body motions (rows of this rank, r).
+    coarser : the interpolation P from the coarse dofs to the fine ones, with zero rows for fixed
+        dofs; None if no coarse space is known.
     """
 
     motions: Callable[[], Array]
@@ -109,8 +109,8 @@ class Multigrid(PetscSolver):
     @property
     def told(self) -> str:
         """Name of the solver, the error at which its solves end, and the forecast."""
-        told = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
-        return told if self.cost is None else f"{told}; {self.cost}"
+        text = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
+        return text if self.cost is None else f"{text}; {self.cost}"
 
     def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
         if motions is not None:
@@ -154,14 +154,14 @@ class Multigrid(PetscSolver):
 
     def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
         super()._solve_vector(r, x)
-        found = self._ksp.computeEigenvalues().real
-        if found.min(initial=np.inf) > 0.0:
-            spread = found.max() / found.min()
+        eigenvalues = self._ksp.computeEigenvalues().real
+        if eigenvalues.min(initial=np.inf) > 0.0:
+            spread = eigenvalues.max() / eigenvalues.min()
             self.error = max(self.error, self._ksp.rtol * float(np.sqrt(spread)))
 
 
 def know(A: PETSc.Mat, motions: Array) -> None:
-    """Give PETSc's multigrid the near null space of A: the motions, orthonormalised."""
+    """Set the orthonormalised motions (rows of this rank, r) as PETSc's near null space of A."""
     basis: list[PETSc.Vec] = []
     for column in motions.T:
         x = A.createVecRight()

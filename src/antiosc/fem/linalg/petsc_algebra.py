@@ -65,11 +65,11 @@ class CellProduct:
         return np.asarray(blocks[rows, rows % blocks.shape[1]])
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """The product as PETSc asks for it."""
+        """Set y to the product with x (PETSc's interface of python matrices)."""
         y.setArray(self(x.array_r))
 
     def getDiagonal(self, _: PETSc.Mat, d: PETSc.Vec) -> None:
-        """The diagonal as PETSc asks for it."""
+        """Set d to the diagonal (PETSc's interface of python matrices)."""
         d.setArray(self.diagonal)
 
 
@@ -93,7 +93,7 @@ def of_cells(cells: Cells, k: float, m: float) -> PETSc.Mat:
 
 
 def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The matrix itself; a cell-by-cell one is assembled."""
+    """The matrix with stored entries: itself, or assembled if it is multiplied cell by cell."""
     if not by_cells(matrix):
         return matrix
     product = matrix.getAttr(CELLS)
@@ -103,7 +103,7 @@ def with_entries(matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def empty(rows: int, comm: MPI.Comm) -> PETSc.Mat:
-    """A square matrix without entries, which takes some; `rows` of this rank."""
+    """A square PETSc matrix without entries, to which entries can be added; `rows` on this rank."""
     result = PETSc.Mat().createAIJ(((rows, None), (rows, None)), nnz=0, comm=comm)
     result.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
     result.assemble()
@@ -111,12 +111,16 @@ def empty(rows: int, comm: MPI.Comm) -> PETSc.Mat:
     return result
 
 
-def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
+def from_csr(name: str, matrix: scipy.sparse.csr_matrix) -> PETSc.Mat:
     """A one-rank PETSc matrix from a SciPy matrix with sorted entries."""
-    if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:
-        raise InputError(f"{name} has {own.nnz} entries, more than this PETSc's integers count.")
-    arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
-    result = PETSc.Mat().createAIJ(own.shape, csr=arrays, comm=PETSc.COMM_SELF)
+    if max(matrix.shape[0], matrix.nnz) > np.iinfo(PETSc.IntType).max:
+        raise InputError(f"{name} has {matrix.nnz} entries, more than this PETSc's integers count.")
+    arrays = (
+        matrix.indptr.astype(PETSc.IntType),
+        matrix.indices.astype(PETSc.IntType),
+        matrix.data,
+    )
+    result = PETSc.Mat().createAIJ(matrix.shape, csr=arrays, comm=PETSc.COMM_SELF)
     result.assemble()
     return result
 
@@ -139,7 +143,7 @@ def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
 
 
 def declare_definite(matrix: PETSc.Mat) -> None:
-    """Tell PETSc that the matrix is symmetric and positive definite."""
+    """Mark the matrix for PETSc as symmetric and positive definite."""
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     matrix.setOption(PETSc.Mat.Option.SPD, True)
 
@@ -227,10 +231,10 @@ def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole of a distributed matrix as a SciPy matrix on rank `root`; None elsewhere."""
     comm = matrix.getComm().tompi4py()
-    own = [np.ascontiguousarray(part) for part in with_entries(matrix).getValuesCSR()]
-    own[0] = np.diff(own[0])  # entries of each row
+    arrays = [np.ascontiguousarray(part) for part in with_entries(matrix).getValuesCSR()]
+    arrays[0] = np.diff(arrays[0])  # entries of each row
     parts = []
-    for part in own:
+    for part in arrays:
         counts = comm.gather(len(part), root=root)
         whole = np.empty(sum(counts or ()), part.dtype)
         comm.Gatherv(part, (whole, counts), root=root)
@@ -278,7 +282,7 @@ _shared: list[tuple[weakref.ref[PETSc.Object], PETSc.IS]] = []
 
 
 def watch(made: PETSc.Object) -> None:
-    """Register `made`: its memory is freed when it is dropped, with that of all dropped before."""
+    """Register a PETSc object, so that its memory is freed after its last use (see `free`)."""
     holder = PETSc.IS().createGeneral([], comm=made.getComm())
     if holder.getComm().getSize() == 1:
         weakref.finalize(made, _free, holder).atexit = False
@@ -299,7 +303,9 @@ def free(comm: MPI.Comm) -> None:
 
 
 def becomes(made: PETSc.Mat | PETSc.PC, plain: str) -> None:
-    """Turn a python-type PETSc object into type `plain` at exit: PETSc destroys it after Python."""
+    """Set the type of a python-type PETSc object to `plain` at exit, since PETSc ends after
+    Python.
+    """
     weakref.finalize(made, _become, weakref.ref(made), plain)
 
 

@@ -98,16 +98,18 @@ class Solver(ABC):
 
     @contextmanager
     def accurately(self) -> Iterator[None]:
-        """Context for the solves of an eigenproblem, whose errors are in the shapes."""
+        """Context in which solves are as accurate as an eigenproblem needs, whose errors are in the
+        shapes.
+        """
         yield
 
     @property
     def told(self) -> str:
-        """Name of the solver with its forecast, for messages."""
+        """Name of the solver, with its forecast, as text for messages."""
         return "factor" if self.cost is None else f"factor; {self.cost}"
 
     def force_sizes(self, R: Array) -> Array:
-        """Norms of loads (columns) in which residuals are measured."""
+        """Norms (k,) of loads R (rows, k), relative to which residuals are measured."""
         return norms(self.comm, R)
 
 

@@ -167,7 +167,9 @@ class Refined(Solver):
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r): in the Euclidean norm rounding of x alone would make the residual large."""
+        """√(rᵀA⁻¹r) of each load r: in the Euclidean norm, rounding of x alone would fail the
+        check.
+        """
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:
@@ -193,7 +195,7 @@ class Substructures(Factorization):
         A, comm = self.A, self.comm
         first, last = A.getOwnershipRange()
         pointers, columns, values = A.getValuesCSR()
-        own = scipy.sparse.csr_matrix(
+        local = scipy.sparse.csr_matrix(
             (values, columns, pointers), shape=(last - first, A.getSize()[0])
         )
         # places in Γ of the rows of this rank in it, and those rows
@@ -202,15 +204,15 @@ class Substructures(Factorization):
         within = np.ones(last - first, dtype=bool)
         within[self._mine] = False
         self._inner = np.flatnonzero(within)
-        whole = self._between(own[self._mine])
+        whole = self._between(local[self._mine])
         # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
         # come before the diagonal.
-        rows = own[self._inner]
-        del pointers, columns, values, own
+        rows = local[self._inner]
+        del pointers, columns, values, local
         position = np.full(A.getSize()[0], -1, dtype=np.int32)
         position[self._interface] = np.arange(len(self._interface))
-        met = position[rows.indices]
-        self._met = np.unique(met[met >= 0])
+        touched = position[rows.indices]
+        self._met = np.unique(touched[touched >= 0])
         count = len(self._met)
         position[self._interface[self._met]] = np.arange(count)
         position[first + self._inner] = count + np.arange(len(self._inner))
@@ -248,18 +250,18 @@ class Substructures(Factorization):
             raise NotConvergedError(SINGULAR.format(caught)) from caught
 
     def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-        """A_ΓΓ on all ranks, summed from the rows of the interface Γ on each."""
+        """A_ΓΓ on every rank, from the rows of the interface Γ that each rank holds."""
         part = rows[:, self._interface].tocoo()
-        found = self.comm.allgather((self._at[part.row], part.col, part.data))
-        row, column, value = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        of_ranks = self.comm.allgather((self._at[part.row], part.col, part.data))
+        row, column, value = (np.concatenate(parts) for parts in zip(*of_ranks, strict=True))
         n = len(self._interface)
         return scipy.sparse.csr_matrix((value, (row, column)), shape=(n, n))
 
     @property
     def entries(self) -> float:
         """Number of entries of the factors of all ranks and of the interface."""
-        own = self._factor.supernodes.values.size if len(self._inner) else 0
-        return float(self.comm.allreduce(own) + len(self._interface) ** 2)
+        local = self._factor.supernodes.values.size if len(self._inner) else 0
+        return float(self.comm.allreduce(local) + len(self._interface) ** 2)
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows of this rank, k)."""
@@ -305,7 +307,7 @@ def _square(L: Array) -> Array:
 
 
 def interface(A: PETSc.Mat) -> IntArray:
-    """Global rows of whole nodes that separate the rows of different ranks."""
+    """Global rows of the nodes that separate the rows of different ranks."""
     comm = A.getComm().tompi4py()
     block = A.getBlockSize()
     first, last = A.getOwnershipRange()
@@ -313,11 +315,11 @@ def interface(A: PETSc.Mat) -> IntArray:
     away = np.flatnonzero((columns < first) | (columns >= last))
     rows = first + np.searchsorted(pointers, away, side="right") - 1
     pairs = np.unique(np.column_stack([rows, columns[away]]) // block, axis=0)
-    found = comm.gather(pairs)
+    of_ranks = comm.gather(pairs)
     starts = np.array(comm.allgather(first)) // block
 
     def cut() -> IntArray:
-        both = np.vstack(found)
+        both = np.vstack(of_ranks)
         return _cut(both[both[:, 0] < both[:, 1]], starts)
 
     nodes = on_root(comm, cut)
@@ -325,16 +327,17 @@ def interface(A: PETSc.Mat) -> IntArray:
 
 
 def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
-    """Nodes that cover every pair of coupled nodes of two ranks, the smallest number for each two
-    ranks."""
+    """A set of nodes that contains a node of every pair coupled across ranks, least for each two
+    ranks.
+    """
     owners = np.searchsorted(starts, pairs, side="right") - 1
-    taken = np.zeros(0, dtype=int)
+    chosen = np.zeros(0, dtype=int)
     for ranks in np.unique(owners, axis=0):
         some = pairs[(owners == ranks).all(axis=1)]
-        some = some[~np.isin(some, taken).any(axis=1)]
+        some = some[~np.isin(some, chosen).any(axis=1)]
         if len(some):
-            taken = np.union1d(taken, _cover(some))
-    return taken
+            chosen = np.union1d(chosen, _cover(some))
+    return chosen
 
 
 def _cover(pairs: IntArray) -> IntArray:
@@ -416,8 +419,8 @@ class Distributed(PetscSolver, Factorization):
     @property
     def entries(self) -> float:
         """Number of entries of the factor on all ranks."""
-        told = self._ksp.getPC().getFactorMatrix().getMumpsInfog(29)
-        return float(told if told >= 0 else -1e6 * told)  # large ones in millions, negative
+        count = self._ksp.getPC().getFactorMatrix().getMumpsInfog(29)
+        return float(count if count >= 0 else -1e6 * count)  # large ones in millions, negative
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
@@ -524,7 +527,9 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
 def _faster(
     A: PETSc.Mat, plan: Plan, entries: float, levels: Levels, columns: float
 ) -> Multigrid | None:
-    """Two levels if they take less time than a factor with so many entries, by a trial solve."""
+    """A two-level solver if a trial solve shows that it takes less time than the factor; otherwise
+    None.
+    """
     sizes = sizes_of(A, entries)
     most = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
     if most < FEWEST or levels.coarser() is None:
@@ -539,21 +544,23 @@ def _faster(
 
 
 def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
-    """Text of the cost of a factor of A, and whether two levels may replace it."""
+    """The forecast for a factor of A as text, and whether two levels may replace it."""
     entries = Plan(A).entries
     if not entries:
         return "not forecast"
     cost = of_factor(entries, 1.0)
-    told = f"{entries:.3g} entries, {cost}"
+    text = f"{entries:.3g} entries, {cost}"
     sizes = sizes_of(A, entries)
     most = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
     if A.getSize()[0] < LARGE or most < FEWEST or coarser() is None:
-        return told
-    return f"{told}; two levels instead if a trial solve takes at most {most} iterations"
+        return text
+    return f"{text}; two levels instead if a trial solve takes at most {most} iterations"
 
 
 def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multigrid:
-    """The iterative solver, or OutOfMemoryError before its matrices are made.
+    """The iterative solver; OutOfMemoryError before its matrices are made.
+
+    `plan`: the forecast of the factor; a `PlanByLinear` already has the matrix of the coarse level.
 
     `plan`: of the factor; that of linear elements has the coarse level.
     """
@@ -595,18 +602,18 @@ def preconditioner(A: PETSc.Mat, analysis: Analysis | None = None) -> Callable[[
 
 
 def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
-    """The sizes of two levels of A, from the entries of its factor."""
+    """Sizes of a two-level solver of A whose factor would have `factor` entries."""
     return LevelSizes(stored(A), products_of(A), factor)
 
 
 def products_of(A: PETSc.Mat) -> Products:
-    """Cost of products with A: from its entries, or cell by cell."""
-    found: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
-    return found
+    """Cost of products with A per entry: by stored entries, or cell by cell."""
+    cost: Products = A.getAttr(CELLS).cells.products if by_cells(A) else ENTRIES
+    return cost
 
 
 def stored(A: PETSc.Mat) -> float:
-    """Number of entries of A on all ranks; of a cell-by-cell matrix those it would have."""
+    """Number of entries of A on all ranks; for a cell-by-cell matrix, of the assembled one."""
     if by_cells(A):
         return products_of(A).row * float(A.getSize()[0])
     return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
@@ -634,7 +641,9 @@ class Plan:
         return forecast(self.A)
 
     def taken(self) -> Analysis | None:
-        """The analysis of A on one rank; to be called once, since a factor consumes it."""
+        """The symbolic analysis of A, handed over: call once, since a factor consumes it; None
+        without one.
+        """
         analysis, self._analysis = self._analysis, None
         return analysis
 
@@ -644,9 +653,10 @@ class Plan:
 
 
 class PlanByLinear(Plan):
-    """Forecast for the factor of quadratic elements, from that of linear ones on the same cells.
+    """Forecast for the factor of quadratic elements from the analysis of linear ones on the same
+    cells.
 
-    Its analysis takes a tenth of the memory.
+    This analysis takes a tenth of the memory.
     """
 
     def __init__(self, A: PETSc.Mat, coarser: PETSc.Mat) -> None:

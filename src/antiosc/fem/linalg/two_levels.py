@@ -123,11 +123,13 @@ class Cycle:
         self._P.multTranspose(self._fine, self._load)
         self._load.setArray(self._coarse(self._load.array_r))
         self._P.mult(self._load, self._fine)
-        found = before + self._fine.array_r
-        y.setArray(found + self._smoothed(load - multiply(self._A, found)))
+        corrected = before + self._fine.array_r
+        y.setArray(corrected + self._smoothed(load - multiply(self._A, corrected)))
 
     def _smoothed(self, load: Array) -> Array:
-        """Chebyshev's iteration applied to a load, in the precision of the fine level."""
+        """Approximation of A⁻¹ load by Chebyshev's iteration, in the precision of the fine
+        level.
+        """
         rest: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
         rho = 1 / sigma
@@ -182,7 +184,7 @@ TOUCHED = 0.01
 
 
 def vertices(P: PETSc.Mat) -> BoolArray:
-    """Mask: rows of P (of this rank) that belong to coarse nodes."""
+    """Mask of the rows of P on this rank that belong to nodes of the coarse mesh."""
     pointers, _, values = P.getValuesCSR()
     rows = np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     result = np.zeros(len(pointers) - 1, dtype=bool)
@@ -191,7 +193,9 @@ def vertices(P: PETSc.Mat) -> BoolArray:
 
 
 def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
-    """Values at the coarse dofs of motions of the fine dofs (rows of this rank, r)."""
+    """Values (coarse rows, r) at the coarse dofs of motions (rows of this rank, r) of the fine
+    dofs.
+    """
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
     at = vertices(P)
@@ -203,8 +207,8 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
 
 
 def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
-    """P, changed in place, without the columns of coarse dofs that move fixed ones (mask, this
-    rank).
+    """P, changed in place, with zeros for fixed fine dofs (mask) and for coarse dofs that would
+    move them.
     """
     coarse, fine = P.createVecs()
     fine.setArray(np.where(fixed, 1.0, 0.0))
@@ -216,7 +220,7 @@ def without(P: PETSc.Mat, fixed: BoolArray) -> PETSc.Mat:
 
 
 def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
-    """PᵀAP, with 1 on the diagonal where a column of P is empty."""
+    """The coarse matrix PᵀAP, with 1 on the diagonal where a column of P is empty."""
     product = A.getAttr(CELLS)
     coarse = product.cells.coarse(product.k, product.m, P) if by_cells(A) else A.ptap(P)
     watch(coarse)
@@ -225,6 +229,6 @@ def coarse_of(A: PETSc.Mat, P: PETSc.Mat) -> PETSc.Mat:
     ones.set(1.0)
     P.multTranspose(ones, sums)
     first, _ = coarse.getOwnershipRange()
-    held = first + np.flatnonzero(sums.array_r == 0.0)
-    coarse.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+    empty_columns = first + np.flatnonzero(sums.array_r == 0.0)
+    coarse.zeroRowsColumns(empty_columns.astype(PETSc.IntType), diag=1.0)
     return coarse

@@ -80,7 +80,7 @@ def clamped(xi: Array, simplex: bool) -> Array:
 
 
 def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
-    """Pairs (number of item, number of point) with |centre of item − point| <= reach of item."""
+    """Pairs (item, point) of numbers with |centre of item − point| <= reach of item: two arrays."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
     low = points.min(axis=0)
@@ -180,8 +180,8 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
 
 
 def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
-    """(cell, reference coordinates, distance) of points inside cells of this rank; distance inf for
-    others.
+    """(cell, reference coordinates, distance) of points in cells of this rank; distance inf
+    elsewhere.
 
     If several cells share a point, the first is taken.
     """

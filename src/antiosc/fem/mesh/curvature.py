@@ -207,8 +207,10 @@ def curvature(
 
 
 def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) -> Patch:
-    """Faces of all ranks no farther from the point than the nearest one plus `reach` [m], or plus
-    `wide` radii of the faces there if that is more.
+    """The faces of all ranks near a point.
+
+    They are no farther from it than the nearest face plus `reach` [m], or plus `wide` radii of the
+    faces there if that is more.
     """
     comm = faces.mesh.comm
     away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
@@ -355,8 +357,11 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
 
 
 def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
-    """(quadratic interpolation of tensors (n, 2, 2) at offsets `way` (n, 3) from the point, its
-    error [1/m]); `linear`: the linear interpolation.
+    """(quadratic interpolation (2, 2) at a point of tensors (n, 2, 2) at offsets `way` (n, 3),
+    error [1/m]).
+
+    The error comes from `linear`, the linear interpolation (2, 2), which is returned for few
+    points.
     """
     u, v = basis @ way.T / np.abs(way).max()
     rows = polyvander2d(u, v, [2, 2])[:, [0, 1, 2, 3, 4, 6]]
@@ -371,7 +376,7 @@ def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[A
 
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
-    """(principal curvatures with insignificant ones set to zero, kind of surface)."""
+    """(principal curvatures, with zeros for those within `error` of zero; kind of surface)."""
     bend = float(np.abs(values).max())
     if bend == 0.0:
         return values, PLANE
@@ -380,7 +385,9 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
 
 
 def _turns(starts: Array, end: Array) -> Array:
-    """The smallest rotations (n, 3, 3) of unit vectors `starts` onto `end`, opposite to none."""
+    """The smallest rotations (n, 3, 3) that move unit vectors `starts` onto `end`, none of them
+    opposite.
+    """
     cross = np.cross(np.eye(3), np.cross(starts, end)[:, None])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1 + starts @ end)[:, None, None])
 
@@ -464,9 +471,7 @@ def _in_one_plane(nodes: Array, normal: Array) -> bool:
 
 
 def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
-    """Whether the nodes within some smaller radius are coplanar, as on a flat beside a rounded
-    edge.
-    """
+    """Whether nodes within some smaller radius are coplanar, as on a flat beside a rounded edge."""
     while True:
         radius /= OTHER
         fit = _fit(nodes, normal, radius)
@@ -492,7 +497,9 @@ def _spread(fit: SurfaceFit, smaller: SurfaceFit | None, larger: SurfaceFit | No
 
 
 def _cut_off(fit: SurfaceFit, share: float) -> float:
-    """Truncation error [1/m] of a fit within `share` radii of curvature, if it were to a circle."""
+    """Truncation error [1/m] of a fit to a circle whose radius of fit is `share` radii of
+    curvature.
+    """
     relative = CUT_OFF[1] * share**4 if fit.degree == 4 else CUT_OFF[0] * share**2
     return relative * float(np.abs(fit.values).max())
 
@@ -531,16 +538,18 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
         residuals = weight * (w - rows @ c)
         variance = float(residuals @ residuals) / max(len(near) - len(c), 1)
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
-        second_order = [number[each] for each in ((2, 0), (1, 1), (0, 2))]
+        second_order = [number[power] for power in ((2, 0), (1, 1), (0, 2))]
         spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
-        a, b, cuu, cuv, cvv = (c[number[each]] for each in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))
+        a, b, cuu, cuv, cvv = (
+            c[number[power]] for power in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+        )
         first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
         slope = np.sqrt(1 + a * a + b * b)
         bend = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
         values, vectors = eigh(bend, first)
         tangents = basis + np.outer([a, b], normal)
         up = (normal - a * basis[0] - b * basis[1]) / slope
-        plane = rows[:, [number[each] for each in ((0, 0), (1, 0), (0, 1))]]
+        plane = rows[:, [number[power] for power in ((0, 0), (1, 0), (0, 1))]]
         level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
         flat = bool(np.abs(w - level).max() <= ON_PLANE)
         return SurfaceFit(
@@ -553,7 +562,7 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
 
 
 def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
-    """The curvature with the length and the middle of the line along which the surface is
+    """The curvature, completed by length and middle of the line along which the surface is
     straight.
     """
     along = curvature.directions[int(np.argmin(np.abs(curvature.values)))]
@@ -579,7 +588,9 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
 
 
 def _end(there: Callable[[Array], BoolArray], size: float) -> float:
-    """Distance [m] along a line at which the surface ends, up to `size`."""
+    """Distance [m] along a line at which the surface ends, at most `size`; `there` is a mask of
+    distances at which it exists.
+    """
     inside = 0.0
     outside = size
     for _ in range(1 + CLOSER):
@@ -593,8 +604,8 @@ def _end(there: Callable[[Array], BoolArray], size: float) -> float:
 def _around(
     curvature: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
 ) -> Curvature:
-    """Length and middle of a curved line, followed step by step along its crest, as the top of a
-    torus.
+    """The curvature with length and middle of a curved crest, such as the top of a torus, in
+    steps.
     """
     length = 0.0
     step = STEP * radius

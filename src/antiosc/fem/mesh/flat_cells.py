@@ -19,7 +19,8 @@ MOST = 1e-3
 
 
 def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
-    """The mesh without those of its `flat` cells that lie at the surface, with a sentence on them.
+    """The mesh without its `flat` cells at the surface, and with a sentence that tells their
+    number.
 
     A flat cell inside the part stays: without it the mesh would be cracked there.
     """
@@ -54,7 +55,7 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
 
 
 def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: IntArray) -> None:
-    """Replace the outer faces (n, 3) of a cell by its inner ones in the groups of faces."""
+    """Replace the outer faces (n, 3) of a removed cell by its inner faces in the groups."""
     gone = keys(outer)
     for parts in groups.values():
         if 2 in parts:

@@ -80,12 +80,12 @@ def read(
 def _groups(
     opened: dolfinx.io.XDMFFile, mesh: dolfinx.mesh.Mesh, tags: list[tuple[str, int]]
 ) -> dict[str, tuple[MeshTags, int]]:
-    found: dict[str, tuple[MeshTags, int]] = {}
+    groups: dict[str, tuple[MeshTags, int]] = {}
     dim = mesh.topology.dim
     for name, at in tags:
         mesh.topology.create_connectivity(at, dim)
-        own = opened.read_meshtags(mesh, name=name)
-        values = compat.communicator(mesh).allgather(np.unique(own.values))
+        mesh_tags = opened.read_meshtags(mesh, name=name)
+        values = compat.communicator(mesh).allgather(np.unique(mesh_tags.values))
         for value in np.unique(np.concatenate(values)).tolist():
-            found[f"{name} {value}"] = own, value
-    return found
+            groups[f"{name} {value}"] = mesh_tags, value
+    return groups

@@ -288,17 +288,17 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
             )
         tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
-        found = compat.communicator(mesh).allreduce(len(entities))
-        if not found:
+        count = compat.communicator(mesh).allreduce(len(entities))
+        if not count:
             raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
         named[name] = {int(tags.dim): entities.astype(np.int32)}
     error = None
     if compat.coordinate_map(mesh).degree > 2:
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
     agree(compat.communicator(mesh), error)
-    found = Mesh(mesh, named, "the dolfinx mesh")
-    refuse_degenerate(found)
-    return found
+    count = Mesh(mesh, named, "the dolfinx mesh")
+    refuse_degenerate(count)
+    return count
 
 
 #: number of lengths -> (name, gmsh script, {group: entities of the side})

@@ -53,7 +53,7 @@ def repeated(cells: IntArray) -> IntArray:
 
 
 def crowded(cells: IntArray, kind: CellKind) -> IntArray:
-    """Numbers of space-filling cells (n, vertices) that share a facet with several other cells."""
+    """Numbers of cells (n, vertices) with a facet that three or more cells share."""
     facets, owner = _facets(cells, kind)
     _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
     return np.unique(owner[count[label.reshape(-1)] > 2])
@@ -70,7 +70,7 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
-    """Numbers of cells (n, nodes) with a mid-side node that does not fit those of other cells.
+    """Numbers of cells (n, nodes) with a mid-side node that contradicts other cells.
 
     On one side, cells have different mid-side nodes; one node lies in two sides; or it is a corner
     of a cell. `between`: (vertices of an edge, face or cell, node inside it).
@@ -103,7 +103,7 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     a, b = (_beyond(points, facets[first], cells[owner[k]]) for k in (first, second))
     folded = owner[first][a * b > 0]
     askew = _inner_points(points, facets[outer])
-    found = [folded]
+    numbers = [folded]
     for simplex in _SIMPLICES.get(kind.shape, [tuple(range(kind.vertices))]):
         corners = points[cells[:, list(simplex)]]
         for at, cell in _near(askew, corners):
@@ -111,12 +111,12 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
             at = at[other]
             cell = cell[other]
             inside = _barycentric(corners[cell], askew[at])[0].min(axis=1) > INSIDE_FACE
-            found.append(owner[outer[at[inside]]])
-    return np.unique(np.concatenate(found))
+            numbers.append(owner[outer[at[inside]]])
+    return np.unique(np.concatenate(numbers))
 
 
 def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Nodes that lie on a side without being its vertex, as at cracks and hanging nodes.
+    """Nodes that lie on a side of a cell without being its vertex, as at cracks and hanging nodes.
 
     For cells (n, vertices) that fill their space: outer nodes on outer facets. For sheets and
     lines: nodes at free edges and ends on cells.
@@ -155,7 +155,7 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
-    """Number (n,) whose sign tells on which side of each facet its cell lies."""
+    """Signed number (n,) for each facet and cell: its sign is the side on which the cell lies."""
     x = points[facets]
     if points.shape[1] == 2:
         along = x[:, 1] - x[:, 0]
@@ -166,7 +166,7 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
 
 
 def _inner_points(points: Array, rows: IntArray) -> Array:
-    """A point inside each cell or face that is on no line of symmetry."""
+    """A point inside each cell or face that lies on none of its lines of symmetry."""
     weights = np.array(_ASKEW[rows.shape[1]])
     return np.einsum("k,nki->ni", weights, points[rows])
 
@@ -206,7 +206,9 @@ def _unit_normals(corners: Array) -> Array:
 
 
 def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
-    """Blocks of pairs (point, simplex) whose point lies in the ball around the simplex."""
+    """Yield blocks of pairs (point, simplex) in which the point lies in the ball around the
+    simplex.
+    """
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1) * (1 + ON)
     if not len(x) or not len(radii):
@@ -388,7 +390,7 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
 
 
 def _tell_cracks(raw: RawMesh, vertices: IntArray, name: str) -> None:
-    """Warn of cracks and hanging nodes."""
+    """Warn of cracks and hanging nodes of the mesh."""
     loose = unjoined(raw.points, vertices, raw.kind)
     if len(loose):
         warn(

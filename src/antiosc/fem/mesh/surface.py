@@ -319,8 +319,8 @@ class Faces(Entities):
         )
 
     def _feet(self, points: Array, radii: Array) -> tuple[IntArray, IntArray, Array, Array]:
-        """(face, point, unit normal, distance) of the nearest place of each face of this rank near
-        each point.
+        """(face, point, unit normal, distance) of the nearest place on each face of this rank, for
+        near points.
         """
         face, point = near(self.centres, self.radii + radii.max(initial=0.0), points)
         xi = projected(
@@ -376,7 +376,7 @@ class Faces(Entities):
         return face, xi, distance
 
     def _on_plane(self, face: IntArray, points: Array, normals: Array) -> Array:
-        """ξ (n, d) of points projected along normals on the tangent planes of faces.
+        """ξ (n, d) of points projected along normals onto the tangent planes of faces.
 
         For a straight side of a plane part, the normals lie in the plane of the part.
         """
@@ -401,7 +401,7 @@ class Faces(Entities):
 
     @cached_property
     def bend(self) -> Array:
-        """Largest distance (F,) of each face from the tangent plane at its middle, over its
+        """Largest distance (F,) of a face from the tangent plane at its middle, relative to its
         size.
         """
         all_faces = np.arange(len(self.facets))
@@ -456,7 +456,7 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
         (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
     )
     every = mesh.comm.allgather(candidate)
-    _, point, direction = min(every, key=lambda one: one[0])
+    _, point, direction = min(every, key=lambda entry: entry[0])
     return np.asarray(point), np.asarray(direction)
 
 
@@ -466,12 +466,12 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _nonzero(values: Array) -> Array:
-    """The divisors with 0 replaced by a tiny number, so that the quotient is very large."""
+    """The divisors, with a tiny number instead of 0."""
     return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
 
 
 def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
-    """Smallest value (count,) at each site over all ranks; inf if there is none."""
+    """Smallest value (count,) of each site over all ranks; inf for a site without values."""
     least = np.full(count, np.inf)
     result = np.empty(count)
     np.minimum.at(least, site, values)
@@ -480,7 +480,7 @@ def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
 
 
 def _mean(comm: MPI.Comm, vectors: Array, site: IntArray, count: int) -> Array:
-    """Unit vector (count, 3) of the mean of each site's vectors, over all ranks."""
+    """Unit vectors (count, 3) along the mean of the vectors of each site, over all ranks."""
     total = np.zeros((count, 3))
     np.add.at(total, site, vectors)
     total = np.asarray(comm.allreduce(total))

@@ -47,7 +47,7 @@ _together: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 
 
 def number(made: object, serial: int) -> None:
-    """Register `made` as the `serial`-th object that all ranks made together."""
+    """Register `made` as number `serial` of the objects that all ranks made together."""
     for k, item in enumerate(made if isinstance(made, list) else [made]):
         if type(item).__hash__ is object.__hash__ and type(item).__module__.startswith("antiosc"):
             _together[item] = serial + k
@@ -184,7 +184,7 @@ def _of_object(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
 
 
 def _counts(value: object) -> bool:
-    """Whether a value in a closure or a foreign object must be the same on all ranks.
+    """Whether a value in a closure or a foreign object is compared between the ranks.
 
     Counters, caches, open files and the parts of a rank need not be.
     """
@@ -355,7 +355,9 @@ def _public(name: str) -> str:
 def _given(
     signature: inspect.Signature, args: Iterable[object], kwargs: Mapping[str, object]
 ) -> dict[str, object]:
-    """Argument name -> value; positions as names if the call does not match the signature."""
+    """Argument name -> value of a call; positions are the names if the call does not fit the
+    signature.
+    """
     try:
         arguments = dict(signature.bind_partial(*args, **kwargs).arguments)
     except TypeError:
@@ -364,7 +366,9 @@ def _given(
 
 
 def _counted(count: Callable[..., object], value: object) -> object:
-    """`count(value)`, or the value itself if it is of the wrong type."""
+    """`count(value)`, or the value itself where `count` fails, so that the callee reports the
+    fault.
+    """
     try:
         return count(value)
     except Exception:  # the function called will say what is wrong with it
@@ -372,7 +376,9 @@ def _counted(count: Callable[..., object], value: object) -> object:
 
 
 def _flat(values: Iterable[object]) -> list[object]:
-    """Values; a mapping is replaced by its values, those shared by most ranks first."""
+    """The values as a list; a mapping is replaced by its values, those shared by most ranks
+    first.
+    """
     flat: list[object] = []
     for value in values:
         nested = value.values() if isinstance(value, Mapping) else [value]
@@ -485,7 +491,9 @@ def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning)
 
 
 def _portable(error: Exception | None) -> Exception | None:
-    """The error in a form that can be pickled; otherwise the other ranks would wait forever."""
+    """The error, or a substitute that can be pickled: otherwise the other ranks would wait
+    forever.
+    """
     if error is None:
         return None
     try:
@@ -495,9 +503,11 @@ def _portable(error: Exception | None) -> Exception | None:
     return error
 
 
-def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
-    """Raise the first error in `found`, if any, with this rank's own traceback if it has one."""
-    first = next((error for error in found if error is not None), None)
+def _raise_first(errors: list[Exception | None], own: Exception | None) -> None:
+    """Raise the first error of all ranks, if any; `own` is the same error of this rank with its
+    traceback.
+    """
+    first = next((error for error in errors if error is not None), None)
     if first is None:
         return
     if own is not None and str(_portable(own)) == str(first):

@@ -95,7 +95,7 @@ _CellsOfRank: TypeAlias = "list[IntArray] | dolfinx.graph.AdjacencyList"
 def _all_on_root(
     comm: MPI.Comm, n_parts: int, kinds: Sequence[dolfinx.mesh.CellType], cells: _CellsOfRank
 ) -> dolfinx.graph.AdjacencyList:
-    """Partition that leaves all cells on rank 0."""
+    """A partition of the mesh that leaves all cells on rank 0."""
     if isinstance(cells, list):  # of vertices, one flat array a kind of cell
         n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
     else:
@@ -438,7 +438,7 @@ def local_size(space: fem.FunctionSpace) -> int:
 
 @contextmanager
 def _refusals() -> Iterator[None]:
-    """Context that turns PETSc's out-of-memory error into a MemoryError.
+    """Context that turns PETSc's out-of-memory error into MemoryError.
 
     dolfinx formats the text of PETSc's error, which is missing when memory is short.
     """
@@ -661,11 +661,11 @@ class CellKernel:
         self.room = self.coefficients.shape[1] + 3 * self.nodes.shape[1]
 
     def take(self, order: IntArray) -> None:
-        """Put the cells into another order."""
+        """Put the cells into the order of the numbers `order`."""
         self.nodes, self.coefficients = self.nodes[order], self.coefficients[order]
 
     def cells(self, count: int = 0, *vectors: Array) -> library.CCells:
-        """What the C library takes: `count` vectors (dofs, count), and weights."""
+        """The cells for the C library: `count` vectors (dofs, count), and weights."""
         sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count
         arrays = self.nodes, self._points, self.coefficients, self._constants
         places = [library.address(array) for array in (*arrays, *vectors)]
@@ -722,17 +722,19 @@ class Exchange:
         self._dofs = self._rows + bs * len(ghosts)
         owners = np.searchsorted(self._comm.allgather(first), ghosts, side="right") - 1
         ranks = range(self._comm.size)
-        asked = self._comm.alltoall([ghosts[owners == rank] for rank in ranks])
+        requested = self._comm.alltoall([ghosts[owners == rank] for rank in ranks])
         # rank -> dofs of this rank that are its ghosts; dofs that are ghosts here and its own
-        here = {rank: asked[rank] - first for rank in ranks}
+        here = {rank: requested[rank] - first for rank in ranks}
         there = {rank: imap.size_local + np.flatnonzero(owners == rank) for rank in ranks}
         self._here, self._there = (
-            {rank: _unrolled(nodes, bs) for rank, nodes in found.items() if len(nodes)}
-            for found in (here, there)
+            {rank: _unrolled(nodes, bs) for rank, nodes in of_ranks.items() if len(nodes)}
+            for of_ranks in (here, there)
         )
 
     def fetch(self, values: Array) -> Callable[[], None]:
-        """Start to set the ghosts among `values` (dofs of this rank, ...); the result ends it."""
+        """Start to copy the owners' values to the ghosts; the returned function waits for the
+        end.
+        """
         received, end = self._sent(values, self._here, self._there)
 
         def finish() -> None:
@@ -743,7 +745,9 @@ class Exchange:
         return finish
 
     def add(self, values: Array) -> Callable[[], None]:
-        """Start to add the ghosts among `values` at their owners; the result ends it."""
+        """Start to add the values at the ghosts to those of their owners; the returned function
+        ends it.
+        """
         received, end = self._sent(values, self._there, self._here)
 
         def finish() -> None:
@@ -756,18 +760,20 @@ class Exchange:
     def _sent(
         self, values: Array, sent: Mapping[int, IntArray], received: Mapping[int, IntArray]
     ) -> tuple[list[tuple[IntArray, Array]], Callable[[], object]]:
-        """([(dofs, buffer of the values that arrive for them)], function that waits for them)."""
-        found = []
+        """Start to send and receive; return ([(dofs, buffer for the values of these dofs)],
+        function that waits).
+        """
+        arrivals = []
         requests = []
         for rank, dofs in received.items():
-            found.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))
-            requests.append(self._comm.Irecv(found[-1][1], rank, GHOSTS))
+            arrivals.append((dofs, np.empty((len(dofs), *values.shape[1:]), values.dtype)))
+            requests.append(self._comm.Irecv(arrivals[-1][1], rank, GHOSTS))
         for rank, dofs in sent.items():
             requests.append(self._comm.Isend(np.ascontiguousarray(values[dofs]), rank, GHOSTS))
-        return found, lambda: MPI.Request.Waitall(requests)
+        return arrivals, lambda: MPI.Request.Waitall(requests)
 
     def with_ghosts(self, block: Array) -> Array:
-        """Columns on the dofs that this rank owns, extended to its ghosts."""
+        """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
         if self._comm.size == 1:
             return block
         result = np.empty((self._dofs, block.shape[1]), order="F")
@@ -776,7 +782,9 @@ class Exchange:
         return result
 
     def ghosts_added(self, block: Array) -> Array:
-        """Columns on all dofs of this rank, ghosts included, summed up at their owners."""
+        """Columns on the owned dofs of this rank, with the values at ghosts on other ranks
+        added.
+        """
         if self._comm.size == 1:
             return block
         result = np.array(block, dtype=float, order="F")
@@ -789,7 +797,7 @@ def _unrolled(nodes: IntArray, bs: int) -> IntArray:
 
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns on the dofs that this rank owns, extended to its ghosts."""
+    """Columns on the owned dofs of this rank, extended by the values of the ghosts."""
     return Exchange(space).with_ghosts(block)
 
 
@@ -802,7 +810,7 @@ def function_of(space: fem.FunctionSpace, values: Array) -> fem.Function:
 
 
 def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
-    """Columns on all dofs of this rank, ghosts included, summed up at their owners."""
+    """Columns on the owned dofs of this rank, with the values at ghosts on other ranks added."""
     return Exchange(space).ghosts_added(block)
 
 

@@ -44,7 +44,9 @@ SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 
 def _of_the_user(usual: Callable[[], tuple[object, object]]) -> tuple[object, object]:
-    """The settings in the user's folder, without those in the working folder."""
+    """The compiler settings from the file in the user's folder; those of the working folder are
+    ignored.
+    """
     return usual()[0], {}
 
 

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
-    """Three numbers; two, for plane parts, get a third of 0."""
+    """A checked vector of three numbers; two numbers, of a plane part, get a zero third one."""
     components = coordinates(name, value, unit)
     return (*components, 0.0)[:3]
 
@@ -41,7 +41,7 @@ def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
 
 
 def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
-    """Entries whose names begin with `start`, under the remainder of their names."""
+    """The entries whose names begin with `start`, keyed by the rest of their names."""
     return {key[len(start) :]: item for key, item in values.items() if key.startswith(start)}
 
 

@@ -102,7 +102,7 @@ def static_equilibrium(of: Loaded, choice: SolverChoice) -> Equilibrium:
 
 
 def _beyond(reserve: float) -> str:
-    """Message that the loads exceed the buckling load."""
+    """The message that the loads exceed the buckling load."""
     return (
         f"the part buckles under its prestress: at {reserve:.3g} times these loads (a spin at "
         f"{math.sqrt(reserve):.3g} times its speed) its tangent stiffness is singular; lower them, "
@@ -166,8 +166,8 @@ def _newton_step(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
 
 
 def _by_factor(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
-    """Newton's step by a factorization of the tangent, for loads that stiffen the structure
-    greatly.
+    """Newton's step by a factorization of the tangent: for loads that make it much stiffer
+    than K.
     """
     A = sum_of(of.K, 1.0, added)
     free_when_dropped(A)
@@ -178,7 +178,7 @@ def _by_factor(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
 
 
 def _line_search(of: Loaded, q: Array, step: Array, start_residual: Array) -> tuple[float, Array]:
-    """(step length of least energy, residual there)."""
+    """(step length of least energy, residual (rows of this rank,) at its end)."""
     comm = of.solver.comm
 
     def residual(length: float) -> Array:

@@ -42,7 +42,7 @@ SLENDER = 12.0
 
 @dataclass(frozen=True, eq=False)
 class LoadedBolt:
-    """Energy EA L (s η/2 + η²/8 − e (s + η/2)) of a bolt beyond EA L s²/2 of linear theory.
+    """A bolt under load: its energy EA L (s η/2 + η²/8 − e (s + η/2)) beyond the linear EA L s²/2.
 
     Here s = a·g/L, η = gᵀBg/L and g = G u.
     """
@@ -56,7 +56,7 @@ class LoadedBolt:
 
     @classmethod
     def of(cls, joint: Bolt, layout: Layout, label: str, initial: float) -> LoadedBolt:
-        """The energy of a bolt of an assembly."""
+        """The loaded bolt of a joint of an assembly; `initial` is its stress-free strain."""
         (elastic,) = joint.elastic(layout, label)
         length = joint._reach(layout)
         a, B = lengthening(joint.beam, length)
@@ -96,7 +96,9 @@ def with_prestress(
     for name in layout.condensed:
         raise InputError(f"a prestress of an assembly needs meshes; {name!r} is a superelement.")
     bolts = {
-        one.name or one.label(k + 1): one for k, one in enumerate(joints) if isinstance(one, Bolt)
+        joint.name or joint.label(k + 1): joint
+        for k, joint in enumerate(joints)
+        if isinstance(joint, Bolt)
     }
     _check_names(layout, loads, bolts)
     with doing("static step of the prestress", base.comm.rank):
@@ -142,7 +144,7 @@ def _check_slender(layout: Layout, name: str, bolt: Bolt, tension: float) -> Non
 
 
 def _tendon(base: AssembledMatrices, bolts: Mapping[str, Bolt], name: str) -> Tendon:
-    """The tightened bolt, or group of a part: its forces on the dofs q of this rank."""
+    """The tendon `name`, a bolt or a group of a part: its forces on the dofs q of this rank."""
 
     def work() -> tuple[Array, float, float]:
         if name in bolts:
@@ -243,7 +245,8 @@ class _LoadedAssembly(Loaded):
         return base.local.spread("K", on_root_only[0] if on_root_only else None)
 
     def added(self, u: Array, motions: Array) -> Array:
-        """Forces (n, k) that the loads add at displacements u (n,) for motions (n, k), on one rank.
+        """Forces (n, k) that the loads add for motions (n, k) about displacements u (n,), on one
+        rank.
 
         The parts are without their supports.
         """
@@ -261,7 +264,7 @@ class _LoadedAssembly(Loaded):
 def of_member(
     loads: Prestress, initial: Mapping[str, float], member: Member
 ) -> tuple[Prestress, dict[str, float]]:
-    """(loads, initial strains by group) of a part, in its axes."""
+    """(loads, initial strains by group) of one part of an assembly, in the axes of the part."""
     about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
     point = member.at.own(about[None])[0]
     part_loads = of_part(loads, member.name, member.at.rotation, point)

@@ -74,16 +74,16 @@ class LoadedPart:
         self._u = compat.function_of(form.space, np.zeros(part.rows))
         lines = part.stiffeners
         self._lines = {
-            name: LoadedPart(alone(one, name), Prestress(), _among(initial, [name]))
-            for name, one in lines.items()
+            name: LoadedPart(alone(stiffener, name), Prestress(), _among(initial, [name]))
+            for name, stiffener in lines.items()
         }
         if part.edges:  # all of its cells
-            own = {group: e for group, e in initial.items() if group == part.edges}
+            initial_here = {group: e for group, e in initial.items() if group == part.edges}
         else:
-            own = {group: e for group, e in initial.items() if group not in lines}
-        self.initial = initial_strain(part, own)
+            initial_here = {group: e for group, e in initial.items() if group not in lines}
+        self.initial = initial_strain(part, initial_here)
         stretch = stretch_of(mesh, part.parts, form.degree)
-        free = self.initial if own else None
+        free = self.initial if initial_here else None
         v = ufl.TestFunction(form.space)
         w = ufl.TrialFunction(form.space)
         dx = measure(mesh, stretch.degree)
@@ -99,8 +99,8 @@ class LoadedPart:
             of_loads.append(-spin)
             if part.comm.allreduce(bool(part.attached_inertia.any()), op=MPI.LOR):
                 self._masses = _SpinningMasses(part, loads.spin)
-        forces = [ufl.derivative(one, self._u, v) for one in (second, *of_loads)]
-        slopes = [ufl.derivative(one, self._u, w) for one in forces]
+        forces = [ufl.derivative(stiffener, self._u, v) for stiffener in (second, *of_loads)]
+        slopes = [ufl.derivative(stiffener, self._u, w) for stiffener in forces]
         of_stress = stretch.of_stress(self._u, free, v, w) * dx
         # sums, as matrices of cells and of facets have entries at different places
         self._forces = sum(forces)
@@ -180,7 +180,7 @@ def initial_strain(part: MeshedStructure, initial: Mapping[str, float]) -> Expr:
 
 
 def tendon(part: MeshedStructure, name: str) -> Tendon:
-    """The beams or bars of the group `name`, or the stiffener."""
+    """The tendon of a group of beams or bars, or of a stiffener."""
     if name in part.stiffeners:
         lines = part.stiffeners[name]
         of_stiffener = tendon(alone(lines, name), name)
@@ -223,7 +223,7 @@ def dead_forces(part: MeshedStructure, loads: Prestress) -> Array:
 
 
 def _at_points(part: MeshedStructure, group: str, force: Array) -> Array:
-    """Forces of a resultant spread evenly over the points of a group."""
+    """Nodal forces (rows of this rank,) of a resultant spread evenly over the points of a group."""
     rows = part.rows
     forces = np.zeros(rows)
     for axis in range(part.mesh.gdim):
@@ -258,7 +258,7 @@ class _SpinningMasses:
 
 
 def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.csr_matrix]:
-    """(Ω² P (x − about) at the dofs (n,), matrix (n, n) of the map u ↦ Ω² P u)."""
+    """(centripetal Ω² P (x − about) along the dofs (n,), matrix (n, n) of u ↦ Ω² P u)."""
     axes = np.where((places.kind == MOVE)[:, None], places.axes, 0.0)
     start = np.einsum("ni,ij,nj->n", axes, spin.stiffness, places.points - np.array(spin.about))
     rows = np.repeat(np.arange(len(axes)), 3)
@@ -273,7 +273,7 @@ def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.cs
 
 
 def _spread_out(local: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
-    """A matrix of this rank's rows as a distributed one that couples only rows of the same rank."""
+    """A distributed matrix whose block on the diagonal of each rank is that rank's `local`."""
     first, _ = like.getOwnershipRange()
     integer = PETSc.IntType
     arrays = local.indptr.astype(integer), (local.indices + first).astype(integer), local.data

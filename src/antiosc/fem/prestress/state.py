@@ -98,7 +98,7 @@ def weight(base: StructureMatrices, loads: Prestress) -> Array:
 
 
 def tightened(loads: Prestress, tendons: Mapping[str, Tendon], solver: Solver) -> dict[str, float]:
-    """Initial strains that produce the required tensions, all at once."""
+    """Initial strains by tendon that produce the required tensions of all tendons together."""
     if not tendons:
         return {}
     tendons_listed = list(tendons.values())

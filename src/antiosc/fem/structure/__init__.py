@@ -103,12 +103,12 @@ class Placement(Checked):
         return whole if np.abs(R - whole).max() < 1e-15 else R
 
     def placed(self, x: Array) -> Array:
-        """Coordinates in the assembly of points (n, 3) of the part."""
+        """Coordinates (n, 3) in the assembly, of points (n, 3) of the part."""
         about = np.array(self.about)
         return about + (x - about) @ self.rotation.T + self.shift
 
     def own(self, x: Array) -> Array:
-        """Coordinates in the part of points (n, 3) of the assembly."""
+        """Coordinates (n, 3) in the axes of the part, of points (n, 3) of the assembly."""
         about = np.array(self.about)
         return about + (x - self.shift - about) @ self.rotation
 
@@ -235,7 +235,9 @@ def _root(matrix: Array) -> Array:
 
 
 def ends(terms: Sequence[Dissipation]) -> Array | None:
-    """Gᵀ (rows of this rank, k) of all terms: the force patterns of dashpots and branches."""
+    """Force patterns Gᵀ (rows of this rank, k) of all dashpots and Maxwell branches; None without
+    any.
+    """
     loads = [np.asarray(term.G.T.toarray()) for term in terms if term.matrix is None]
     return np.hstack(loads) if loads else None
 
@@ -319,7 +321,7 @@ def of_matrices(
 
 
 def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
-    """A solver of K; None if K is singular: no factor, or a solve grows along a null vector."""
+    """A solver of K; None if K is singular, which a failing factor or a soft solve shows."""
     n = algebra.rows(K)
     try:
         factor = _solver(K)
@@ -333,7 +335,9 @@ def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
 
 
 def _rigid(K: Matrix) -> float:
-    """Largest strain energy of a rigid motion relative to K's entries; smaller for K by strains."""
+    """Limit of `softness` below which a motion counts as rigid; smaller where K is applied by
+    strains.
+    """
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
@@ -352,9 +356,10 @@ def _solver(A: Matrix) -> Solver:
 
 
 def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = None) -> Array:
-    """M-orthonormal basis of the columns without dependent ones (Gram–Schmidt).
+    """M-orthonormal basis of the columns (rows of this rank, k), by Gram–Schmidt.
 
-    It is written into the columns of `into` (columns in memory one by one), which may be the block.
+    Dependent columns are left out. The basis is written into the columns of `into` (columns in
+    memory one by one), which may be the block.
     """
     basis = np.empty(block.shape, order="F") if into is None else into
     count = 0
@@ -364,15 +369,15 @@ def orthonormal(comm: MPI.Comm, M: Matrix, block: Array, into: Array | None = No
         for _ in range(2 if count else 0):  # twice is enough (Kahan)
             column = column - basis[:, :count] @ dot(comm, basis[:, :count], load)
             load = multiply(M, column)
-        left = np.sqrt(max(float(dot(comm, column, load)), 0.0))
-        if left > SPANNED * size:
-            basis[:, count] = column / left
+        remaining = np.sqrt(max(float(dot(comm, column, load)), 0.0))
+        if remaining > SPANNED * size:
+            basis[:, count] = column / remaining
             count += 1
     return basis[:, :count]
 
 
 def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
-    """An improved shift, from block inverse iteration with the first one.
+    """An improved shift [rad²/s²], by block inverse iteration with the factor for the first shift.
 
     The polynomial fields of the first shift do not represent slender members, whose frequencies may
     be ten times lower.
@@ -468,7 +473,7 @@ class StructureMatrices:
         return np.zeros((algebra.rows(self.K), 0))
 
     def coarser(self) -> Matrix | None:
-        """Interpolation from a coarser space to the dofs of this rank; None if there is none."""
+        """Interpolation matrix from a coarser space to the dofs; None if there is none."""
         return None
 
     def factored(self, columns: float = 1.0) -> tuple[Solver, float]:
@@ -516,7 +521,7 @@ class StructureMatrices:
         raise InputError("matrices have no material: give E, nu and rho.")
 
     def uniform_inertia(self, direction: Array) -> Array | None:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+        """M e on the rows of this rank, for a uniform unit motion e along `direction` (3,).
 
         None for matrices, which do not tell where e points.
         """
@@ -544,7 +549,7 @@ class StructureMatrices:
 
     @property
     def loads_told(self) -> str:
-        """The prestress in words, for descriptions; "" without one."""
+        """The prestress as text for descriptions; empty without one."""
         return "" if self.preload is None else f", {self.preload.words}"
 
     def describe(self, dofs: int) -> str:
@@ -598,10 +603,11 @@ class NodalMatrices(StructureMatrices):
 
     @cached_property
     def _motions(self) -> tuple[Array, Array] | None:
-        """(reference point (3,), six rigid motions (rows, 6)).
+        """(reference point (3,), six rigid motions (rows, 6)), or None where these are not null
+        vectors of K.
 
-        None if a row is not placed or no translation is a null vector of K: then supports have
-        taken rows away, or coordinates do not fit.
+        This happens if a row has no coordinates, supports have taken rows away, or coordinates do
+        not fit.
         """
         component = self.map.component
         points = self.map.points
@@ -610,9 +616,9 @@ class NodalMatrices(StructureMatrices):
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
         motions = self.places.rigid_motions(point)
-        there = motions.any(axis=0)
-        forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
-        limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
+        present = motions.any(axis=0)
+        forces = force_ratios(self.K, motions[:, present], multiply(self.K, motions[:, present]))
+        limits = np.where(np.flatnonzero(present) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
         return (point, motions) if (forces < limits).all() else None
 
     @property

@@ -278,7 +278,7 @@ def values_of(attachment: PointMass | Spring | Damper, plane: bool) -> dict[str,
 
 @dataclass(frozen=True)
 class Matrices:
-    """The matrices of a structure, and data with which attachments change them in place."""
+    """The matrices of a structure, and the data that attachments need to change them in place."""
 
     mesh: Mesh
     form: WeakForm
@@ -292,7 +292,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class AttachedTerms:
-    """Contributions of attachments beside those to K and M, accumulated by the structure."""
+    """What attachments contribute beside K and M; the structure adds it up."""
 
     #: kg
     mass: float
@@ -425,7 +425,9 @@ class Stiffener:
     shared: PETSc.Mat
 
     def rows_of(self, columns: Array) -> Array:
-        """Motions of the beam dofs (rows of this rank, k) for motions of the sheet's dofs."""
+        """Motions (beam rows of this rank, k) of the beams' dofs, for motions of the sheet's
+        dofs.
+        """
         return multiply(self.shared, columns)
 
 
@@ -490,8 +492,8 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     x[:] = mesh.dolfinx.geometry.x
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
     everywhere = mesh.comm.allgather((numbers, x[nodes]))
-    numbers = np.vstack([one for one, _ in everywhere])
-    points = np.concatenate([one for _, one in everywhere])
+    numbers = np.vstack([arrays for arrays, _ in everywhere])
+    points = np.concatenate([arrays for _, arrays in everywhere])
     _, first, cells = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     cells = cells.reshape(numbers.shape)
     points = points.reshape(-1, 3)[first]
@@ -503,7 +505,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
 
 
 def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
-    """T with beam dofs = T · shell dofs; rows of fixed dofs are empty."""
+    """Matrix T of beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
     size = line.extent()
     rows = compat.local_size(form.space)
     first = form.space.dofmap.index_map.local_range[0]
@@ -515,11 +517,11 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
     for component, path in form.components.items():
         sheet = compat.subspace(to.form.space, to.form.components[component])
         all_dofs, all_x = compat.dof_coordinates(to.form.space, to.form.components[component])
-        there = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
+        on_edges = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
         order = np.argsort(all_dofs)
-        x = all_x[order[np.searchsorted(all_dofs, there, sorter=order)]]
-        numbers = compat.global_dofs(to.form.space, there)
-        fixed = np.isin(there, to.fixed)
+        x = all_x[order[np.searchsorted(all_dofs, on_edges, sorter=order)]]
+        numbers = compat.global_dofs(to.form.space, on_edges)
+        fixed = np.isin(on_edges, to.fixed)
         of_ranks = to.mesh.comm.allgather((x, numbers, fixed))
         x, numbers, fixed = (np.concatenate([of_rank[k] for of_rank in of_ranks]) for k in range(3))
         mine, points = compat.dof_coordinates(form.space, path)

@@ -118,7 +118,7 @@ def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
 
 
 def _real(name: str, entries: Matrix) -> Matrix:
-    """Entries of other types as floats, if each is a real number."""
+    """Entries of any type as floats; InputError unless each is a real number."""
     values = entries.data if scipy.sparse.issparse(entries) else entries
     kinds = [Complex] if values.dtype.kind == "c" else {type(v) for v in np.ravel(values)}
     if values.dtype.kind == "O" and all(issubclass(k, Real) and k is not bool for k in kinds):
@@ -196,7 +196,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
 
 @dataclass(frozen=True)
 class _Entries:
-    """Off-diagonal entries of this rank, and the whole diagonal."""
+    """Off-diagonal entries of a matrix on this rank, and its whole diagonal."""
 
     row: IntArray
     column: IntArray
@@ -264,7 +264,7 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
             f"{least}."
         )
     noise = ENTRY_ROUNDING * typical
-    apart, found = (_entries(one, diagonal, noise) for one in (algebra.skew(matrix), matrix))
+    apart, entries = (_entries(A, diagonal, noise) for A in (algebra.skew(matrix), matrix))
     _forbid(
         comm,
         apart,
@@ -274,12 +274,12 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
     )
     _forbid(
         comm,
-        found,
-        np.abs(found.value) > (1 + MIRRORED) * found.scale + found.noise,
+        entries,
+        np.abs(entries.value) > (1 + MIRRORED) * entries.scale + entries.noise,
         f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
         "√(a_ii a_jj) = {3:g}.",
     )
-    return found
+    return entries
 
 
 def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
@@ -314,7 +314,7 @@ def _typical(comm: MPI.Comm, entries: _Entries) -> float:
 
 
 def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
-    """Dofs that are fixed by a penalty on the diagonal, on every rank."""
+    """Numbers, on every rank, of the dofs that a penalty on the diagonal fixes."""
     typical = _typical(comm, entries)
     if not typical:
         return np.zeros(0, dtype=int)
@@ -327,7 +327,7 @@ def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
 
 
 def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
-    """InputError for a coupling so stiff that all other entries of both rows are rounding."""
+    """InputError for a penalty between two dofs that drowns their own stiffness in rounding."""
     typical = _typical(comm, entries)
     large = np.abs(entries.value) > DROWNS * (typical or np.inf)
     large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)

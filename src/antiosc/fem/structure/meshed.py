@@ -115,9 +115,9 @@ class Member:
     def connected(self) -> IntArray:
         """Number of the connected body to which each node belongs (nodes,)."""
         space = self.part.form.space
-        own = compat.cell_map(self.part.mesh.dolfinx).size_local
+        count_cells = compat.cell_map(self.part.mesh.dolfinx).size_local
         (path, *_) = self.part.form.components.values()
-        nodes = compat.cell_dofs(space, path, np.arange(own)) // self.block
+        nodes = compat.cell_dofs(space, path, np.arange(count_cells)) // self.block
         first = np.repeat(nodes[:, 0], nodes.shape[1] - 1)
         count = len(self.nodes)
         graph = scipy.sparse.coo_matrix(
@@ -140,8 +140,8 @@ class Member:
     def points_of(self, group: str) -> WeightedPoints:
         """Quadrature points on the highest-dimensional entities of a group, in the assembly."""
         mesh = self.part.mesh
-        own = quadrature(mesh, *largest(mesh, group), DEGREE)
-        return replace(own, x=self.at.placed(own.x))
+        points = quadrature(mesh, *largest(mesh, group), DEGREE)
+        return replace(points, x=self.at.placed(points.x))
 
 
 @dataclass(eq=False)
@@ -198,7 +198,7 @@ class MeshedStructure(StructureMatrices):
         return int(self.form.space.dofmap.index_map_bs)
 
     def with_matrices(self) -> MeshedStructure:
-        """Itself; of a part without matrices the same with them."""
+        """The structure with its matrices; they are assembled if they were left out."""
         if not self.bare:
             return self
         with without_warnings():
@@ -223,7 +223,7 @@ class MeshedStructure(StructureMatrices):
         return support.places_of(self.form)
 
     def expanded(self, q: Array) -> Array:
-        """Motions u for columns q (rows of this rank, k): here the same."""
+        """Motions u for columns q (rows of this rank, k): u = q without joints."""
         return q
 
     def joined(self, loads: T, rows: slice = slice(None)) -> T:
@@ -235,11 +235,11 @@ class MeshedStructure(StructureMatrices):
         return [(member, shapes) for member in self.members(name)]
 
     def decided(self, work: Callable[[], T]) -> T:
-        """The result of `work()`, which every rank computes alike."""
+        """The result of `work()`: all ranks compute the same (see `AssembledMatrices.decided`)."""
         return work()
 
     def own(self, rows: T) -> T:
-        """The rows of this rank of a result of `decided` work."""
+        """`rows` itself: a result of `decided` holds the rows of this rank."""
         return rows
 
     @property
@@ -277,12 +277,12 @@ class MeshedStructure(StructureMatrices):
     @property
     def plausibility(self) -> Plausibility:
         speed = max(material.bar_speed() for material, _ in self.parts)
-        found: Plausibility = {"wave_speed": speed}
+        result: Plausibility = {"wave_speed": speed}
         if self.thickness is not None:
-            found["thickness"] = self.thickness
+            result["thickness"] = self.thickness
         if self.doubts:
-            return {**found, "doubts": list(self.doubts)}
-        return found
+            return {**result, "doubts": list(self.doubts)}
+        return result
 
     @property
     def dimensions(self) -> Box:
@@ -298,8 +298,8 @@ class MeshedStructure(StructureMatrices):
         direction = floats("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
-        own = compat.assemble_functional(load, self.form.space)
-        return np.asarray(own[: len(self.attached_inertia)] + self.attached_inertia @ direction)
+        forces = compat.assemble_functional(load, self.form.space)
+        return np.asarray(forces[: len(self.attached_inertia)] + self.attached_inertia @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -313,7 +313,9 @@ class MeshedStructure(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def inertial_loads(self, motions: Array) -> Array:
-        """M times motions (rows of this rank, k), in which fixed dofs move too."""
+        """M times motions (rows of this rank, k), with the entries of fixed dofs, which move
+        too.
+        """
         loads = multiply(self.M, motions)
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):
@@ -321,9 +323,9 @@ class MeshedStructure(StructureMatrices):
             whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
             free[owned] = 0.0
-            kept = multiply(whole, free)
-            kept[owned] = 0.0
-            loads += multiply(whole, motions) - kept
+            free_loads = multiply(whole, free)
+            free_loads[owned] = 0.0
+            loads += multiply(whole, motions) - free_loads
         return loads
 
     def unsupported(self) -> MeshedStructure:
@@ -341,7 +343,9 @@ class MeshedStructure(StructureMatrices):
 
     @cached_property
     def axes_and_sides(self) -> tuple[Array, Array]:
-        """0° (cells, 3) and ±1 on the normals (cells,) of a sheet, of this rank; collective."""
+        """(0° directions (cells, 3), signs ±1 of the normals (cells,)) of a sheet on this rank;
+        collective.
+        """
         axis, side = axes_and_sides(self.mesh, self.parts)
         return axis.x.array.reshape(-1, 3), side.x.array
 
@@ -356,14 +360,14 @@ class MeshedStructure(StructureMatrices):
     @cached_property
     def _layers(self) -> list[Dissipation]:
         return [
-            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", own))
-            for own, material, K in self._stiffnesses("prony")
+            Dissipation(matrix=K, factor=ratio, tau=tau, owner=("", owner))
+            for owner, material, K in self._stiffnesses("prony")
             for ratio, tau in material.prony
         ]
 
     @property
     def owners(self) -> Sequence[int | str]:
-        """The material of each cell, by number; of a stiffener its edges alone."""
+        """Numbers of the materials of the cells; for a stiffener, the name of its edges."""
         if self.edges:
             return [self.edges]
         return range(len(self.parts))
@@ -375,22 +379,24 @@ class MeshedStructure(StructureMatrices):
     def loss_stiffness(self, V: Array) -> Array | None:
         if not self.lossy:
             return None
-        own = (one.loss * dot(self.comm, V, multiply(K, V)) for _, one, K in self._losses)
-        return np.asarray(sum(own))
+        terms = (
+            material.loss * dot(self.comm, V, multiply(K, V)) for _, material, K in self._losses
+        )
+        return np.asarray(sum(terms))
 
     def _stiffnesses(self, name: str) -> list[tuple[int | str, Material, PETSc.Mat]]:
-        """(owner, material, its contribution to K) of materials with the property `name`."""
-        found: list[tuple[int | str, Material, PETSc.Mat]] = []
+        """[(owner, material, its K)] of the materials that have the property `name`."""
+        result: list[tuple[int | str, Material, PETSc.Mat]] = []
         for number, (material, cells) in enumerate(self.parts):
             if getattr(material, name, None):
-                own = restricted(self.form.stiffness, self.mesh, cells)
-                K = compat.assemble(own, self.form.space, self.conditions, 0.0)
-                found.append((number, material, K))
+                forms = restricted(self.form.stiffness, self.mesh, cells)
+                K = compat.assemble(forms, self.form.space, self.conditions, 0.0)
+                result.append((number, material, K))
         for group, lines in self.stiffeners.items():
             beam = lines.parts[0][0]
             if getattr(beam, name, None):
-                found.append((group, beam, lines.K.ptap(lines.shared)))
-        return found
+                result.append((group, beam, lines.K.ptap(lines.shared)))
+        return result
 
     def describe(self, dofs: int) -> str:
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
@@ -401,7 +407,7 @@ class MeshedStructure(StructureMatrices):
 
 
 def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
-    """The beams of a stiffener as a structure, for results at its cells."""
+    """The beams of a stiffener as a structure of their own, for results at its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
         stiffener.K,
@@ -428,16 +434,16 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
     """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
     if not isinstance(material, Mapping) or mesh.tdim != 2:
         return material, []
-    beams = {name: one for name, one in material.items() if isinstance(one, Beam)}
+    beams = {name: item for name, item in material.items() if isinstance(item, Beam)}
     if not beams:
         return material, []
-    cells = {name: one for name, one in material.items() if name not in beams}
-    if not cells or not all(_family(one).kind.sheet for one in cells.values()):
+    cells = {name: item for name, item in material.items() if name not in beams}
+    if not cells or not all(_family(item).kind.sheet for item in cells.values()):
         raise InputError(
             f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
             f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
         )
-    found = []
+    on_edges = []
     for name, beam in beams.items():
         edges = mesh.group(name).get(1)
         if edges is None:
@@ -445,8 +451,8 @@ def divided(mesh: Mesh, material: object) -> tuple[object, list[tuple[str, Beam,
                 f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
                 "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
             )
-        found.append((name, beam, edges))
-    return cells, found
+        on_edges.append((name, beam, edges))
+    return cells, on_edges
 
 
 def parts_of(mesh: Mesh, material: object) -> Parts:
@@ -459,14 +465,14 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
         raise InputError("material is an empty dict: give {group name: material}.")
     times = np.zeros(n_cells, dtype=int)
     parts: list[tuple[Family, IntArray]] = []
-    for name, given in material.items():
-        one = _family(given)
+    for name, value in material.items():
+        family = _family(value)
         cells = mesh.group(name).get(mesh.tdim)
         if cells is None:
             raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
         times[cells] += 1
-        parts.append((one, cells))
-    if len({one.kind for one, _ in parts}) > 1:
+        parts.append((family, cells))
+    if len({family.kind for family, _ in parts}) > 1:
         raise InputError(
             "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
             "and Laminate."
@@ -503,7 +509,7 @@ def assembled(
 ) -> MeshedStructure:
     """The matrices of a mesh; parameters and errors are those of `Structure`.
 
-    `bare`: all but these matrices and its rigid-body modes.
+    `bare`: without the entries of the matrices and without rigid-body modes.
     """
     if not isinstance(mesh, Mesh):
         raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
@@ -511,7 +517,7 @@ def assembled(
     if order not in (1, 2):
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
-    held = list_of("supports", supports, Support, "Support(where, fix)")
+    checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
     carried = attachments_of(attached)
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
@@ -525,15 +531,15 @@ def assembled(
         ]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
-    conditions = fixed_dofs(mesh, form, held)
+    conditions = fixed_dofs(mesh, form, checked_supports)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
-        taken = None if bare else cell_by_cell(mesh, form, parts, conditions)
+        by_cells = None if bare else cell_by_cell(mesh, form, parts, conditions)
         if bare:
             rows = compat.local_size(form.space)
             K, M = empty(rows, mesh.comm), empty(rows, mesh.comm)
-        elif taken is not None:
-            K = of_cells(taken, 1.0, 0.0)
-            M = of_cells(taken, 0.0, 1.0)
+        elif by_cells is not None:
+            K = of_cells(by_cells, 1.0, 0.0)
+            M = of_cells(by_cells, 0.0, 1.0)
         else:
             K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
             M = compat.assemble(form.mass, form.space, conditions, 0.0)
@@ -543,12 +549,12 @@ def assembled(
         raise InputError("the supports fix every dof of the structure: nothing can move.")
     mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains or its cells.
-    rest, heavier = (K, M) if taken is None else taken.added
+    stored, heavier = (K, M) if by_cells is None else by_cells.added
     by_strains = form.strains is not None and not bare
     if by_strains:
-        rest = K.duplicate()
-        rest.zeroEntries()
-    to = Matrices(mesh, form, rest, heavier, fixed, bare)
+        stored = K.duplicate()
+        stored.zeroEntries()
+    to = Matrices(mesh, form, stored, heavier, fixed, bare)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
     added += [add_at_points(to, one) for one in carried]
@@ -556,9 +562,9 @@ def assembled(
         assert form.strains is not None
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
-        _take_by_strains(K, S, rest, fixed)
-    if taken is not None:
-        taken.carries = bool(added)
+        _take_by_strains(K, S, stored, fixed)
+    if by_cells is not None:
+        by_cells.carries = bool(added)
     mass += sum(one.mass for one in added)
     attached_inertia = sum(
         (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
@@ -580,7 +586,7 @@ def assembled(
     given = dict(material) if isinstance(material, Mapping) else material
 
     def again(
-        copy: Mesh, supports: Sequence[Support] = held, bare: bool = False
+        copy: Mesh, supports: Sequence[Support] = checked_supports, bare: bool = False
     ) -> MeshedStructure:
         return assembled(
             copy, given, supports, order=order, attached=carried, solver=solver, bare=bare
@@ -599,7 +605,7 @@ def assembled(
         total_mass=mass,
         attached_inertia=attached_inertia,
         again=again,
-        supports=held,
+        supports=checked_supports,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
         dampers=[damper for one in added for damper in one.dampers],
         springs=held_by,
@@ -611,7 +617,7 @@ def assembled(
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `rest` to K, and let products with K be computed from its strains S.
+    """Add `rest` to K, and let products with K be computed from the strains S as SᵀS + rest.
 
     The rows of `fixed` dofs get 1 on the diagonal of `rest`.
     """
@@ -626,9 +632,9 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArra
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> float | None:
-    """The least thickness [m] of a sheet; None for a cantilever, supported along one line only.
+    """Least thickness [m] of a sheet that large deflections stretch; None for others.
 
-    Such a sheet bends as a cantilever does: large deflections hardly stretch it.
+    A sheet supported along one line only bends as a cantilever does, without stretching.
     """
     if not materials[0].kind.sheet:
         return None

@@ -340,7 +340,9 @@ def places_of(form: WeakForm) -> DofPlaces:
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
-    """Combinations of the columns that vanish at the fixed dofs and elongate no spring."""
+    """Combinations of the fields (rows, k) that are zero at the fixed dofs and elongate no
+    spring.
+    """
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
@@ -360,7 +362,7 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
 def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
-    """A Rayleigh–Ritz estimate of the lowest elastic ω²; the fields are overwritten."""
+    """Rayleigh–Ritz estimate of the lowest elastic ω² [rad²/s²]; the fields are overwritten."""
     shares = dot(comm, multiply(M, motions), fields)
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):
@@ -473,7 +475,7 @@ def of_body(motions: Array, centre: Array, size: float) -> str:
 
 
 def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
-    """Pure translations (t, 3), and rotating motions as (velocity of the centre, spin)."""
+    """(translations (t, 3), [(velocity of the centre, spin)] of the rotating motions)."""
     _, values, right = np.linalg.svd(motions[3:])
     turning = int(np.sum(values > MOTION_ROUNDING))
     moves = _reduced((motions @ right[turning:].T)[:3].T)
@@ -486,7 +488,7 @@ def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
 
 
 def _reduced(rows: Array, columns: int | None = None) -> Array:
-    """Reduced echelon form of independent rows, with pivots among the first `columns`."""
+    """Reduced echelon form of linearly independent rows, with pivots among the first `columns`."""
     rows = np.array(rows, dtype=float)
     row = 0
     for column in range(rows.shape[1] if columns is None else columns):
@@ -504,7 +506,7 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
 
 
 def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
-    """One rotating motion in words; `spin` in units of 1/size."""
+    """One rotating motion as text: axis and a point on it; `spin` is in units of 1/size."""
     axis = spin / np.linalg.norm(spin)
     along = float(velocity @ axis)
     words = f"rotation about {_name(axis)}"

@@ -76,16 +76,19 @@ class HalvedBeams(MeshErrors):
         return excess(np.asarray(lacks) / (1 - 4.0**-coarse.form.degree))
 
     def _fine(self, point: Array) -> MeshedStructure:
-        """The part with halved cells, made once for all models of one site."""
-        kept = self.part.halves
-        if point.tobytes() not in kept:
-            kept.clear()
-            kept[point.tobytes()] = self.part.again(halved(self.part.mesh, point))
-        return kept[point.tobytes()]
+        """The part with halved cells and a node at `point`; the last one is stored for all models
+        of a site.
+        """
+        cache = self.part.halves
+        if point.tobytes() not in cache:
+            cache.clear()
+            cache[point.tobytes()] = self.part.again(halved(self.part.mesh, point))
+        return cache[point.tobytes()]
 
 
 def excess(lacks: Array) -> Array:
-    """Excess energies E (k, k) of shapes ψ from the missing flexibilities `lacks` of loads Kψ.
+    """Excess energies E (k, k) of shapes ψ, from the compliances that the mesh lacks for the loads
+    Kψ.
 
     E equals `lacks` if that is semidefinite. Elements with few integration points can be too
     flexible for some loads; all products of different shapes are then reduced by one factor that
@@ -101,16 +104,18 @@ def excess(lacks: Array) -> Array:
 
 
 def answers(part: MeshedStructure, forces: Array) -> Array:
-    """Displacements due to self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
+    """Displacements (rows, k) under self-equilibrated forces (rows, k), orthogonal to the rigid
+    motions.
+    """
     free = np.setdiff1d(np.arange(compat.local_size(part.form.space)), part.fixed)
     K = csr(part.K)[free][:, free]
     R = (csr(part.M) @ part.rigid_modes)[free]
     if R.shape[1]:
         K = scipy.sparse.bmat([[K, R * (size := abs(K).max() / abs(R).max())], [R.T * size, None]])
     padded = np.vstack([forces[free], np.zeros((R.shape[1], forces.shape[1]))])
-    found = np.zeros_like(forces)
-    found[free] = scipy.sparse.linalg.splu(K.tocsc()).solve(padded)[: len(free)]
-    return found
+    result = np.zeros_like(forces)
+    result[free] = scipy.sparse.linalg.splu(K.tocsc()).solve(padded)[: len(free)]
+    return result
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
@@ -169,7 +174,9 @@ def inside(mesh: Mesh, point: Array) -> bool:
 
 
 def polygon(mesh: Mesh) -> str:
-    """A sentence if the lines of a mesh seem to approximate a curve by a polygon; else ""."""
+    """A warning if the lines of a mesh seem to approximate a curve by a polygon; otherwise
+    empty.
+    """
     pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
     angle = 0.0 if pieces is None else _largest_angle(pieces)
     angle = mesh.comm.bcast(angle)
@@ -230,7 +237,7 @@ def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
 
 
 def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
-    """The mesh with its cells cut at these shares of their lengths; NaN: whole."""
+    """The mesh with cells cut at the shares `cuts` of their lengths; NaN: not cut."""
     cells = pieces.cells.astype(np.int64)
     known = keys(cells)
     if len(np.unique(known)) < len(known):
@@ -243,8 +250,8 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
     for name, parts in pieces.groups.items():
         groups[name] = {dim: rows.astype(np.int64) for dim, rows in parts.items()}
         if 1 in parts:
-            found = order[np.searchsorted(known[order], keys(groups[name][1]))]
-            groups[name][1] = _children(cells, middle, found)
+            members = order[np.searchsorted(known[order], keys(groups[name][1]))]
+            groups[name][1] = _children(cells, middle, members)
     start, end = (pieces.points[cells[cut, side]] for side in (0, 1))
     points = np.vstack([pieces.points, start + cuts[cut, None] * (end - start)])
     every = _children(cells, middle, np.arange(len(cells)))
@@ -252,7 +259,9 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
 
 
 def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
-    """The parts of the cells `which`, in order; `middle` is the new node, -1 for uncut cells."""
+    """The cells (n, 2) that replace the cells `which`; `middle` is the new node, -1 for uncut
+    cells.
+    """
     ends = cells[which]
     between = middle[which]
     pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)

@@ -46,11 +46,11 @@ def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
 
 
 class _Unknown(Exception):
-    """Raised with the reason why an error cannot be estimated."""
+    """The reason why the error of beam theory cannot be estimated."""
 
 
 def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
-    """The data for the error of beam theory; `_Unknown` if there are none."""
+    """Data for the error of beam theory; raises `_Unknown` where none can be given."""
     assert site.point is not None
     assert site.direction is not None  # or HalvedBeams refuses it
     beam = part.parts[0][0]

@@ -68,7 +68,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
 
 
 def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
-    """Number of cells after a change of sizes by these ratios, over the present number."""
+    """Ratio of the number of cells after a change of sizes by `ratio` to the present number."""
     new, old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
     return float(new / old)
 
@@ -165,7 +165,7 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
 
 
 def divided(pieces: Pieces, cell: str) -> Pieces:
-    """Halve all edges of the cells with small values, once.
+    """The mesh with all edges halved of the cells that have small values, once.
 
     The new values are those of the parents times the old size over the new one.
     """
@@ -210,9 +210,7 @@ def _sizes(pieces: Pieces) -> Array:
 
 
 def _supports(pieces: Pieces, x: Array) -> IntArray:
-    """For each new point the two old points (n, 2) between which it lies; an old point is listed
-    twice.
-    """
+    """The two old points (n, 2) between which each new point lies; an old point is listed twice."""
     first, second = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, first].ravel(), pieces.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -223,7 +221,8 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
 
 
 def _carriers(support: IntArray, entities: IntArray) -> IntArray:
-    """Old points (n, k) that support each new entity (n, k); -1 if there are more than k.
+    """Old points (n, k) between which each new entity (n, k) lies; -1 for an entity with more than
+    k.
 
     An entity lies in an old one of its own dimension if and only if k old points support it.
     """
@@ -238,7 +237,7 @@ def _carriers(support: IntArray, entities: IntArray) -> IntArray:
 
 
 def _positions(rows: IntArray, among: IntArray) -> IntArray:
-    """Index of each row among others, in any order of its entries; -1 if absent."""
+    """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
     code = keys(among.astype(np.int64))
     order = np.argsort(code)
     wanted = keys(rows.astype(np.int64))

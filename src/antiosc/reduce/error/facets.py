@@ -32,7 +32,7 @@ FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
 
 
 def faceted(mesh: Mesh) -> str:
-    """A sentence if straight cells seem to approximate a curved exterior; else ""."""
+    """A warning if straight cells seem to approximate a curved exterior; otherwise empty."""
     if mesh.order > 1:
         return ""
     facets = compat.exterior_facets(mesh.dolfinx)
@@ -109,7 +109,9 @@ def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
 
 
 def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
-    """The normal at each corner (C, 3): mean over the vertex's faces on one smooth surface."""
+    """Normal (C, 3) at each corner: the mean over the faces at the vertex on the same smooth
+    surface.
+    """
     count = len(vertex)
     _, number = np.unique(vertex, return_inverse=True)
     at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
@@ -148,7 +150,7 @@ def layers(part: MeshedStructure) -> tuple[Array, float]:
 
 
 def depth(material: Material) -> float:
-    """Thickness of a plane part; 1 for others, since volumes contain it."""
+    """Thickness of a plane material; 1 for others, whose volumes contain it."""
     if getattr(material, "plane", None):
         return float(material.thickness)
     return 1.0

@@ -49,7 +49,9 @@ def _of_part(matrices: MeshedStructure) -> StrainErrors:
 
 
 class ModelErrors:
-    """The estimators for models of one structure; InputError if there are none."""
+    """The mesh-error estimators for the models of one structure; InputError for a family without
+    one.
+    """
 
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
         if named_sites:
@@ -63,7 +65,7 @@ class ModelErrors:
         self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
-        """The model with its `strain_error`; `info` gets the further data of the budget."""
+        """The model with its `strain_error`, and with the data of the error budget in `info`."""
         started = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - started}

@@ -22,7 +22,7 @@ WHOLE_LOAD = 0.99
 
 
 def patch_of(structure: Structure, site: Functional) -> PatchData | None:
-    """Data of a site's patch for a budget, as JSON values; None for a point.
+    """Data of a site's patch for an error budget, as JSON values; None for a point.
 
     "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
     that of a second patch [m], and "compliance" the change of the part's compliance beyond the

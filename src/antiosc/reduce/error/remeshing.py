@@ -51,7 +51,7 @@ LINES = 8
 
 
 class MeshSource(ABC):
-    """Source of increasingly fine meshes of one part; `coarsest` is the first."""
+    """Protocol: a source of finer and finer meshes of one part; `coarsest` is the first mesh."""
 
     #: why there is only one mesh; "" if there are more
     fixed = ""
@@ -71,16 +71,16 @@ class MeshSource(ABC):
 
     @abstractmethod
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """A mesh whose sizes are `ratio` (cells of this rank) times those of `mesh`."""
+        """A mesh whose cell sizes are about `ratio` (cells of this rank) times those of `mesh`."""
 
 
-def source_of(given: str | Path | Mesh, order: int = 2) -> MeshSource:
+def source_of(source: str | Path | Mesh, order: int = 2) -> MeshSource:
     """The source for a file or a mesh; `order`: geometric order of the cells of a geometry."""
-    if isinstance(given, Mesh):
-        if given.tdim == 1:
-            return OfLines(given)
-        return OfMesh(given)
-    path = Path(given)
+    if isinstance(source, Mesh):
+        if source.tdim == 1:
+            return OfLines(source)
+        return OfMesh(source)
+    path = Path(source)
     if path.suffix.lower() in GEOMETRY:
         geometry = OfGeometry(path, order)
         if geometry.coarsest.tdim == 1:
@@ -93,7 +93,7 @@ def source_of(given: str | Path | Mesh, order: int = 2) -> MeshSource:
 
 
 class OfMesh(MeshSource):
-    """A mesh as source: its cells are divided if they are straight simplices."""
+    """A mesh as source of meshes: straight simplices are bisected, other cells stay."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.coarsest = mesh
@@ -105,7 +105,9 @@ class OfMesh(MeshSource):
             )
 
     def thickness(self) -> float:
-        """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
+        """Twice the volume over the surface [m]; for other cells than simplices the least
+        extent.
+        """
         if self.coarsest.cell in KIND_OF:
             return super().thickness()
         low, high = bounds(self.coarsest.comm, self.coarsest.dolfinx.geometry.x)
@@ -144,7 +146,7 @@ class OfGeometry(MeshSource):
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """A mesh of about `size`, of some thousand cells at most."""
+        """A mesh with cells of about `size` [m], and some thousand cells at most."""
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
@@ -198,7 +200,7 @@ class OfGeometry(MeshSource):
 
 
 class OfLines(MeshSource):
-    """Lines as source: a mesh whose cells are halved, or a geometry.
+    """A mesh of lines as source, whose cells are halved, or a geometry of lines.
 
     The site becomes a node.
     """
@@ -250,7 +252,9 @@ def largest(mesh: Mesh) -> float:
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
-    """Sizes [m] of the cells of this rank around points, as gmsh gets them (`read_mesh`)."""
+    """Sizes [m] of the cells of this rank near the points of `refine`, as `read_mesh` gives them to
+    gmsh.
+    """
     nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
     sizes = np.full(len(centres), np.inf)
@@ -262,7 +266,8 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """Size field on rank 0: at each corner the smallest size of its cells.
+    """Size field on rank 0 for `ratio`: at each corner the smallest size of its cells; None
+    elsewhere.
 
     A mean would lose the small sizes of single cells, such as those under a patch.
     """

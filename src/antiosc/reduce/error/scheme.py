@@ -48,8 +48,8 @@ class MeshErrors(ABC):
 
     @abstractmethod
     def prepare(self) -> None:
-        """Compute the data that all models share; InputError for a mesh whose errors are not
-        detected.
+        """Compute the data that all models share; InputError for a mesh whose errors cannot be
+        estimated.
         """
 
     @abstractmethod
@@ -58,18 +58,20 @@ class MeshErrors(ABC):
 
 
 class StrainErrors(MeshErrors):
-    """Estimators by recovered strains, for the error of any displacement shape."""
+    """Estimators of the strain error of any displacement shape, by recovered strains."""
 
     @abstractmethod
     def gram(self, shapes: Array) -> Array:
-        """E_ij = ∫ e_i:C:e_j of the errors of shapes, (k, k)."""
+        """Energies E_ij = ∫ e_i:C:e_j (k, k) of the strain errors e of shapes (rows, k)."""
 
     @abstractmethod
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell that this rank owns: (cells,)."""
+        """Energy Σ_j ∫ e_j:C:e_j of the strain errors in each cell that this rank owns:
+        (cells,).
+        """
 
     def of_state(self, structure: Structure, shapes: Array, energies: Array) -> Array:
-        """Energies by which the error of a prestress may change those of shapes.
+        """Estimated change (k, k) of the energies of shapes by the error of a prestress.
 
         The loads add ∫ N : η(ψ, ψ) to the stiffness, a functional of the state q. Its error is the
         product of the errors in energy of q and of its dual solution (Becker and Rannacher, Acta

@@ -86,13 +86,15 @@ class SmoothPieces:
 
 
 def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
-    """The smooth pieces; InputError for a one-sided surface."""
+    """Division of the cells into smooth pieces of the surface; InputError for a one-sided
+    surface.
+    """
     mesh = part.mesh
     count = compat.cell_map(mesh.dolfinx).size_local
     corners = compat.geometry_nodes(mesh.dolfinx)[:, CORNERS_IN_TURN[mesh.cell]]
     cell_edges = compat.cell_entities(mesh.dolfinx, 1)
     edge_ends = compat.entity_vertices(mesh.dolfinx, 1)
-    own = part.part_of_cells()
+    material_number = part.part_of_cells()
     axes = SheetAxes(part)
     normals = edge_normals(part)
     edges, places, cells = neighbours(cell_edges)
@@ -100,7 +102,7 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     places = places[:, cells == 2]
     pairs = places // EDGES
     angle = angles(normals, places)
-    smooth = (own[pairs[0]] == own[pairs[1]]) & (angle < FOLD)
+    smooth = (material_number[pairs[0]] == material_number[pairs[1]]) & (angle < FOLD)
     turn = angles(_tangents(np.repeat(axes.axis, EDGES, axis=0), normals), places)
     smooth &= ~axes.given[pairs[0]] | (turn < FOLD)
     for name in part.stiffeners:
@@ -111,7 +113,7 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     number = _connected(count, a, b)
     side = _sides(number, a, b, turned, mesh.name)
     # layers have a side of their own, which turns with the surface, or the piece ends there
-    layered = np.array([material.section.has_sides for material, _ in part.parts])[own]
+    layered = np.array([material.section.has_sides for material, _ in part.parts])[material_number]
     number = 2 * number + (layered & (side != axes.side))
     axes.side = np.where(layered, axes.side, side)
     best, cut = _axis_of_pieces(number, np.abs(normals).reshape(count, EDGES, 3).max(axis=1))
@@ -131,7 +133,8 @@ def edge_normals(part: MeshedStructure) -> Array:
 
 
 def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """(edges (n,), indices (2, n) of two uses of each edge by cells, number of its uses (n,)).
+    """(edge (n,), indices (2, n) of two uses of each edge by cells, number (n,) of cells at the
+    edge).
 
     The indices are those in the flattened `cell_edges`; an edge of a single cell has its index
     twice.
@@ -162,7 +165,7 @@ def _largest(values: Array) -> float:
 
 
 def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
-    """Mask of the cells that traverse an edge from its first end."""
+    """Mask (cells,): whether a cell traverses an edge from its first end to its second."""
     at = np.argmax(corners == ends[:, :1], axis=1)
     after = (at + 1) % corners.shape[1]
     return np.asarray(corners[np.arange(len(at)), after] == ends[:, 1])
@@ -194,7 +197,7 @@ def _connected(count: int, a: IntArray, b: IntArray) -> IntArray:
 
 
 def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray]:
-    """(coordinate axis (cells,) for the directions in each cell, mask of cells without a common
+    """(coordinate axis (cells,) from which a cell's directions are measured, mask of cells without
     one).
 
     It is the axis at the largest angle to all normals of the cell's piece. If every axis is near to
@@ -279,21 +282,21 @@ class StrainsOfSheets:
         near = (self._interpolation @ turn).reshape(len(every), 2, 6, k)
         near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
         gap = np.swapaxes(along, 1, 2) @ near - lean
-        own = np.empty((len(every), STRAINS, k))
-        own[:, 0] = du[:, 0, 0]
-        own[:, 1] = du[:, 1, 1]
-        own[:, 2] = du[:, 0, 1] + du[:, 1, 0]
-        own[:, 3] = dr[:, 1, 0]
-        own[:, 4] = -dr[:, 0, 1]
-        own[:, 5] = dr[:, 1, 1] - dr[:, 0, 0]
-        own[:, SHEAR] = du[:, 2] + lean + gap
-        own[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
-        own[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
+        strains = np.empty((len(every), STRAINS, k))
+        strains[:, 0] = du[:, 0, 0]
+        strains[:, 1] = du[:, 1, 1]
+        strains[:, 2] = du[:, 0, 1] + du[:, 1, 0]
+        strains[:, 3] = dr[:, 1, 0]
+        strains[:, 4] = -dr[:, 0, 1]
+        strains[:, 5] = dr[:, 1, 1] - dr[:, 0, 0]
+        strains[:, SHEAR] = du[:, 2] + lean + gap
+        strains[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
+        strains[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
         area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
-        return SheetStrains(own, gap, area * np.tile(self._weights, len(cells)))
+        return SheetStrains(strains, gap, area * np.tile(self._weights, len(cells)))
 
     def _dofs(self, cells: IntArray, names: str | tuple[str, ...]) -> Array:
-        """Dof values (cells, functions, components · k)."""
+        """Values (cells, functions, components · k) of the named dofs of the shapes."""
         form = self._part.form
         numbers = [compat.cell_dofs(form.space, form.components[name], cells) for name in names]
         dofs = np.stack([self._shapes[of_component] for of_component in numbers], axis=2)
@@ -307,7 +310,9 @@ DEGREE = 2
 
 
 class StrainBlock(NamedTuple):
-    """Some cells with strains at all points, and recovered strains (P, 9, k) there."""
+    """A block of cells: their strains, and recovered strains (P, 9, k), at all quadrature
+    points.
+    """
 
     cells: slice
     strains: SheetStrains
@@ -400,7 +405,7 @@ ALONG = 1e-6
 
 
 class _Side(NamedTuple):
-    """The points of edges, each as points of one of the two cells beside its edge."""
+    """Gauss points on edges, as points of one of the two cells at each edge."""
 
     #: normals of the sheet (P, 3), and of the edges (P, 3)
     n: Array
@@ -447,7 +452,7 @@ def layers_of(part: MeshedStructure, pieces: SmoothPieces, recovery: SheetRecove
 
 
 def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntArray]:
-    """(uses of exterior edges (n,), pairs of uses of edges between two pieces (2, n)).
+    """(uses of exterior edges (n,), pairs of uses (2, n) of edges between two smooth pieces).
 
     The latter are edges at which two pieces meet without a fold. Edges that beams stiffen are in
     neither.
@@ -536,7 +541,7 @@ class ShellErrors(StrainErrors):
 
     @property
     def faceted(self) -> str:
-        """A sentence if flat cells approximate a curved surface; else ""."""
+        """A warning if flat cells approximate a curved surface; otherwise empty."""
         if self.part.mesh.order > 1 or self._pieces.bent < FLAT:
             return ""
         return (
@@ -545,7 +550,9 @@ class ShellErrors(StrainErrors):
         )
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
-        """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each: errors e, misfits d."""
+        """(E_ij = ∫ e_i:C:e_j, F_ij = ∫ Q_i·d_j + Q_j·d_i), both (k, k), of errors e and shear
+        misfits d.
+        """
         recovery = SheetRecovery(self.part, shapes, self._pieces)
         E = layers_of(self.part, self._pieces, recovery).energies()
         work = np.zeros_like(E)

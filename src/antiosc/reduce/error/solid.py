@@ -132,7 +132,7 @@ CG_STEPS = 200
 
 
 class Projection:
-    """Continuous functions of degree one on `cells` (of this rank, owned) of a mesh."""
+    """L2 projection onto continuous linear functions on owned `cells` of a mesh."""
 
     def __init__(self, quadrature: Quadrature, cells: IntArray) -> None:
         mesh = quadrature.mesh
@@ -158,7 +158,9 @@ class Projection:
         self._inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)[:, None]
 
     def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
-        """The sparse matrix that evaluates corner values at the points of the cells `some`."""
+        """Sparse matrix from values at corners to values at the quadrature points of the cells
+        `some`.
+        """
         rows = slice(some.start * self._points, some.stop * self._points)
         data = numbers[rows]
         columns = self._columns[rows]
@@ -176,11 +178,13 @@ class Projection:
             loads[:, k] += gather @ field
 
     def owned(self, loads: Array) -> Array:
-        """Loads (rows, fields) on this rank's corners, contributions of other ranks included."""
+        """Loads (rows, fields) at the corners of this rank, with the contributions of other
+        ranks.
+        """
         return compat.ghosts_added(self._space, loads)
 
     def solve(self, loads: Array) -> Array:
-        """Values at the corners of this rank, (rows, fields), for loads of the same shape."""
+        """Corner values (rows, fields) on this rank for loads (rows, fields)."""
         start = self._dot(loads, self._inverse * loads)
         for x, left, _ in conjugate_gradients(
             loads, self._product, lambda r: self._inverse * r, self._dot, CG_STEPS
@@ -193,7 +197,9 @@ class Projection:
         )
 
     def at_points(self, some: slice, values: Array) -> Array:
-        """Values (points, fields) in the cells `some`, from corner values with ghosts."""
+        """Values (points, fields) at the quadrature points of `some` cells, from corner values with
+        ghosts.
+        """
         return np.asarray(self._at(self._values, some) @ values)
 
     def within(self, cells: IntArray, X: Array, values: Array) -> Array:
@@ -211,7 +217,7 @@ class Projection:
         return compat.with_ghosts(self._space, values)
 
     def residual(self, loads: Array, x: Array) -> Array:
-        """Loads minus the mass matrix times values x, (rows, fields)."""
+        """Loads minus the mass matrix times corner values x: (rows, fields)."""
         return np.asarray(loads - self._product(x))
 
     def _product(self, x: Array) -> Array:
@@ -252,7 +258,9 @@ def refuse_locking(structure: MeshedStructure) -> None:
 
 
 def _poisson(material: Material) -> float:
-    """nu of the mean bulk and shear moduli (Voigt's)."""
+    """Poisson's ratio of the isotropic material with the same mean (Voigt) bulk and shear
+    moduli.
+    """
     C = np.asarray(material.voigt)
     bulk = float(C[:3, :3].sum()) / 9
     shear = float(np.trace(C[:3, :3]) - 3 * bulk + 2 * np.trace(C[3:, 3:])) / 10
@@ -260,7 +268,7 @@ def _poisson(material: Material) -> float:
 
 
 class SolidErrors(StrainErrors):
-    """The estimator of 2-D and 3-D solids; flat faces may stand for a curved surface."""
+    """The estimator of 2-D and 3-D solids, whose flat faces may approximate a curved surface."""
 
     def prepare(self) -> None:
         refuse_locking(self.part)
@@ -275,8 +283,8 @@ class SolidErrors(StrainErrors):
         return Estimate(energies + self.of_state(structure, shapes, energies), facts=facts)
 
     def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
-        """The energies `outside` of the layers; the first shape may be a rigid motion, without
-        energy.
+        """Record of the energies `outside` the faces; a rigid first shape has none. None without
+        gaps.
         """
         if not self._note:
             return None
@@ -321,7 +329,7 @@ class SolidErrors(StrainErrors):
     def _outside(
         self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
     ) -> Array:
-        """Energies (count,) of layers on the faces of `cells`."""
+        """Energies (count,) of the shapes in the layers on the faces of `cells`."""
         faces = self.part.faces
         here = np.flatnonzero(np.isin(faces.cells, cells))
         X = faces.reference(here, faces.middle[here])
@@ -350,7 +358,7 @@ class SolidErrors(StrainErrors):
         return CellStrains(self.part.mesh, self.part.form, shapes)
 
     def _regions(self) -> Iterator[tuple[Array, IntArray]]:
-        """(root R of the stiffness RᵀR, cells of this rank) of each stiffness."""
+        """Yield (root R of a stiffness RᵀR, owned cells that have it)."""
         mesh = self.part.mesh
         owned = compat.cell_map(mesh.dolfinx).size_local
         regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
@@ -365,7 +373,7 @@ class SolidErrors(StrainErrors):
 def _scaled(
     strains: CellStrains, root: Array, cells: IntArray
 ) -> Iterator[tuple[slice, Array, Array]]:
-    """(some of the cells, strains (components, points, k) times R, weights (points,))."""
+    """Yield (some cells, R × strains (components, points, k), weights (points,)) in blocks."""
     for some in strains.quadrature.slices(cells):
         values, weights = strains.at(cells[some])
         yield some, (root @ values.reshape(len(values), -1)).reshape(values.shape), weights

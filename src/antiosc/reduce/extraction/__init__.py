@@ -101,7 +101,7 @@ class SiteShapes:
 
     @cached_property
     def _pin(self) -> Array:
-        """Inverse of `bAb`."""
+        """Inverse (p, p) of `bAb`."""
         return np.linalg.inv(self.bAb)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
@@ -110,9 +110,9 @@ class SiteShapes:
 
     @property
     def rigid(self) -> Array:
-        """(p, q) displacements of the sites in the rigid-body modes that move them, kg^-½."""
-        own = np.flatnonzero(self.moved)
-        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, own]))
+        """Displacements (p, q) of the sites in the rigid-body modes that move them, kg^-½."""
+        rigid_columns = np.flatnonzero(self.moved)
+        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, rigid_columns]))
 
     @property
     def slide(self) -> Array:
@@ -121,9 +121,11 @@ class SiteShapes:
 
     @property
     def rigid_shapes(self) -> Array:
-        """(rows, q + h) M-orthonormal rigid-body modes: those of `rigid`, then `nodal`."""
-        own = np.flatnonzero(self.moved)
-        return np.hstack([self.phi[:, own] * self.moved[own], self.nodal])
+        """M-orthonormal rigid-body modes (rows, q + h): the q that move the sites, then the h of
+        `nodal`.
+        """
+        rigid_columns = np.flatnonzero(self.moved)
+        return np.hstack([self.phi[:, rigid_columns] * self.moved[rigid_columns], self.nodal])
 
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
@@ -140,41 +142,43 @@ def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteS
 
 
 def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteShapes:
-    """`SiteShapes` of the loads B, with Y = A⁻¹B."""
+    """The `SiteShapes` of loads B (rows, c), from their static solutions Y = A⁻¹B."""
     comm = structure.comm
-    kept, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
-    given = B[:, kept]
-    B = B[:, kept] @ W
+    columns, dependence, W, Y, V, sigma = _basis(structure, solver, B, Y)
+    independent_loads = B[:, columns]
+    B = B[:, columns] @ W
     R = structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
-    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
+    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(columns) == 1 else 1.0
     moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong = R[:, :q]
     nodal = R[:, q:]
     slides = dot(comm, nodal, B)
     weak = np.zeros_like(slides)
-    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
-    weak[own, q + own] = slides[own, q + own]
+    weak_modes = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN_RIGID_SHARE)
+    weak[weak_modes, q + weak_modes] = slides[weak_modes, q + weak_modes]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
     phi = strong / moved[:q]
     k0 = np.zeros_like(W)
-    strain = np.zeros(len(kept))
-    if q < len(kept):
+    strain = np.zeros(len(columns))
+    if q < len(columns):
         y0 = y[:, q:]
         if R.shape[1]:
             y0 = np.column_stack([beside_rigid(structure, solver, b) for b in B[:, q:].T])
             strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
-        elastic = y0 @ k0[q:, q:] if len(kept) > 1 else y0 / C0
+        elastic = y0 @ k0[q:, q:] if len(columns) > 1 else y0 / C0
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
-    uncertainty = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
+    uncertainty = (
+        SUM_ROUNDING * dot(comm, np.abs(R), np.abs(independent_loads)) @ np.abs(W) + strain
+    )
     return SiteShapes(
-        kept=kept,
+        kept=columns,
         dependence=dependence,
         W=W,
         load=load,
@@ -202,24 +206,24 @@ def _basis(
     R = structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
     C = dot(comm, B, Y)
-    kept, dependence = independent((C + C.T) / 2)
-    B = B[:, kept]
-    Y = Y[:, kept]
-    W = np.eye(len(kept))
+    columns, dependence = independent((C + C.T) / 2)
+    B = B[:, columns]
+    Y = Y[:, columns]
+    W = np.eye(len(columns))
     for again in (False, True):
-        if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
+        if again and len(columns) > 1:  # differences of nearly equal loads are solved for anew
             Y = solver.solve_block(B @ W)
         C = dot(comm, B @ W, Y)
         L = np.linalg.cholesky((C + C.T) / 2)
         along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
         V, sigma, U = np.linalg.svd(along)
         turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
-        if len(kept) == 1:  # a single site keeps its own unit, and no rounding is added
+        if len(columns) == 1:  # a single site keeps its own unit, and no rounding is added
             turn = U.T
         W = W @ turn
         Y = Y @ turn
-    sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
-    return kept, dependence, W, Y, V, sigma
+    sigma = np.append(sigma, np.zeros(len(columns) - len(sigma)))
+    return columns, dependence, W, Y, V, sigma
 
 
 def independent(C: Array) -> tuple[IntArray, Array]:
@@ -231,25 +235,25 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
-    left = unit.copy()
+    schur = unit.copy()
     chosen = []
-    while left.size and left.diagonal().max() > FOLLOWS:
-        pivots = left.diagonal()
+    while schur.size and schur.diagonal().max() > FOLLOWS:
+        pivots = schur.diagonal()
         # the first of nearly equal pivots, so that rounding does not choose between equal sites
         k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
         chosen.append(k)
-        left = left - np.outer(left[k], left[k]) / pivots[k]
-        left[k] = 0.0
-        left[:, k] = 0.0
-    kept = np.sort(np.array(chosen, dtype=int))
-    follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
-    follow = follow * size[:, None] * scale[kept]
-    follow[kept] = np.eye(len(kept))
-    return kept, follow
+        schur = schur - np.outer(schur[k], schur[k]) / pivots[k]
+        schur[k] = 0.0
+        schur[:, k] = 0.0
+    columns = np.sort(np.array(chosen, dtype=int))
+    follow = np.linalg.solve(unit[np.ix_(columns, columns)], unit[columns]).T
+    follow = follow * size[:, None] * scale[columns]
+    follow[columns] = np.eye(len(columns))
+    return columns, follow
 
 
 def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
-    """Bound (p,) on the displacements of sites due to errors of the rigid-body modes R (rows, r).
+    """Bound (p,) on site displacements due to the strain in the rigid-body modes R (rows, r).
 
     Such an error strains the body. It moves a site, whose deflection under its load is the column y
     of Y (rows, p), by yᵀKR. This is known up to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
@@ -276,11 +280,11 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     MR = multiply(structure.M, R)
 
     def load(r: Array) -> Array:  # without its part on the rigid motions
-        """A load without its part on the rigid modes."""
+        """A load minus its component on the rigid modes."""
         return np.asarray(r - MR @ dot(comm, R, r))
 
     def shape(z: Array) -> Array:
-        """A shape without its part along the rigid modes."""
+        """A shape minus its component along the rigid modes."""
         return np.asarray(z - R @ dot(comm, MR, z))
 
     r = load(b)

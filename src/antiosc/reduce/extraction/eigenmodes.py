@@ -54,7 +54,7 @@ AS_SITES = 3.0
 
 @dataclass(frozen=True)
 class ModeSearch:
-    """A search for the lowest modes, in which known ones are deflated."""
+    """A search for the lowest modes in the space orthogonal to the modes known before."""
 
     structure: Structure
     #: the sites that are constrained; None for natural modes
@@ -71,7 +71,7 @@ class ModeSearch:
         return min(self.wanted + GUARD, self.limit)
 
     def inverse(self, r: Array) -> Array:
-        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; for natural modes A⁻¹r."""
+        """A⁻¹r, projected on motions that vanish at the sites; for natural modes A⁻¹r itself."""
         x = self.structure.factorize().solve(r)
         if self.held is None:
             return x
@@ -99,7 +99,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
     known_loads = multiply(structure.M, known)
 
     def inverse(r: Array) -> Array:
-        """The operator of ARPACK: `search.inverse`."""
+        """The operator for ARPACK: `search.inverse`."""
         x = search.inverse(r)
         return np.asarray(x - known @ (known_loads.T @ x))
 
@@ -307,7 +307,9 @@ class ModeSolver:
         return self._by_krylov(count)
 
     def _uneven(self) -> bool:
-        """Whether rounding of K's entries spoils the lowest modes; products by strains avoid it."""
+        """Whether rounding of K's entries spoils the lowest modes; it does not if K is applied by
+        strains.
+        """
         K = self._structure.K
         M = self._structure.M
         if not by_strains(K):
@@ -354,7 +356,8 @@ class ModeSolver:
 
 
 def _expected(omega: Array, reach: float) -> int:
-    """Number of modes expected up to `reach`, by a power law through the known ones.
+    """Number of modes expected up to `reach` [rad/s], extrapolated from the known ones by a power
+    law.
 
     The modal density grows as ω^-1/2 in beams, ω^0 in plates and ω² in solids. A good estimate
     saves rounds of the search, each of which builds a new Krylov space.
@@ -390,19 +393,17 @@ def _dense_modes(
 
 
 def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
-    """Relative residual ‖Kφ - ω²Mφ‖ / ‖Kφ‖ of each mode (k,), without the constraint forces of the
-    sites.
-    """
+    """Relative residual ‖Kφ - ω²Mφ − reactions of the sites‖ / ‖Kφ‖ (k,) of each mode."""
     forces = multiply(structure.K, modes.phi)
     residual_forces = forces - multiply(structure.M, modes.phi) * modes.omega**2
     if held is not None:  # loadᵀΦ = 1 gives the reactions
         residual_forces = residual_forces - held.load @ dot(
             structure.comm, held.phi, residual_forces
         )
-    left, size = np.split(
+    size_of_residual, size = np.split(
         structure.factorize().force_sizes(np.hstack([residual_forces, forces])), 2
     )
-    return np.asarray(left / np.maximum(size, np.finfo(float).tiny))
+    return np.asarray(size_of_residual / np.maximum(size, np.finfo(float).tiny))
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:

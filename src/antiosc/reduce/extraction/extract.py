@@ -101,14 +101,16 @@ def models_of(
     if terms and (options.method == "modes" or errors is not None):
         what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
         raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
-    loads = [np.column_stack([c.b for own in group.values() for c in own]) for group in groups]
+    loads = [
+        np.column_stack([c.b for columns in group.values() for c in columns]) for group in groups
+    ]
     statics = shapes_of_models(structure, loads)
     counts = [
         elastic_count(static, options.n) if UNNAMED in group else options.n
         for group, static in zip(groups, statics, strict=True)
     ]
     if options.method == "krylov":
-        found = by_krylov(
+        computed = by_krylov(
             structure,
             statics,
             counts,
@@ -120,32 +122,32 @@ def models_of(
     else:
         limits = options.tol, options.band, options.accuracy
         pairs = zip(statics, counts, strict=True)
-        found = [by_modes(structure, static, n, *limits) for static, n in pairs]
+        computed = [by_modes(structure, static, n, *limits) for static, n in pairs]
     models: list[AntiOscillators] = []
     for group, static, n in zip(groups, statics, counts, strict=True):
-        modes, remainder = found.pop(0)
+        modes, remainder = computed.pop(0)
         known = lumped(structure, static, modes)
-        kept = every_mode(known, n) if terms else oscillators(known, n, options.tol)
-        one = at_one_site(static, kept, options.n) if UNNAMED in group else None
+        selected = every_mode(known, n) if terms else oscillators(known, n, options.tol)
+        at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
         band: Band | None = None
         if options.band is not None and isinstance(remainder, Reached):
             band = _band(remainder.bottom, options.band, remainder.error)
         elif options.band is not None and callable(remainder):
-            omega = kept.omega if one is None else one.omega
-            bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
+            omega = selected.omega if at_site is None else at_site.omega
+            bound, lowest = error_bound(structure, known, remainder, selected, options.band, omega)
             band = _band(lowest, options.band, bound)
         seconds = {"site": spent, "modes": (time.perf_counter() - started) / (len(models) + 1)}
-        record = info_of_model(structure, group, known, kept, options.method)
+        record = info_of_model(structure, group, known, selected, options.method)
         info = replace(record, band=band, seconds={**structure.seconds, **seconds})
-        elastic = len(kept.omega)
+        elastic = len(selected.omega)
         complete = modes.complete
         del known, modes  # as large as the shapes
-        if one is None:
-            model = model_of_named_sites(structure, group, static, kept, info)
+        if at_site is None:
+            model = model_of_named_sites(structure, group, static, selected, info)
         else:
             (target,) = group[UNNAMED]
-            del kept
-            model = model_of_one_site(structure, target, one, elastic, info)
+            del selected
+            model = model_of_one_site(structure, target, at_site, elastic, info)
             if errors is not None:
                 model = errors.added_to(model, target)
         if terms or structure.matrices.lossy:
@@ -156,12 +158,14 @@ def models_of(
 
 
 def _band(bottom: float, top: float, bound: float) -> Band:
-    """The record of a band whose ends are given in rad/s."""
+    """The record of a band with the ends `bottom` and `top` [rad/s] and an error bound."""
     return {"bottom": bottom / (2 * np.pi), "top": top / (2 * np.pi), "error_bound": bound}
 
 
 def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
-    """Warn of too few modes, of unconverged frequencies, and of a band not reached or too low."""
+    """Warn of missing modes, unconverged frequencies, or a band that is not reached or is too
+    low.
+    """
     if options.band is None and model.n < options.n and not complete:
         warn(
             f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
@@ -366,7 +370,7 @@ def extract(
 
 
 def _models_at_once(structure: Structure, options: ExtractOptions) -> int:
-    """Number of models in one block of right-hand sides: as many as SLICE bytes of vectors hold."""
+    """Number of models that are solved in one block: their vectors take at most SLICE bytes."""
     if options.method == "modes":
         return 1
     columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
@@ -403,7 +407,7 @@ def _checked_options(
 
 
 def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
-    """(names, sites) of the argument of `extract`; () for sites without names."""
+    """(names, sites) of the argument `site` of `extract`; no names for a site or a sequence."""
     names: list[str] = []
     if isinstance(site, Mapping):
         names = list(site)
@@ -414,8 +418,8 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
             if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
     sites: list[Site] = []
-    for one in site if isinstance(site, list | tuple) else [site]:
-        sites.append(instance("site", one, Site, "a Site(point, direction)"))
+    for item in site if isinstance(site, list | tuple) else [site]:
+        sites.append(instance("site", item, Site, "a Site(point, direction)"))
         if sites[-1].tangential and not names:
             raise InputError(
                 "tangential directions belong to a model of named sites: "

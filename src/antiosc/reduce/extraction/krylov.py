@@ -78,9 +78,7 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Reached:
-    """The bound that a damped model reaches on the relative error of the receptance in its band,
-    and the lower end of the band [rad/s].
-    """
+    """Error bound of a damped model's receptance in its band, and the band's lower end [rad/s]."""
 
     error: float
     bottom: float
@@ -89,7 +87,9 @@ class Reached:
 def with_damping(
     structure: Structure, model: AntiOscillators, static: SiteShapes, terms: Sequence[Dissipation]
 ) -> AntiOscillators:
-    """The model with the structure's damping; InputError if it acts beyond the model's motions."""
+    """The model with the structure's damping; InputError for damping outside the model's
+    motions.
+    """
     shapes = model.shapes
     assert shapes is not None
     V = (
@@ -113,7 +113,7 @@ def with_damping(
 def _with_losses(
     structure: Structure, model: AntiOscillators, damping: DampingMatrix | None
 ) -> AntiOscillators:
-    """The model with this damping, and with loss factors of the materials by modal strain energy.
+    """The model with this damping plus that of the materials' loss factors, by modal strain energy.
 
     ζ_j = Σ η_m U_jm/(2 U_j) with the shares U_jm of the materials in the strain energy of mode j
     (E. Ungar, E. Kerwin, *J. Acoust. Soc. Am.* 34 (1962) 954).
@@ -135,8 +135,8 @@ def _with_losses(
     if not model.sites:
         amplitude[1 : 1 + model.n] *= np.sqrt(model.m)[:, None]
     modes = np.linalg.pinv(amplitude)[elastic]
-    own = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
-    factor = np.vstack([damping.factor, own])
+    by_losses = np.sqrt(2 * ratio * body.omega[elastic])[:, None] * modes
+    factor = np.vstack([damping.factor, by_losses])
     return replace(model, damping=from_factors(factor, damping.factors))
 
 
@@ -254,7 +254,7 @@ class Lanczos:
         return self._V[:, self._locked : self._locked + self.steps]
 
     def _add(self, w: Array, load: Array, size: float) -> float:
-        """Orthogonalise w = A⁻¹ load and add it to the basis; return the length of the dropped
+        """Orthogonalise w = A⁻¹ load and append it to the basis; return the length of the dropped
         part.
 
         `size`: lower limit of the energy wᵀ load, which rounding may reduce. The length is an upper
@@ -287,7 +287,7 @@ class Lanczos:
         return self._static.constrained(self._comm, w)
 
     def _project(self) -> Array:
-        """Extend H by M times the new vectors, which are the next loads."""
+        """Extend H by M times the new vectors, which become the next loads."""
         first = len(self.H)
         loads = multiply(self._M, self.vectors[:, first:])
         column = dot(self._comm, self.vectors, loads)
@@ -317,7 +317,7 @@ class Lanczos:
         return theta[::-1], np.column_stack([eigenvectors[:, :noise], vectors])[:, ::-1]
 
     def resolved(self, n: int) -> tuple[Array, Array]:
-        """The Ritz pairs of `ritz` whose θ is positive."""
+        """The Ritz pairs (`ritz`) with positive θ."""
         theta, eigenvectors = self.ritz(n)
         return theta[theta > 0], eigenvectors[:, theta > 0]
 
@@ -333,7 +333,7 @@ class Lanczos:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the basis spans the whole space that the sites excite."""
+        """Whether the basis spans every motion that the sites excite."""
         return self.load.shape[1] == 0
 
     def advance(self, solutions: Array) -> None:
@@ -388,7 +388,7 @@ class Lanczos:
         return band_error(self._structure, self._static, *basis, self._c, n, band, self._terms)
 
     def error(self, n: int, band: float) -> float:
-        """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors over the band up to `band` [rad/s]."""
+        """Bound on ‖ΔZ‖₂‖Z_N⁻¹‖₂ of the model of n vectors, up to the frequency `band` [rad/s]."""
         m0, P, poles = self.parameters(n)
         k0 = self._static.k0
         P = P[poles > 0]
@@ -432,17 +432,17 @@ def by_krylov(
             loads = [runs[i].load for i in active]
             shapes = statics[0].solver.solve_block(np.hstack(loads))
             ends = np.cumsum([load.shape[1] for load in loads])
-            for i, own in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
+            for i, solution in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 before = runs[i].steps
-                runs[i].advance(own)
+                runs[i].advance(solution)
                 bound: Remainder | Reached | None = None
                 if terms:
-                    kept, bound = _enough(runs[i], counts[i], band, accuracy)
+                    count, bound = _enough(runs[i], counts[i], band, accuracy)
                 else:
-                    kept = _finished(runs[i], before, counts[i], tol, band, accuracy)
-                    bound = None if band is None or kept is None else runs[i].remainder(kept)
-                if kept is not None:
-                    done[i] = runs[i].modes(kept), bound
+                    count = _finished(runs[i], before, counts[i], tol, band, accuracy)
+                    bound = None if band is None or count is None else runs[i].remainder(count)
+                if count is not None:
+                    done[i] = runs[i].modes(count), bound
                     runs[i].release()
             log.debug("Krylov step: %d of %d models done", len(done), len(runs))
     return [done[i] for i in range(len(runs))]
@@ -451,21 +451,23 @@ def by_krylov(
 def _enough(
     run: Lanczos, n: int, band: float | None, accuracy: float
 ) -> tuple[int | None, Reached | None]:
-    """(number of vectors of a damped model to keep, or None to continue, and the error bound)."""
+    """(vectors to keep of a damped model, or None to continue; its error bound)."""
     if band is None:
         return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
     tried = min(run.steps if run.exhausted else run.applied, n)
     if not tried:
         return None, None
-    found = run.damped_error(tried, band)
-    enough = tried == n or run.exhausted or found.error <= accuracy
-    return (tried if enough else None), found
+    reached = run.damped_error(tried, band)
+    enough = tried == n or run.exhausted or reached.error <= accuracy
+    return (tried if enough else None), reached
 
 
 def _finished(
     run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float
 ) -> int | None:
-    """Number of vectors to keep, or None to continue; the last block added those after `before`."""
+    """Number of vectors to keep, or None to continue; vectors after `before` are from the last
+    block.
+    """
     if band is not None:
         tried = min(run.applied, n)  # the truncation error of these is known only now
         enough = tried == n or run.exhausted

@@ -33,7 +33,7 @@ CONVERGED = 1e-3
 
 
 def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Accept a measured error, warn of it, or raise AccuracyError, by `limit`."""
+    """Warn of a measured error above `limit`; AccuracyError for one above USABLE times `limit`."""
     if value <= limit:
         return
     why = (
@@ -78,9 +78,9 @@ def checked_modes(
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
     sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    own = {"residual": off} if method == "modes" else {"projection": projection}
+    equation = {"residual": off} if method == "modes" else {"projection": projection}
     measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in equation.items()},
         "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
         "constraint": _displacement(comm, static.load, modes.phi),
         "mass": _excess(static.mass, known.P),
@@ -92,14 +92,14 @@ def checked_modes(
 
 
 def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
-    """Largest displacement of a site in a mode, relative to the sizes of load and mode."""
+    """Largest displacement of a site in the modes, relative to the norms of load and mode."""
     squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
     sizes = np.sqrt(np.outer(*squares))
     return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
 
 
 def _excess(mass: Array, P: Array) -> float:
-    """Relative excess of the masses of the modes over those of the shapes."""
+    """Largest relative excess of the modes' masses over the mass of the static shapes."""
     scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
     left = (mass - P.T @ P) * scale[:, None] * scale
     return max(0.0, -float(np.linalg.eigvalsh(left)[0]))

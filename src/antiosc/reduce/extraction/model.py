@@ -29,7 +29,7 @@ UNNAMED = ""
 
 
 def info_of_model(
-    structure: Structure, group: Columns, known: ConstraintModes, kept: Selection, method: str
+    structure: Structure, group: Columns, known: ConstraintModes, selected: Selection, method: str
 ) -> ModelInfo:
     """The record of an extraction."""
     measured, converged = checked_modes(structure, known, method)
@@ -41,8 +41,8 @@ def info_of_model(
         method=method,
         modes_computed=len(known.modes.omega),
         converged=converged,
-        modes_unobservable=kept.unobservable,
-        modes_merged=kept.merged,
+        modes_unobservable=selected.unobservable,
+        modes_merged=selected.merged,
         rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
@@ -92,7 +92,7 @@ def model_of_one_site(
 
 
 def model_of_named_sites(
-    structure: Structure, sites: Columns, static: SiteShapes, kept: Selection, info: ModelInfo
+    structure: Structure, sites: Columns, static: SiteShapes, selected: Selection, info: ModelInfo
 ) -> AntiOscillators:
     """The model of several sites, or of one site with a name."""
     ends = np.cumsum([len(of_site) for of_site in sites.values()])
@@ -109,12 +109,12 @@ def model_of_named_sites(
         points = {name: place.tolist() for name, place in places.items() if place is not None}
         info = replace(info, points=points)
     unit = static.phi @ static.W.T
-    shapes = np.hstack([unit, kept.phi])
+    shapes = np.hstack([unit, selected.phi])
     model = AntiOscillators(
-        m0=_turned(static.W, kept.m0),
+        m0=_turned(static.W, selected.m0),
         k0=_turned(static.W, static.k0),
-        P=static.W @ kept.P.T,
-        omega=kept.omega,
+        P=static.W @ selected.P.T,
+        omega=selected.omega,
         sites=tuple(sites),
         columns=columns,
         dependence=static.dependence,
@@ -133,7 +133,7 @@ def model_of_named_sites(
 
 
 def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with the second-order change of the force on supported curved sheets."""
+    """The model with the relative change of its force per metre, for supported curved sheets."""
     single_mesh = structure.matrices.meshed and not structure.matrices.assembled
     supported = structure.rigid_modes.shape[1] == 0
     sites = model.sites or (UNNAMED,)
@@ -146,23 +146,25 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     C = np.linalg.inv(k0)
     deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
     part = cast("MeshedStructure", structure.matrices)
-    found = {
+    by_site = {
         site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
     }
-    if not any(found.values()):
+    if not any(by_site.values()):
         return model
-    return replace(model, info=replace(model.info, second_order=found))
+    return replace(model, info=replace(model.info, second_order=by_site))
 
 
 def _turned(W: Array, matrix: Array) -> Array:
-    """W matrix Wᵀ, with negative eigenvalues due to rounding removed."""
+    """W matrix Wᵀ, without negative eigenvalues that are due to rounding."""
     values, vectors = np.linalg.eigh(matrix)
     factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     return np.asarray(factor @ factor.T)
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """The inertia of a body that can move rigidly; its momenta are those of these shapes."""
+    """Inertia of a body that can move rigidly, with the momenta of the model's shapes; otherwise
+    None.
+    """
     if structure.rigid_inertia is None:
         return None
     inertia, loads = structure.rigid_inertia

@@ -92,7 +92,9 @@ class ConstraintModes:
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
-    """Residual masses and shapes: Φ minus its projection on the modes, free of cancellation."""
+    """The constraint modes with the static shapes projected on them, computed without
+    cancellation.
+    """
     comm = structure.comm
     phi = modes.phi
     residual = static.phi
@@ -106,13 +108,15 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
     m0[massless] = 0.0
     m0[:, massless] = 0.0
     parts = []
-    for own in _slices(phi.shape[1]):
-        k_phi, m_phi = (multiply(matrix, phi[:, own]) for matrix in (structure.K, structure.M))
-        found = [dot(comm, one, k_phi) for one in (phi, static.phi)]
-        found.append(dot(comm, phi, m_phi))
-        parts.append([*found, _forces_left(structure, static, modes.omega[own], k_phi, m_phi)])
+    for columns in _slices(phi.shape[1]):
+        k_phi, m_phi = (multiply(matrix, phi[:, columns]) for matrix in (structure.K, structure.M))
+        products = [dot(comm, arrays, k_phi) for arrays in (phi, static.phi)]
+        products.append(dot(comm, phi, m_phi))
+        parts.append(
+            [*products, _forces_left(structure, static, modes.omega[columns], k_phi, m_phi)]
+        )
     stiffnesses, coupling, masses, off = (
-        np.concatenate(one, axis=-1) for one in zip(*parts, strict=True)
+        np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)
     )
     return ConstraintModes(
         static=static,
@@ -128,14 +132,15 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
 
 
 def _slices(count: int) -> list[slice]:
-    """Slices of up to `TOGETHER` of so many columns, at least one."""
+    """Slices of at most `TOGETHER` of `count` columns; at least one slice."""
     return [slice(k, k + TOGETHER) for k in range(0, max(count, 1), TOGETHER)]
 
 
 def _forces_left(
     structure: Structure, static: SiteShapes, omega: Array, k_phi: Array, m_phi: Array
 ) -> Array:
-    """Residual forces of the modes over their elastic ones (n,); KΦ and MΦ are overwritten.
+    """Residual forces of the modes relative to their elastic forces (n,); KΦ and MΦ are
+    overwritten.
 
     The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
     """
@@ -202,7 +207,7 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
 
 
 def every_mode(known: ConstraintModes, n: int) -> Selection:
-    """The n lowest of all modes, seen by the sites or only by the dampers."""
+    """A selection of the n lowest modes, also of those that move dampers but no site."""
     order = np.argsort(known.poles, kind="stable")
     order = order[known.poles[order] > 0][:n]
     P = known.P[order].copy()
@@ -222,7 +227,7 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
 
 
 def _told_apart(known: ConstraintModes, group: IntArray) -> Array:
-    """Combinations (g, k) of g modes of one frequency that the sites can distinguish."""
+    """Combinations (g, k) of g modes of equal frequency that move the sites differently."""
     if len(group) < 2:
         return np.eye(len(group))
     scale = np.sqrt(known.static.mass.diagonal())
@@ -232,8 +237,8 @@ def _told_apart(known: ConstraintModes, group: IntArray) -> Array:
         return np.eye(count)
     U = U[:, :count]
     # their own frequencies differ by rounding, and the stiffness between them is to vanish
-    _, own = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
-    return np.asarray(U @ own)
+    _, turn = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(U @ turn)
 
 
 @dataclass(frozen=True)
@@ -267,49 +272,51 @@ def by_modes(
     """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
     solver = ModeSolver(structure, static)
     most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    asked = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
+    count = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
     while True:
-        modes = solver.lowest(asked)
+        modes = solver.lowest(count)
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, tol)
+        selected = oscillators(known, n, tol)
         remainder = None if band is None else left_out(known)
-        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
+        enough = modes.complete or count >= most or len(selected.omega) >= n or not known.m0.any()
         if not enough and remainder is not None and band is not None:
-            enough = error_bound(structure, known, remainder, kept, band)[0] <= accuracy
+            enough = error_bound(structure, known, remainder, selected, band)[0] <= accuracy
         if enough:
             return modes, remainder
-        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:
-    """Number of elastic anti-oscillators among n: a weak rigid-body mode is one of the n."""
+    """Number of elastic anti-oscillators of n: one less where a weak rigid-body mode is one of
+    them.
+    """
     if n and static.weak.any():
         return n - 1
     return n
 
 
-def at_one_site(static: SiteShapes, kept: Selection, n: int) -> OneSite:
-    """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
+def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
+    """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `selected` at a single site.
 
     A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
     """
     w = float(static.W[0, 0])
     k0 = w**2 * float(static.k0[0, 0])
-    m0 = w**2 * float(kept.m0[0, 0])
-    omega = kept.omega
-    c = w * kept.P[:, 0]
+    m0 = w**2 * float(selected.m0[0, 0])
+    omega = selected.omega
+    c = w * selected.P[:, 0]
     m = c**2
-    residual = w * kept.residual[:, 0]
-    psi = kept.phi * c
+    residual = w * selected.residual[:, 0]
+    psi = selected.phi * c
     hidden = static.nodal
     if n and static.weak.any():
         a = float(static.slide[0, 0])
         weak = hidden[:, 0] * np.sign(a)
         hidden = hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
-        m0, m, omega, own, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
+        m0, m, omega, residual_of_shapes, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
         k0 = 0.0
-        residual = shapes @ own
+        residual = shapes @ residual_of_shapes
         psi = shapes @ turn
     return OneSite(k0, m0, omega, m, residual, psi, hidden)
 
@@ -318,27 +325,27 @@ def error_bound(
     structure: Structure,
     known: ConstraintModes,
     remainder: Remainder,
-    kept: Selection,
+    selected: Selection,
     band: float,
     omega: Array | None = None,
 ) -> tuple[float, float]:
     """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
 
     Below that frequency Z is quasi-static. `omega`: frequencies of the finished model, if they are
-    others than those of `kept`.
+    others than those of `selected`.
     """
     static = known.static
-    poles = (kept.omega if omega is None else omega) ** 2
+    poles = (selected.omega if omega is None else omega) ** 2
     lowest = lowest_frequency_at_sites(static.k0, static.mass, poles)
     x = samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    elastic = stiffness_at_sites(x, static.k0, selected.m0, selected.P, selected.omega**2)
     change = spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
     stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
-    left = remainder(x) + change + stored + _rounding(structure, known, x)
-    off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
+    error = remainder(x) + change + stored + _rounding(structure, known, x)
+    off = (1 + SAMPLE_RISE) * error / sizes[:, -1]
     off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
     # with the weak rigid-body modes: H = H_e - a aᵀ/x
     moved = static.weak.T @ static.weak / x[:, None, None]
@@ -353,7 +360,7 @@ def error_bound(
 
 
 def left_out(known: ConstraintModes) -> Remainder:
-    """Bound on the effect of truncated modes on Z.
+    """Function that bounds the effect of the truncated modes on Z at complex x.
 
     Their mass, which m0 contains, is moved to the poles above the last one with the largest effect.
     """
@@ -370,7 +377,8 @@ def left_out(known: ConstraintModes) -> Remainder:
 def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> Array:
     """Norm (W,) of the rounding error of Z at complex x = ω².
 
-    It has three sources: the entries, the solves, and the measured orthogonality of the modes.
+    It has three sources: the entries of K and M, the solves, and the measured orthogonality of the
+    modes.
     """
     real = known.poles > 0
     poles = known.poles[real]
@@ -389,18 +397,18 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
         bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
         energy = spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
-    left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    error = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
     # amplitudes of the modes relative to the residual shapes, and to the static ones
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
-    left += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
-    for matrix, own, times in (
+    error += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    for matrix, amplitudes, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        off = np.abs(matrix[np.ix_(real, real)]) @ own
-        left += times * spectral_norms(own.transpose(0, 2, 1) @ off)
-    return left
+        off = np.abs(matrix[np.ix_(real, real)]) @ amplitudes
+        error += times * spectral_norms(amplitudes.transpose(0, 2, 1) @ off)
+    return error
 
 
 # -- p >= 1 sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites

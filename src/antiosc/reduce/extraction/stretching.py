@@ -94,12 +94,12 @@ def stretch_of_map(
 
 
 def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
-    """Second-order forces in motions phi (rows, m), which are combinations `modes` of the free
+    """The `Stretch` of motions phi (rows, m), which are combinations `modes` (J, m) of the free
     modes.
     """
     with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
-        found = tensors(structure, _points(structure), phi)
-    quadratic, cubic, shapes = found
+        derivatives = tensors(structure, _points(structure), phi)
+    quadratic, cubic, shapes = derivatives
     return Stretch(modes, quadratic, cubic, count, shapes)
 
 
@@ -179,7 +179,7 @@ def work_on(
     pairs = list(combinations_with_replacement(range(phi.shape[1]), 2))
     slopes = [points.slopes(mode) for mode in phi.T]
     three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
-    stresses = [points.stress(one) for one in slopes]
+    stresses = [points.stress(motion_slopes) for motion_slopes in slopes]
     for p, (i, j) in enumerate(pairs):
         moved = points.slopes(follows[:, p])
         tension = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
@@ -192,7 +192,7 @@ def work_on(
 
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
-    """K⁻¹g minus its components along the motions φ, so that φᵀK of the result is 0."""
+    """K⁻¹g minus its components along the motions φ: φᵀK of the result is 0."""
     factor = structure.factorize()
     rigid = structure.rigid_modes
     k_phi = multiply(structure.K, phi)
@@ -207,7 +207,7 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
 
 
 def _quartic(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
-    """⅛ ∫η:C:η for all pairs of pairs of motions."""
+    """⅛ ∫η:C:η of all pairs of pairs of motions: (pairs, pairs)."""
     total = np.zeros((len(pairs), len(pairs)))
     for begin in range(0, points.weight.size, AT_ONCE):
         span = slice(begin, begin + AT_ONCE)

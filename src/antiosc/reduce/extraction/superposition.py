@@ -164,25 +164,25 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     if elastic:
         solver = ModeSolver(structure)
         more = BEYOND
-        found = solver.lowest(elastic + more)
-        while not found.complete and found.omega[-1] <= (1 + REPEATED) * found.omega[elastic - 1]:
+        modes = solver.lowest(elastic + more)
+        while not modes.complete and modes.omega[-1] <= (1 + REPEATED) * modes.omega[elastic - 1]:
             more *= 2
-            found = solver.lowest(len(found.omega) + more)
-        check_modes(structure, found)
-        omega = np.append(omega, found.omega)
-        shapes = np.hstack([rigid, found.phi])
+            modes = solver.lowest(len(modes.omega) + more)
+        check_modes(structure, modes)
+        omega = np.append(omega, modes.omega)
+        shapes = np.hstack([rigid, modes.phi])
     count = _multiplicity(omega)
     try:
         mass: float | None = structure.mass
     except InputError:
         mass = None
-    kept = shapes[:, :n]
+    lowest = shapes[:, :n]
     return StructureModes(
         omega=omega[:n],
         multiplicity=count[:n],
-        participation=weights_of(structure, kept),
+        participation=weights_of(structure, lowest),
         mass=mass,
-        shapes=kept,
+        shapes=lowest,
         structure=structure,
     )
 
@@ -244,8 +244,8 @@ class NaturalModes(ReprMixin, Body):
         return self.radius
 
     def modal(self) -> ModalBody:
-        """As a body of an impact, with coordinates: hidden motions, modes, contact force (if
-        corrected).
+        """The model as the body of an impact: hidden motions, modes, and the contact force if
+        corrected.
 
         Its coordinates are those of the hidden motions, of the modes, and with static correction
         the contact force.
@@ -318,32 +318,32 @@ def superposition(
     _check_arguments(structure, site)
     n = whole("n", n)
     flag("static_correction", static_correction)
-    given = as_damping(damping)
+    checked_damping = as_damping(damping)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
     structure.factorize(AS_SITES)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
-    asked = n + 2
+    count = n + 2
     most = SEARCHED * (n + DEFAULT_COUNT)
     while True:
-        modes = solver.lowest(asked)
+        modes = solver.lowest(count)
         seen = _seen(structure, where, static, modes, COUNTED)
-        if len(seen.omega) >= n or modes.complete or asked >= most:
+        if len(seen.omega) >= n or modes.complete or count >= most:
             break
-        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
     if len(seen.omega) < n and not modes.complete:
         few = (
             f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
             f"site, fewer than n = {n}: the model contains these."
         )
         on_root(structure.comm, partial(warn, few, AccuracyWarning))
-    kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
-    all_kept = kept.complete and len(modes.omega) == solver.limit
+    selected = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
+    all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
-    model = _model(structure, site, where, static, kept, correction, "superposition")
-    return replace(model, damping=given)
+    model = _model(structure, site, where, static, selected, correction, "superposition")
+    return replace(model, damping=checked_damping)
 
 
 @collective()
@@ -371,7 +371,7 @@ def full(
             f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
             "coarser mesh, or superposition() or extract() with a growing n."
         )
-    given = as_damping(damping)
+    checked_damping = as_damping(damping)
     where = functional(structure, site)
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
@@ -379,7 +379,7 @@ def full(
     seen = _seen(structure, where, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
     model = _model(structure, site, where, static, seen, massless, "full")
-    return replace(model, damping=given)
+    return replace(model, damping=checked_damping)
 
 
 def _check_arguments(structure: Structure, site: Site) -> None:
@@ -391,7 +391,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
 def _seen(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
 ) -> Modes:
-    """The modes that move the site, equal frequencies merged, the rigid-body one first.
+    """The modes that move the site, with equal frequencies merged; the rigid-body mode comes first.
 
     `tol`: the share in the receptance that they exceed.
     """
@@ -464,15 +464,15 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """(at the site, shape) of the static deflection under a unit force, minus that of the modes."""
+    """(compliance, shape) that the modes lack of the static deflection under a unit force."""
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)
     compliance = float(dot(structure.comm, where.b, elastic))
-    own = np.zeros_like(b)
+    modal_force = np.zeros_like(b)
     moving = modes.omega > 0
-    own[moving] = b[moving] / modes.omega[moving] ** 2
-    r = compliance - float(own @ b)
+    modal_force[moving] = b[moving] / modes.omega[moving] ** 2
+    r = compliance - float(modal_force @ b)
     if r <= RESIDUAL_ROUNDING * compliance:
         return 0.0, np.zeros_like(elastic)
-    return r, elastic - modes.phi @ own
+    return r, elastic - modes.phi @ modal_force

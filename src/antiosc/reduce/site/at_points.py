@@ -50,20 +50,22 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
     """Load vectors of sites at points, computed in one pass; errors as in `functionals`."""
 
     def work() -> list[Functional]:
-        found = before_joining(structure, sites, lambda member: member.part)
-        return [_joined(structure, *pair) for pair in zip(sites, found, strict=True)]
+        loads = before_joining(structure, sites, lambda member: member.part)
+        return [_joined(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
-    return [_each(structure.own, found) for found in structure.decided(work)]
+    return [_each(structure.own, loads) for loads in structure.decided(work)]
 
 
 def _each(change: Callable[[Array], Array], functional: Functional) -> Functional:
-    """The site with `change` applied to its load vectors along and across the direction."""
+    """The functional with `change` applied to all of its load vectors."""
     tangential = tuple(_each(change, side) for side in functional.across)
     return replace(functional, b=change(functional.b), across=tangential)
 
 
 def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
-    """The load vector on q from that on u; InputError if joints and supports hold the site."""
+    """The functional with its load vector on q instead of u; InputError if nothing at the site can
+    move.
+    """
     joined = _each(structure.joined, functional)
     comm = structure.workers
     if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
@@ -82,8 +84,8 @@ def before_joining(
     """
     by_site: dict[int, Functional] = {}
     struck: dict[str, tuple[Member, dict[int, Site]]] = {}
-    for k, given in enumerate(sites):
-        site = given if given.face is None else on_face(structure, given)
+    for k, unplaced in enumerate(sites):
+        site = unplaced if unplaced.face is None else on_face(structure, unplaced)
         site = site if site.node is None else at_node(structure, site)
         end = motion_of(structure, site.point) if isinstance(site.point, str) else None
         assert site.direction is not None  # Site has seen to that
@@ -99,8 +101,8 @@ def before_joining(
         on_neighbours = _beyond_seams(structure, member, laid, part_of)
         total_share = laid.share + sum(share for _, share, _ in on_neighbours)
         warn_of_doubts(part, replace(laid, share=np.minimum(total_share, 1.0)))
-        for i, one in enumerate(_of_sites(part, list(sites_of_part.values()), laid)):
-            placed_load = _placed(structure, member, one)
+        for i, load in enumerate(_of_sites(part, list(sites_of_part.values()), laid)):
+            placed_load = _placed(structure, member, load)
             if on_neighbours and total_share[i] > laid.share[i]:
                 placed_load.b[:] *= laid.share[i] / total_share[i]
                 for neighbour, share, b in on_neighbours:
@@ -110,7 +112,7 @@ def before_joining(
 
 
 def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
-    """The part that is struck, and the site in the axes of this part."""
+    """(struck part, site in the axes of this part)."""
     snap = site.snap
     if isinstance(site.point, str):
         if site.part is not None and structure.assembled:
@@ -119,7 +121,7 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
                 f"part={site.part!r} out."
             )
         structure.members(site.part)
-        member, own = middle_of(structure, site.point)
+        member, point = middle_of(structure, site.point)
         snap = inf
     else:
         assert site.point is not None
@@ -128,15 +130,15 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
             (member,) = structure.members(site.part)
         else:
             (member,) = nearest_parts(structure, x, direction)
-        own = member.at.own(x)[0]
+        point = member.at.own(x)[0]
     direction_of_part = direction @ member.at.rotation
-    at = tuple(own.tolist())
+    at = tuple(point.tolist())
     towards = tuple(direction_of_part.tolist())
     return member, replace(site, point=at, direction=towards, snap=snap, part=None)
 
 
 def _placed(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
-    """The load vector of a part's site as one on all dofs of the structure."""
+    """The functional of a part with its load vector on all dofs of the structure."""
     assert functional.point is not None
     assert functional.direction is not None
     b = functional.b
@@ -153,7 +155,7 @@ def _placed(structure: MeshedParts, member: Member, functional: Functional) -> F
 def _without_mesh(
     structure: AssembledMatrices, site: Site, end: EndMotion, direction: Array
 ) -> Functional:
-    """Load vector on u of a site of a superelement, or of a reference point of an assembly."""
+    """The functional on u of a superelement's site or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
     if layout.plane and direction[2]:
@@ -176,8 +178,8 @@ def _without_mesh(
     b = np.asarray(end.displacements.T @ direction)
     if not name:
         return Functional(b, point=end.point, direction=direction)
-    own = layout.condensed[part].part.ends[name]
-    return Functional(b, own.radius, own.local_compliance, end.point, direction)
+    interface = layout.condensed[part].part.ends[name]
+    return Functional(b, interface.radius, interface.local_compliance, end.point, direction)
 
 
 def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
@@ -192,7 +194,7 @@ def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> li
     near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
     parts = []
     for point, which in zip(points, near.T, strict=True):
-        candidates = [m for m, one in zip(members, which, strict=True) if one]
+        candidates = [m for m, is_near in zip(members, which, strict=True) if is_near]
         facing = partial(_facing, point=point, direction=direction)
         parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
     return parts
@@ -248,8 +250,7 @@ def _beyond_seams(
     laid: Sites,
     part_of: Callable[[Member], MeshedStructure],
 ) -> list[tuple[Member, Array, Array]]:
-    """Shares of patches that lie on neighbouring sheets: [(part, share (P,), load vectors (P,
-    rows))].
+    """Parts of patches on neighbouring sheets: [(part, share (P,), load vectors (P, rows))].
 
     Triangles beside quadrilaterals form a part of their own, so that a patch may lie on both.
     """

@@ -47,16 +47,16 @@ class Doubt(NamedTuple):
 
 def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
     """Warn, on rank 0, of sites with an uncertain compliance."""
-    doubts = [one for one in _doubts(structure, sites) if one.which.any()]
+    doubts = [doubt for doubt in _doubts(structure, sites) if doubt.which.any()]
     if not doubts:
         return
     count = len(sites.points)
     if count == 1:
-        for one in doubts:
-            warn(structure.comm, one.alone, AccuracyWarning)
+        for doubt in doubts:
+            warn(structure.comm, doubt.alone, AccuracyWarning)
         return
-    number = int(np.any([one.which for one in doubts], axis=0).sum())
-    reasons = "; ".join(one.among.format(int(one.which.sum())) for one in doubts)
+    number = int(np.any([doubt.which for doubt in doubts], axis=0).sum())
+    reasons = "; ".join(doubt.among.format(int(doubt.which.sum())) for doubt in doubts)
     message = f"the patch is doubtful at {number} of {count} sites: {reasons}."
     warn(structure.comm, message, AccuracyWarning)
 
@@ -92,7 +92,7 @@ def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
 
 
 def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
-    """Sites of a solid without a radius."""
+    """The sites on a solid that have no radius."""
     which = np.isnan(sites.radii)
     if not which.any():
         return Doubt(which, "", "")
@@ -108,7 +108,7 @@ def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
 
 
 def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
-    """Sites whose patch is smaller than the facets or cells there."""
+    """The sites whose patch is smaller than the facets or cells under it."""
     kind = structure.kind
     times = 1.0 if kind.outside else COARSE_SHEET
     which = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
@@ -132,7 +132,7 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
 
 
 def _along_surface(sites: Sites, normals: Array, depth: Array) -> Doubt:
-    """Sites that are struck along the surface; `normals` (P, 3), `depth` (P,) of the contact."""
+    """The sites struck along the surface; `normals` (P, 3) and `depth` (P,) are of the contact."""
     cosines = np.abs(np.einsum("pd,pd->p", sites.directions, normals))
     on_face = np.isfinite(depth) & (sites.share >= WHOLE_PATCH)
     which = np.asarray(on_face & (cosines < ALONG_SURFACE))

@@ -50,7 +50,7 @@ class MapSites:
     dimension: int
 
     def only(self, keep: BoolArray) -> MapSites:
-        """The sites of a mask, and the elements whose corners are all among them."""
+        """The sites in the mask `keep`, and the elements all of whose corners are kept."""
         number = np.cumsum(keep) - 1
         elements = self.elements
         if len(elements):
@@ -58,15 +58,15 @@ class MapSites:
         return replace(self.taken(np.flatnonzero(keep)), elements=elements)
 
     def taken(self, which: IntArray) -> MapSites:
-        """The sites with these numbers (n,), without elements."""
+        """The sites with the numbers `which` (n,), without elements."""
         of_all = ("loads", "weighted", "contact")
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
         rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
         sites = replace(self.sites, **rows)
         nothing = np.zeros((0, 3), dtype=int)
-        kept = self.kept[which]
+        numbers_kept = self.kept[which]
         names = self.names[which]
-        return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
+        return replace(self, sites=sites, elements=nothing, kept=numbers_kept, names=names)
 
 
 def targets(where: object) -> Sequence[str] | None:
@@ -149,26 +149,28 @@ def sites_of(
     def work() -> MapSites:
         names = targets(where)
         if where is None:
-            found = [
+            surfaces = [
                 _on_part(structure, member, None, direction, radius, member.name)
                 for member in structure.members()
             ]
-            return movable(joined(found), None)
+            return movable(joined(surfaces), None)
         if names is None:
             return _at_points(structure, where, direction, radius)
-        found = []
+        surfaces = []
         for name in names:
             member, group = _named(structure, name)
-            there = _on_part(structure, member, group, direction, radius, name)
-            found.append(movable(there, name))
-        return joined(found)
+            on_part = _on_part(structure, member, group, direction, radius, name)
+            surfaces.append(movable(on_part, name))
+        return joined(surfaces)
 
-    found = structure.decided(work)
-    return replace(found, sites=replace(found.sites, loads=structure.own(found.sites.loads)))
+    surfaces = structure.decided(work)
+    return replace(
+        surfaces, sites=replace(surfaces.sites, loads=structure.own(surfaces.sites.loads))
+    )
 
 
 def movable(found: MapSites, where: object) -> MapSites:
-    """The sites that can move; InputError if there are none."""
+    """`found` itself; InputError if it has no sites."""
     if not len(found.sites):
         on = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
@@ -200,17 +202,17 @@ def _at_points(
         distance = np.min([m.closest(points).distance for m in members], axis=0)
         on_structure(points, distance, structure.layout.size)
     struck = nearest_parts(structure, points, _in_space(direction))
-    found = []
+    of_parts = []
     order = []
     for member in members:
-        of_part = np.flatnonzero([one.name == member.name for one in struck])
+        of_part = np.flatnonzero([struck_part.name == member.name for struck_part in struck])
         if len(of_part):
             points_in_part = member.at.own(points[of_part])
-            found.append(
+            of_parts.append(
                 _on_part(structure, member, points_in_part, direction, radius, member.name)
             )
-            order.append(of_part[found[-1].kept])
-    all_sites = movable(joined(found), None)
+            order.append(of_part[of_parts[-1].kept])
+    all_sites = movable(joined(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
 
@@ -231,10 +233,10 @@ def _on_part(
         )
     R = member.at.rotation
     direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
-    found = sites_on(member.part, where, direction_of_part, radius)
-    sites = found.sites
+    map_sites = sites_on(member.part, where, direction_of_part, radius)
+    sites = map_sites.sites
     if not len(sites):
-        return found
+        return map_sites
     loads = structure.joined(sites.loads, member.rows).tocsr()
     moves = np.ones(len(sites), dtype=bool)
     if structure.assembled:
@@ -248,7 +250,7 @@ def _on_part(
         weighted=None,
     )
     names = np.full(len(sites), name)
-    return replace(found, sites=placed, names=names).only(moves)
+    return replace(map_sites, sites=placed, names=names).only(moves)
 
 
 def sites_on(
@@ -271,12 +273,14 @@ def sites_on(
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = np.full(count, np.nan if radius is None else radius)
-    found = located(structure, ground.points, directions, radii)
-    on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
-    keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
+    candidates = located(structure, ground.points, directions, radii)
+    on_face = np.isnan(candidates.radii) | (
+        (candidates.share > 0) & (candidates.depth <= candidates.radii)
+    )
+    keep = on_face & (candidates.moving > LEAST_FREE_SHARE_ON_MAP)
     names = np.full(count, where if isinstance(where, str) else "")
     dimension = structure.mesh.tdim
-    all_sites = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
+    all_sites = MapSites(candidates, ground.elements, np.arange(count), count, names, dimension)
     result = all_sites.only(keep)
     if keep.any():
         warn_of_doubts(structure, result.sites)
@@ -302,7 +306,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     normals = faces.normals[in_group] if outside else np.zeros((int(in_group.sum()), 3))
     of_rank = numbers, faces.corners[in_group], normals
     numbers, x, normals = (
-        np.concatenate(each) for each in zip(*mesh.comm.allgather(of_rank), strict=True)
+        np.concatenate(arrays) for arrays in zip(*mesh.comm.allgather(of_rank), strict=True)
     )
     _, first, corner = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     corner = corner.reshape(numbers.shape)
@@ -337,7 +341,7 @@ def _in_space(direction: Sequence[float]) -> Array:
 
 
 def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
-    """A sample at the points given by the caller."""
+    """A `SurfaceSample` at points that the caller gives; `along`: the direction of impact."""
     at = points_given(points, along)
     mesh = structure.mesh
     nearest = closest_many(mesh, at)
@@ -346,7 +350,7 @@ def _given(structure: MeshedStructure, points: object, along: Array | None) -> S
 
 
 def on_structure(points: Array, distance: Array, size: float) -> None:
-    """InputError if points (P, 3) of a map lie off a structure of this size [m]."""
+    """InputError if points (P, 3) at a `distance` (P,) [m] lie off a structure of this size [m]."""
     off_points = np.flatnonzero(distance > ON_STRUCTURE * size)
     if len(off_points):
         at_point = ", ".join(f"{c:.6g}" for c in points[off_points[0]])

@@ -128,7 +128,7 @@ def _group_of(matrices: MeshedParts, name: str) -> tuple[Member, str]:
 
 
 def motion_of(matrices: MeshedParts, name: str) -> EndMotion | None:
-    """The motion of a reference point, or of a site of a superelement; None for "part:group".
+    """The motion of a named reference point or of a superelement's site; None for "part:group".
 
     InputError for a name without a colon that is no reference point.
     """
@@ -150,7 +150,7 @@ def motion_of(matrices: MeshedParts, name: str) -> EndMotion | None:
 def motions_without_mesh(
     structure: Structure, shapes: Array, name: str, end: EndMotion, quantity: str
 ) -> Array:
-    """Displacement or rotation (gdim, columns) for all shapes, at a point outside all cells."""
+    """Displacement or rotation (gdim, columns) of all shapes at an end without a mesh."""
     if quantity not in MOTIONS:
         raise InputError(
             f"{name!r} is a point without a mesh and has no {quantity}: ask for its "

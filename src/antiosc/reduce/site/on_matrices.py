@@ -27,7 +27,7 @@ from antiosc.reduce.site.site import LEAST_FREE_SHARE, Functional, Site, constra
 
 
 def algebraic(structure: StructureMatrices, site: Site) -> Functional:
-    """The load vector of a site given by a dof or a vector."""
+    """The functional of a site that is given by a dof or by a vector."""
     first, last = algebra.row_range(structure.K)
     n = algebra.size(structure.K)
     comm = algebra.communicator(structure.K)
@@ -116,7 +116,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
 
 
 def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
-    """Load vector of weighted nodes along a direction, fixed dofs included."""
+    """Load vector of a force along `direction` on weighted nodes, fixed dofs included."""
     b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
     index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
@@ -135,7 +135,7 @@ def _checked(
     direction: Array | None,
     radius: float | None = None,
 ) -> Functional:
-    """The load vector on free dofs; InputError if the site cannot move."""
+    """The functional with b on free dofs; InputError if the site cannot move."""
     size = float(np.linalg.norm(b))
     b[structure.fixed] = 0.0
     if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * size or not size:
@@ -200,7 +200,7 @@ def _at_point(
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
-    """Mask of the points that lie behind another one along the direction of impact."""
+    """Mask of the points that lie behind another point, seen along the direction of impact."""
     covered = np.zeros(len(points), dtype=bool)
     for k, point in enumerate(points):
         to = points - point

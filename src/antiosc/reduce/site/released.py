@@ -52,7 +52,9 @@ class Element:
         return total
 
     def if_to_ground(self, comm: MPI.Comm, rigid: Array) -> Element:
-        """The element; without its name if rigid motions do not strain it."""
+        """The element; its name is removed if rigid motions do not strain it, so it is not
+        grounded.
+        """
         largest_force = np.abs(self.forces(comm, rigid)).max(initial=0.0)
         assert self.term.c is not None
         terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
@@ -152,36 +154,41 @@ class Released:
         """Reactions due to one term of the damping."""
         comm = self._of.workers
         loads = element.loads(comm, u)
-        found = dot(comm, self._motions, loads)
+        reactions = dot(comm, self._motions, loads)
         if element.name:
             rigid = self._of.places.rigid_motions(self.centres[element.name])
             column = 6 * list(self.centres).index(element.name)
-            found[column : column + 6] -= dot(comm, rigid, loads)
-        return found
+            reactions[column : column + 6] -= dot(comm, rigid, loads)
+        return reactions
 
     def _elements(self) -> tuple[list[Element], list[Element]]:
-        """The grounded springs, and all terms of the damping in the order of the structure."""
+        """(grounded springs, all damping terms in the order of the structure)."""
         springs: list[Element] = []
         terms: list[Element] = []
         comm = self._of.workers
         rigid = self._of.places.rigid_motions(np.zeros(3))
         if self._assembly:
             added = self._assembly.added
-            for kind, found in ((springs, added.springs()), (terms, added.dissipation(on_u=True))):
-                elements = [Element(term.name, term.point, slice(None), term) for term in found]
+            for kind, springs_or_terms in (
+                (springs, added.springs()),
+                (terms, added.dissipation(on_u=True)),
+            ):
+                elements = [
+                    Element(term.name, term.point, slice(None), term) for term in springs_or_terms
+                ]
                 kind += [element.if_to_ground(comm, rigid) for element in elements]
         for member in self._of.members():
             part = self._part(member)
             prefix = f"{member.name}:" if member.name else ""
-            for kind, found in ((springs, [*part.springs]), (terms, part.dissipation())):
-                for term in found:
+            for kind, springs_or_terms in ((springs, [*part.springs]), (terms, part.dissipation())):
+                for term in springs_or_terms:
                     at = None if term.point is None else member.at.placed(term.point[None])[0]
                     kind.append(Element(term.name and prefix + term.name, at, member.rows, term))
         springs = [one for one in springs if one.name]
         return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
 
     def _functional(self, site: Site) -> Functional:
-        """The load vector of a site before joining."""
+        """The functional of a site on the dofs of all parts before joining."""
         if site.point is not None:
             return before_joining(self._of, [site], self._part)[0]
         if self._assembly:
@@ -189,7 +196,7 @@ class Released:
         return algebraic(self._part(self._of.members()[0]), site)
 
     def _released(self, supports: Sequence[Support]) -> tuple[dict[str, Array], Array]:
-        """(centres of the supports, forces on the free dofs due to unit motions of each)."""
+        """(centre of each support or spring, forces on the free dofs for unit motions of each)."""
         centres: dict[str, Array] = {}
         places = self._of.places
         supported: list[tuple[str, IntArray, Array]] = []  # name, dofs, their motions
@@ -204,8 +211,8 @@ class Released:
         rows = constraints.rows if constraints else []
         if constraints and self._assembly:
             points = places.points
-            for name, one in zip(names, rows, strict=False):
-                centres[name] = points[np.unique(one.matrix.indices)].mean(axis=0)
+            for name, constraint in zip(names, rows, strict=False):
+                centres[name] = points[np.unique(constraint.matrix.indices)].mean(axis=0)
         self._springs, self._damping = self._elements()
         grounds = [element for element in (*self._springs, *self._damping) if element.name]
         for element in grounds:
@@ -223,18 +230,18 @@ class Released:
         for name, dofs, moved in supported:
             motions[dofs, column[name]] = moved
         if constraints:
-            prescribed = [np.asarray(-one.matrix @ motions) for one in rows]
-            for name, one, values in zip(names, rows, prescribed, strict=False):
-                values[:, column[name]] += one.matrix @ places.rigid_motions(centres[name])
-            found = eliminate(
+            prescribed = [np.asarray(-constraint.matrix @ motions) for constraint in rows]
+            for name, constraint, values in zip(names, rows, prescribed, strict=False):
+                values[:, column[name]] += constraint.matrix @ places.rigid_motions(centres[name])
+            eliminated = eliminate(
                 rows,
                 constraints.fixed,
                 constraints.scale,
                 constraints.basis,
                 np.vstack([np.zeros((0, motions.shape[1])), *prescribed]),
             )
-            assert found.particular is not None
-            motions = motions + found.particular
+            assert eliminated.particular is not None
+            motions = motions + eliminated.particular
         self._motions = motions
         pulled = -self._forces("K", motions)
         for spring in self._springs:
@@ -252,7 +259,7 @@ class Released:
         return self._parts[id(part)]
 
     def _forces(self, which: str, motions: Array) -> Array:
-        """K u or M u on the free dofs, for motions u of the parts' dofs."""
+        """K u or M u (`which`) on the free dofs, for motions u of the parts' dofs."""
         forces = np.zeros(motions.shape)
         for member in self._of.members():
             matrix = getattr(self._part(member), which)
@@ -267,7 +274,7 @@ class Released:
         return np.asarray(free + more)
 
     def _on_free(self, forces: Array) -> Array:
-        """Forces on u (rows of this rank, k) transferred to the free dofs."""
+        """Forces on u (rows of this rank, k) as forces on the free dofs."""
         if self._assembly is not None:
             return np.asarray(self._of.joined(forces))
         forces[self._of.fixed[self._of.fixed < len(forces)]] = 0.0
@@ -284,9 +291,7 @@ def _centre(member: Member, dofs: IntArray) -> Array:
 
 
 def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1", "support 2", …, none of which is in
-    `taken`.
-    """
+    """Names of supports: their groups, or "support 1", "support 2", … that are not in `taken`."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
@@ -295,13 +300,15 @@ def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[st
 
 
 def held_dofs(part: MeshedStructure) -> dict[str, IntArray]:
-    """Support of a part -> dofs of this rank that it fixes and no earlier support fixes."""
+    """Name of each support of a part -> its dofs on this rank; a dof counts for its first
+    support.
+    """
     rows = len(part.attached_inertia)
     result = {}
-    taken = np.zeros(0, dtype=int)
+    fixed = np.zeros(0, dtype=int)
     for name, support in zip(names_of(part.supports), part.supports, strict=True):
         paths = fixed_dofs(part.mesh, part.form, [support])
-        dofs = np.unique(np.concatenate([taken[:0], *paths.values()]))
-        result[name] = np.setdiff1d(dofs[dofs < rows], taken)
-        taken = np.union1d(taken, result[name])
+        dofs = np.unique(np.concatenate([fixed[:0], *paths.values()]))
+        result[name] = np.setdiff1d(dofs[dofs < rows], fixed)
+        fixed = np.union1d(fixed, result[name])
     return result

@@ -50,9 +50,9 @@ class Points:
 
     @classmethod
     def joined(cls, parts: Sequence[Points]) -> Points:
-        """The points of several sets, concatenated."""
+        """All points of several sets."""
         columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
-        return cls(*(np.concatenate(each) for each in zip(*columns, strict=True)))
+        return cls(*(np.concatenate(arrays) for arrays in zip(*columns, strict=True)))
 
 
 def disc(rings: int) -> tuple[Array, Array]:
@@ -89,7 +89,7 @@ def patches(
     rings = rings.astype(int)
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
     share = np.zeros(len(points))
-    found = []
+    point_sets = []
     for count, even in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
         rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
         members = np.flatnonzero((rings == count) & (flat == even))
@@ -99,8 +99,8 @@ def patches(
                 faces, points, radii, contact.normals, part, rule, weights, rise, taken
             )
             share[part] = points_of_rule[1]
-            found.append(points_of_rule[0])
-    return Points.joined(found), share
+            point_sets.append(points_of_rule[0])
+    return Points.joined(point_sets), share
 
 
 def _rule_on_faces(
@@ -252,27 +252,27 @@ def located(
     share = np.ones(count)
     depth = np.zeros(count)
     size = np.zeros(count)
-    given = np.isfinite(radii)
-    if kind.point_load and given.any():
+    has_radius = np.isfinite(radii)
+    if kind.point_load and has_radius.any():
         raise InputError(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
             "finite, so leave radius=None."
         )
-    found = []
+    point_sets = []
     contact = None
     own_radii = [material.patch_radius for material, _ in structure.parts]
     usual = np.array([np.nan if radius is None else radius for radius in own_radii])
-    patch = np.isfinite(usual).all() | given
+    patch = np.isfinite(usual).all() | has_radius
     if patch.any():
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
-        if not given[patch].all():
+        if not has_radius[patch].all():
             near = np.full(count, ON_SHEET * mesh.extent())
             part = faces.contact(points, directions, near, labels).label
-            radii = np.where(given, radii, usual[part])
+            radii = np.where(has_radius, radii, usual[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
-        own, share[patch] = patches(faces, points[patch], radii[patch], contact)
-        found.append(replace(own, site=np.flatnonzero(patch)[own.site]))
+        on_patches, share[patch] = patches(faces, points[patch], radii[patch], contact)
+        point_sets.append(replace(on_patches, site=np.flatnonzero(patch)[on_patches.site]))
         cosines = np.einsum("pd,pd->p", directions[patch], contact.normals)
         pairs = zip(contact.label, cosines, strict=True)
         half_space = [structure.parts[k][0].half_space_compliance(float(c)) for k, c in pairs]
@@ -284,8 +284,8 @@ def located(
             far = np.full(len(deep), mesh.extent())
             depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
     if not patch.all():
-        found.append(_points(structure, points, np.flatnonzero(~patch), nearest))
-    weighted = Points.joined(found)
+        point_sets.append(_points(structure, points, np.flatnonzero(~patch), nearest))
+    weighted = Points.joined(point_sets)
     B = loads(structure, weighted, directions)
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
@@ -302,14 +302,14 @@ def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scip
 
 
 def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
-    """Sum (P,) of the absolute entries of each load over all ranks."""
+    """Sum (P,) of the absolute entries of each load vector over all ranks."""
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
 
 def _points(
     structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
-    """The sites without a patch, as weighted points in cells of this rank."""
+    """Sites without a patch, as weighted points in cells of this rank."""
     numbers: IntArray = which
     if nearest is None:
         nearest = closest_many(structure.mesh, points[which])

@@ -113,7 +113,7 @@ def material_at(structure: Structure, point: Array, direction: Array | None = No
 
 @dataclass(frozen=True)
 class _Struck:
-    """The struck part, with the point and direction (3,) in its axes."""
+    """The struck part of a structure, with the point and the direction (3,) in its axes."""
 
     member: Member
     point: Array
@@ -135,7 +135,7 @@ class _Struck:
 
     @property
     def material(self) -> Any:
-        """The material at the point of the part nearest to it."""
+        """The material of the part at the point."""
         part = self.member.part
         if len(part.parts) == 1:
             return part.parts[0][0]
@@ -192,7 +192,7 @@ def corner_radius(structure: Structure) -> float:
 
 
 def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | None) -> Surface:
-    """The surface with this curvature and material; `corner`: radius of sharp edges [m]."""
+    """A `Surface` of this curvature and material; `corner`: radius assumed for sharp edges [m]."""
     if curvature.kind in SHARP:
         return Surface(matter, (1 / corner, 1 / corner), kind=curvature.kind, radius=radius)
     low, high = curvature.values.tolist()
@@ -204,7 +204,7 @@ def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | 
 
 
 def _matter(material: Any) -> Matter | None:
-    """The properties of a material that a contact needs; None for anisotropic or plane ones."""
+    """The material properties that a contact needs; None for anisotropic and plane materials."""
     if getattr(material, "plane", None) is not None:
         return None
     if isinstance(material, Laminate):
