@@ -259,7 +259,7 @@ def _forecast(scene: CompiledScene) -> str:
 
 
 def _factor(structure: Structure) -> str:
-    """Text on the Cholesky factor, from its symbolic analysis, and on what may take its place."""
+    """Forecast of the Cholesky factor as text, and of the iterative solver that may replace it."""
     from antiosc.extension import missing
 
     if missing is not None or not hasattr(structure.K, "getSizes"):

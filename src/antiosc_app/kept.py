@@ -26,7 +26,7 @@ MODELS = 50
 
 
 class Kept(OrderedDict[str, T]):
-    """The last results, by the text of their inputs."""
+    """A cache of the last `most` results, each with the text of its inputs as the key."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class KeptModes:
         self._models: Kept[AntiOscillators] = Kept(MODELS)
 
     def search(self) -> bool:
-        """Compute one more round; returns whether another one remains."""
+        """Compute one more round of modes; return whether another round is needed."""
         count = self.left[0]
         try:
             modes = self._solver.lowest(count)

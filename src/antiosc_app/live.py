@@ -207,7 +207,9 @@ def finite_parameters(law: ContactLaw) -> list[float]:
 def modal_data(
     body: ModalBody, start: Array | None = None, load: Array | None = None, local: float = 0.0
 ) -> Data:
-    """A body in free modes, as `pose` of engine.js expects it; `local`: compliance of its patch."""
+    """A body in free modes as data for `pose` of engine.js; `local`: compliance of its patch
+    [m/N].
+    """
     zeros = np.zeros(body.omega.size)
     return {
         "omega": body.omega,
@@ -445,7 +447,7 @@ def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
 
 
 def _absorbed(hit: History) -> str:
-    """Sentence on the share of the striker's energy that stays in the part."""
+    """Sentence on the share of the striker's energy that remains in the part."""
     if len(hit.assembly.bodies) != 2 or not hit.contacts:
         return ""
     striker = list(hit.at([0.0, hit.time[-1]]).values())[1]

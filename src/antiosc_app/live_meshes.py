@@ -213,9 +213,7 @@ def _by_coordinates(hit: History) -> Array:
 
 
 def _held(displacements: Array) -> BoolArray:
-    """Mask of points (P,) with a component that no shape moves, although others move it
-    elsewhere.
-    """
+    """Mask (P,) of the points at which no shape moves a component that shapes move elsewhere."""
     reach = np.abs(displacements).max(axis=2, initial=0.0)
     moves = reach.max(axis=0) > 0
     return (reach[:, moves] <= HELD_RATIO * reach.max()).any(axis=1)

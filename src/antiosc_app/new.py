@@ -171,7 +171,7 @@ class Inspection:
 
     @property
     def finest(self) -> float | None:
-        """Size of the cells at the site of a part meshed here; None: as elsewhere."""
+        """Size [m] of the cells at the site of a part that is meshed here; None: as elsewhere."""
         if "size" in self.read:
             return self.radius or self.cell
         return None
@@ -460,7 +460,7 @@ def _movable(
 
 
 def _spread(sites: Iterator[T]) -> Iterator[T]:
-    """The first sites, then a selection of the others."""
+    """Yield the first sites, then a sample of the others."""
     yield from islice(sites, MOST_TRIED)
     others = list(sites)
     yield from others[:: 1 + len(others) // MOST_TRIED]
@@ -837,7 +837,9 @@ def write_scene(
 
 
 def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:
-    """The part after a trial impact, if need be at another site; InputError if all fail."""
+    """The inspection after a trial impact, at another site if the first fails; InputError if all
+    fail.
+    """
     reason: InputError | None = None
     first = inspection.point, inspection.direction, inspection.radius
     for point, direction, radius in (first, *inspection.others):
@@ -853,7 +855,7 @@ def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool
 
 
 def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:
-    """The part after a trial impact at its site, if need be without error bars."""
+    """The inspection after a trial impact at its site, without error bars if these fail."""
     reason: InputError | None = None
     for bars in (True, False)[not inspection.bars :]:
         trial = replace(inspection, bars=bars)

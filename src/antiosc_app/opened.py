@@ -160,7 +160,9 @@ class Opened:
 
     @property
     def warm(self) -> bool:
-        """Whether a click on the last structure is answered from free modes."""
+        """Whether all free modes of the last structure are known, so that a click is answered from
+        them.
+        """
         modes = next(reversed(self._modes.values()), None)
         return modes is not None and not modes.left
 
@@ -196,7 +198,7 @@ class Opened:
         self._doing = doing
 
     def _in_turn(self, step: Step, values: Table) -> Data:
-        """The answer of a step; {"stale": true} if a later set-up of the same tab has replaced it.
+        """The answer of a step; {"stale": true} if a later request of the same tab has replaced it.
 
         `tab` identifies the browser tab, `turn` is the number of its set-up.
         """
@@ -402,7 +404,9 @@ class Opened:
         return {"map": data, "verdict": live.headline_of_map(impact_map).sentences}
 
     def _names(self, _: Table) -> Data:
-        """The files that would be written, and their folder, for the user's confirmation."""
+        """The names of the scene and the report that would be written, and their folder, to be
+        confirmed.
+        """
         return {"folder": str(self._path.resolve().parent), "names": _free_names(self._path)}
 
     def _write(self, set_up: SetUp, values: Table) -> Data:
@@ -436,7 +440,7 @@ class Opened:
 
 
 def _told_of_file(look: new.Inspection) -> str:
-    """Text of the part's size, and of decisions made while reading its file."""
+    """Sentences on the part's size, and on the choices made while reading its file."""
     side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
     unit = look.read.get("unit")
     taken = f", its file in {unit} (antiosc open --unit)" if unit else ""
@@ -484,7 +488,7 @@ def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
 
 
 def _told(blow: PageImpact) -> Data:
-    """The page's data of an impact, with headline and site."""
+    """An impact as data for the page, with headline and site."""
     blow_data = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
     if blow_data is None:
         raise InputError("the page cannot repeat this impact.")
@@ -505,7 +509,7 @@ def _told(blow: PageImpact) -> Data:
 
 
 def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:
-    """The page's data of a fall, with headline."""
+    """A fall as data for the page, with headline."""
     head = falls.headline_of_fall(dropped.fall, worst)
     return {
         **falls.data_of_fall(dropped.fall, worst),

@@ -266,7 +266,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
 def _untold(
     sections: Iterable[tuple[str, list[Any]]], headline: live.Headline | None
 ) -> list[tuple[str, list[Any]]]:
-    """The sections without the sentences that the headline contains."""
+    """The sections without the sentences that the headline already contains."""
     in_headline = {_plain(sentence) for sentence in (headline.sentences if headline else ())}
     remaining = []
     for heading, blocks in sections:
@@ -281,7 +281,9 @@ def _untold(
 
 
 def _rows_untold(rows: list[tuple[str, object]], in_headline: set[str]) -> list[tuple[str, object]]:
-    """Rows whose values are not in the headline; a row without a name gets the one above."""
+    """The rows whose values are not in the headline; a row without a name gets the name above
+    it.
+    """
     remaining = []
     name = ""
     for row_name, value in rows:
@@ -298,7 +300,7 @@ def _plain(sentence: str) -> str:
 
 
 def _uncommented(scene: str) -> str:
-    """The text of a scene without comment lines, and without the gaps that they leave."""
+    """The text of a scene without its comment lines and the blank lines around them."""
     lines = [line for line in scene.splitlines() if not line.lstrip().startswith("#")]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 

@@ -258,7 +258,7 @@ def error_budget(history: Any) -> ErrorBudget | None:
 
 @dataclass
 class Presentation:
-    """How one kind of result is presented; made on every rank, since fields are distributed.
+    """The parts of a result's presentation, made on every rank since fields are distributed.
 
     Attributes
     ----------

@@ -128,7 +128,7 @@ class _Request(BaseHTTPRequestHandler):
             arrived.set()
 
     def _hang_up_unless(self, arrived: threading.Event) -> None:
-        """Close the connection after PATIENCE, which counts time only while Python runs."""
+        """Close the connection after PATIENCE seconds, counted only while Python runs."""
         for _ in range(round(PATIENCE / POLL)):
             if arrived.wait(POLL):
                 return

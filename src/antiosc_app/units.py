@@ -80,7 +80,7 @@ def _decades_of_unit(materials: Array, extent: float, name: str) -> float:
 
 
 def _decades_off(materials: Array) -> float:
-    """Decades between materials and the nearest real ones: the median, for some may be rigid.
+    """Median distance in decades of materials from the nearest real ones, as some may be rigid.
 
     `materials` : (n, 2) Young's moduli [Pa] and densities [kg/m³]; NaN: not known.
     """

@@ -69,7 +69,7 @@ class Instance(Scope):
         return rows if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
-        """Rows in the deck that `rows_of` finds here, else in the assembly's only instance."""
+        """Rows in the deck that `rows_of` selects here, or else in the assembly's only instance."""
         instances = list(self.whole.instances.values())
         for instance in (self, *instances[1:2] * (not self.name and len(instances) == 2)):
             rows = rows_of(instance.mesh.nodes if keyword == "NSET" else instance.mesh.elements)

@@ -62,7 +62,7 @@ class Row(Placed):
 
 @dataclass
 class Scope(ABC):
-    """The namespace of a card's numbers and names: one instance, or the assembly."""
+    """The names and numbers to which a card refers: those of one instance, or of the assembly."""
 
     name: str
     #: x in the whole deck: turn @ x in the part + shift

@@ -382,7 +382,7 @@ class _Joints:
             joints.rigid(pinned[~np.isin(pinned, [*references, *nodes])], leader, range(3), {})
 
     def coupling(self, card: Card) -> None:
-        """*COUPLING: remembers its surface for the *KINEMATIC or *DISTRIBUTING that follows."""
+        """*COUPLING: store its surface for the *KINEMATIC or *DISTRIBUTING card that follows."""
         surface = self._surface(card.needed("SURFACE"), card.place)
         node = card.within.node(card.needed("REFNODE"), card.place)
         self.current = node, surface.nodes, card

@@ -86,7 +86,7 @@ class Orientations:
         }
 
     def find(self, name: str, by: Card) -> Card | None:
-        """The card of this name in the scope of the card `by`, else in the assembly."""
+        """The orientation named `name` in the scope of the card `by`, or else in the assembly."""
         card = self._cards.get((by.within.prefix + name).upper())
         return card or self._cards.get(name.upper())
 

@@ -240,7 +240,7 @@ class ModelBuilder:
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def hold(self) -> None:
-        """Turn fixed motions along local axes into supports along x, y, z, or constraints.
+        """Turn motions fixed along local axes into supports along x, y, z, or into constraints.
 
         Nodes of repeated elements follow the original nodes.
         """
@@ -285,7 +285,9 @@ class ModelBuilder:
             self.joints.masses.append(([aliased], np.array([[value * unit]]), mass * unit))
 
     def sprung(self, terms: Sequence[Term], stiffness: float) -> None:
-        """Add a spring on a sum of terms, in the deck's units; fixed motions drop out."""
+        """Add a spring on a sum of terms, in the deck's units; terms of fixed motions are left
+        out.
+        """
         moving = self._moving(terms)
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
@@ -295,7 +297,9 @@ class ModelBuilder:
             self.joints.springs.append((moving, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:
-        """Add a damper on a sum of terms, in the deck's units; fixed motions drop out."""
+        """Add a damper on a sum of terms, in the deck's units; terms of fixed motions are left
+        out.
+        """
         moving = self._moving(terms)
         if moving and damping:
             self.joints.dampers.append((moving, damping))

@@ -155,7 +155,9 @@ class DeckConstraints:
         return len(self.deck.points) + len(self.more) - 1
 
     def leader(self, node: int, rotation_node: int | None = None) -> int:
-        """A point with six motions at a node; `rotation_node`'s displacements are its rotations."""
+        """Number of a point with six motions at a node; `rotation_node` gives its rotations as
+        displacements.
+        """
         point = self.leaders.get(node, node)
         if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
@@ -273,7 +275,9 @@ class DeckConstraints:
         return before - len(self.every())
 
     def loose(self) -> list[int]:
-        """Nodes of no element, and added points, on which constraints, springs or dampers act."""
+        """Numbers of the nodes without elements, and of added points, on which constraints or
+        springs act.
+        """
         return sorted({n for terms in self.every() for n, _, _ in terms if not self._used(n)})
 
     def every(self, dampers: bool = True) -> list[list[Term]]:
@@ -349,7 +353,8 @@ def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
 def held_apart(
     deck: Deck, x: Array, moves: BoolArray, fixed: BoolArray, rows: Sequence[list[Term]]
 ) -> tuple[int, bool]:
-    """(number of pieces that nothing joins, whether there are several and each is supported).
+    """(number of pieces without a joint between them, whether there are several and each is
+    supported).
 
     `x` (n, 3): nodes and added points; `moves`, `fixed` (n, 6): motions that they have, and that
     supports fix; `rows`: sums of motions that constraints and springs resist.
@@ -443,9 +448,7 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
 
 
 def _ranks(blocks: list[Block]) -> list[IntArray]:
-    """How many earlier elements each element repeats; a triangle may repeat half a
-    quadrilateral.
-    """
+    """For each element, the number of earlier elements that it repeats, by blocks."""
     ranks = [np.zeros(len(block), dtype=np.int64) for block in blocks]
     for shape in {block.shape for block in blocks}:
         members = [k for k, block in enumerate(blocks) if block.shape == shape]

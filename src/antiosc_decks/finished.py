@@ -259,7 +259,7 @@ def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, b
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
-    """Drop what is not connected to an element, and dampers with an end that has no mass."""
+    """Remove what is not connected to an element, and dampers with a massless end."""
     joints = builder.joints
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
@@ -378,7 +378,7 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
 
 
 def _keep(builder: ModelBuilder, mask: BoolArray) -> None:
-    """Keep the marked elements; drop the others and what acts on nodes of theirs alone."""
+    """Keep the elements of `mask`; remove the others and what acts only on their nodes."""
     if mask.all():
         return
     deck = builder.deck

@@ -58,7 +58,7 @@ from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """A direction for each cell: that of the nearest of n places.
+    """Function that gives each cell the direction of the nearest of n places.
 
     Both `places` [m] and `directions` are (n, 3).
     """

@@ -375,7 +375,9 @@ def join(builder: ModelBuilder, ends: list[End]) -> None:
 def _own_ends(
     deck: NastranDeck, entry: Entry, nodes: list[int], neutral: Array
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
-    """End (0, 1) with its own node -> (its place, motions that follow the grid point, axes)."""
+    """End (0, 1) of a beam with its own node -> (place, motions that follow the grid point,
+    axes).
+    """
     pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = offsets_of(deck, entry)
     if not any(pins) and not offsets.any() and not neutral.any():

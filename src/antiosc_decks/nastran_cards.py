@@ -98,7 +98,9 @@ def motions_of(text: str, place: DeckPlace) -> list[int]:
 
 
 class Continuations:
-    """Finds the entry that a continuation line belongs to: by its mark, else by order."""
+    """Finds the entry that a continuation line continues: by its mark, or else by the order of
+    lines.
+    """
 
     def __init__(self) -> None:
         #: mark -> entries whose last line ends with it, by identity
@@ -214,7 +216,7 @@ class Bulk:
                 self._line(line.expandtabs(8), place)
 
     def _control(self, line: str) -> None:
-        """Read a line of case control."""
+        """Read a line of the case control section."""
         if _begins(line):
             self._started = True
             return

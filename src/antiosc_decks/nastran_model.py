@@ -89,7 +89,7 @@ class NastranJoints:
         entry: Entry,
         local_axes: bool = True,
     ) -> None:
-        """Let motions of nodes follow another node as a rigid body."""
+        """Let motions of some nodes follow another node as a rigid body."""
         entry.needs(node not in rows, f"a GRID of {entry.name} cannot follow itself.")
         leader = self.builder.joints.leader(node)
         followers = np.array(rows, dtype=np.int64)

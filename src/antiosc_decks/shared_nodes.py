@@ -179,7 +179,7 @@ class Nodes:
         return result.tocsr()
 
     def dof(self, term: Term) -> int:
-        """The dof that a node's motion is; -1 if it depends on several dofs."""
+        """The dof that equals a node's motion; -1 if the motion depends on several dofs."""
         columns, _ = self.single(term[0], term[1])
         if len(columns) == 1:
             return int(columns[0])
@@ -321,7 +321,7 @@ def between_nodes(
 def _dofs(
     mesh: NumberedMesh, motion: int, selected: Mapping[int, object], among: Among
 ) -> Iterator[tuple[int, list[int], Array]]:
-    """Yields (dof, nodes that determine it, their weights) of one motion beside `selected` nodes.
+    """Yield (dof, nodes that determine it, their weights) for one motion between `selected` nodes.
 
     A dof at the place of a deck's node is that node's motion, and is left out.
     """
@@ -349,7 +349,7 @@ def _dofs(
 
 
 def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, float]:
-    """Node of the deck -> weight, with nodes added here replaced by those of the deck."""
+    """Node of the deck -> weight; nodes that were added here are replaced by those of the deck."""
     result: dict[int, float] = {}
     for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
         for node, share in among.get(number, ((number, 1.0),)):

@@ -21,7 +21,7 @@ def listed(module: str) -> dict[str, str]:
 
 
 def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """`__all__`, `__getattr__` and `__dir__` of a module of antiosc's names, given by its file."""
+    """(`__all__`, `__getattr__`, `__dir__`) of a module whose names its stub (.pyi) lists."""
     names = sorted(listed(module))
 
     def getattr_(name: str) -> Any:
@@ -33,7 +33,7 @@ def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[]
 
 
 def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
-    """`__all__` and `__getattr__` for a module that imports the names of its stub on first use."""
+    """(`__all__`, `__getattr__`) of a module that imports the names of its stub on first use."""
     modules = listed(module)
     values: dict[str, Any] = {}
 

@@ -129,7 +129,7 @@ def _read(name: str, row: Mapping[str, Any]) -> MaterialRecord:
 
 
 def _spelled_out(source: str) -> str:
-    """A source with the title of the work in place of its key."""
+    """A source with its key replaced by the title of the work."""
     key, _, place = source.partition(" ")
     title = _table()["sources"][key]
     page = _table()["read"].get(key)

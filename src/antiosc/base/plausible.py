@@ -254,7 +254,7 @@ def _fastest(velocity: object) -> float:
 
 
 def warn_each(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Warn once of each non-empty sentence; returns the sentences."""
+    """Warn once of each non-empty sentence; return all sentences."""
     distinct = tuple(dict.fromkeys(filter(None, sentences)))
     for sentence in distinct:
         warn(sentence)

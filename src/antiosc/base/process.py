@@ -411,7 +411,7 @@ def free_memory() -> float:
 
 
 def trim_heap() -> None:
-    """Return freed memory, which glibc keeps for itself, to the system, so that it counts."""
+    """Return the memory that glibc keeps after `free` to the system, so that it counts as free."""
     trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
     if trim is not None:
         trim(0)

@@ -272,7 +272,7 @@ class StackedModes:
         return gradient.reshape(len(by_q), 2 * self.omega.size)
 
     def begun(self, by_a: Array, by_b: Array) -> Array:
-        """Derivatives (J,) by initial displacements, from those by the result (a, b) of `state`."""
+        """Derivatives (J,) by the initial displacements, from those by the state (a, b)."""
         derivatives = np.zeros(self.free)
         for free, span, _, first in self._spans():
             if first is None:

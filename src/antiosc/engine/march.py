@@ -111,7 +111,9 @@ class Buffers:
         self.nbytes = 0
 
     def keep(self, states: bool) -> None:
-        """Choose whether states and exits are written; without arrays for them all are renewed."""
+        """Choose whether states and exits are written; arrays without room for them are made
+        anew.
+        """
         r = self.record
         if states == (r.states is not None):
             return
@@ -261,7 +263,7 @@ def take_space(packed: PackedSystem) -> Workspace:
 
 
 def _taken(entry: tuple[Key, Workspace]) -> bool:
-    """Remove a workspace from the store; False if another thread has taken it."""
+    """Remove a workspace from the store; False if another thread was faster."""
     try:
         _kept.remove(entry)
     except ValueError:

@@ -114,7 +114,7 @@ def margin(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> f
 def _onset(
     omega: Array, beta: Array, R: Array, stiffness: Array, h: float, low: float, high: float
 ) -> float:
-    """The stiffness, as a share, at which a window of instability opens between two shares."""
+    """Share of the stiffness, between `low` and `high`, at which a window of instability begins."""
     for _ in range(20):
         middle = 0.5 * (low + high)
         if middle > 0 and growth_rate(omega, beta, R, middle * stiffness, h) > GROWS:

@@ -99,7 +99,7 @@ class System:
 
     @property
     def sides(self) -> list[slice]:
-        """The tangential rows of each contact."""
+        """Slice of the tangential rows of each contact."""
         return [slice(first, first + count) for first, count in self.tangents.tolist()]
 
     def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
@@ -124,7 +124,7 @@ class System:
         ]
 
     def begun(self) -> list[State]:
-        """States of the p laws at the start; by default that of a touch at rest."""
+        """States of the p laws at the start; by default those of a touch without speed."""
         contacts = self.contact_states or [None] * len(self.laws)
         return [
             law.touch(0.0) if contact is None else contact.state
@@ -145,7 +145,7 @@ class System:
 
     @cached_property
     def marched(self) -> System:
-        """The system in the I modes that the C library integrates.
+        """The system in the I modes that the C library integrates, instead of the J free modes.
 
         They are first-order modes if damping couples the modes of a body; `loads` (K, 2 I) then act
         on displacements and velocities.
@@ -170,7 +170,8 @@ class System:
 
     @property
     def slowest(self) -> Array:
-        """Least closing speeds (p,) [m/s]: a slower contact counts as closing at this speed.
+        """Smallest closing speeds (p,) [m/s]: slower contacts are treated as if they closed at
+        these.
 
         Some laws divide their damping by the closing speed, which may be 0. All integrators use the
         same least speed.

@@ -260,7 +260,9 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
 
 
 def stress_amplitudes(structure: Structure, history: AnyHistory, times: Array, body: str) -> Array:
-    """Factors (n, B (1 + branches)) of the stress columns, in the order of `with_branches`."""
+    """Factors (n, B (1 + branches)) of the stress columns at times, in the order of
+    `with_branches`.
+    """
     springs = spring_amplitudes(history, times, body)
     branches = [springs[k] for k in branches_of_materials(structure, len(springs))]
     return np.hstack([amplitudes(history, times, body), *branches])
@@ -436,7 +438,7 @@ def _site_list(site: Site | Mapping[str, Site]) -> list[Site]:
 
 
 def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
-    """Static displacements (rows, k) of the free dofs under forces (rows, k)."""
+    """Static displacements (rows, k) under forces (rows, k) on the free dofs."""
     fixed = structure.fixed[structure.fixed < structure.rows]
     solver = structure.factorize()
     reactions = np.zeros_like(pulled)

@@ -83,7 +83,7 @@ class Margin(ReprMixin):
 
     @property
     def reached(self) -> bool:
-        """Whether yield or failure is reached; for a contact that yields, also elsewhere."""
+        """Whether yield or failure is reached at the worst point: exposure >= 1."""
         return self.exposure >= 1
 
     @property
@@ -120,7 +120,9 @@ def margin_of(
     times: Array,
     places: list[Place],
 ) -> Margin | None:
-    """The worst of values (S,) over strengths (S,), NaN if unknown; None if all are unknown."""
+    """The margin of the worst of the values (S,) over the strengths (S,); None if all strengths are
+    NaN.
+    """
     exposure = values / strengths
     if not np.isfinite(exposure).any():
         return None
@@ -250,8 +252,8 @@ def stresses(quantity: str, points: Array, tensors: NodeTensors, search: Search)
 def _of_plies(
     criterion: str, tensors: NodeTensors, search: Search
 ) -> tuple[Array, Array, float | None]:
-    """Largest exposures, their times and error bounds; layers of equal strength are searched as
-    one.
+    """(largest exposures, their times, error bound); layers of equal strength are searched
+    together.
     """
     values = np.zeros(len(tensors.nodes))
     when = np.zeros(len(tensors.nodes))
@@ -298,11 +300,11 @@ class HertzContact(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The pressure over the pressure at first yield."""
+        """Largest pressure over the pressure at first yield."""
         return self.pressure / (FIRST_YIELD * self.strength)
 
     def warning(self) -> str:
-        """The warning if the contact yields; otherwise ""."""
+        """The warning if the contact yields; otherwise an empty text."""
         if not self.share > 1:
             return ""
         return (

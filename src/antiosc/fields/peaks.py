@@ -133,7 +133,7 @@ def sampled_maxima(
 def _step(
     motion: BodyMotion, columns: Array, scalar: Callable[[Array], Array]
 ) -> tuple[float, float]:
-    """Time step [s] of the search, and the largest underestimate of a peak."""
+    """(time step [s] of the search, largest possible underestimate of a peak)."""
     stride = max(1, len(motion.nodes) // FEWEST)
     samples = motion.nodes[::stride]
     values, _ = sampled_maxima(columns, motion.factors(samples), samples, scalar)
@@ -188,7 +188,7 @@ def _evenly(times: Array, most: int) -> Array:
 
 
 def _parabola_maxima(t: Array, y: Array) -> Array:
-    """Values (S, n), each local maximum replaced by that of the parabola through three values."""
+    """Values (S, n) in which each local maximum is that of the parabola through three values."""
     tops = y.copy()
     if len(t) < 3:
         return tops
@@ -590,7 +590,7 @@ def static_stress(structure: Structure) -> PeakField:
 
 
 def _beside_static(factors: Callable[..., Array], times: Array) -> Array:
-    """The factors, with a column of 1 for the static state."""
+    """The factors with one more column: 1, for the static state."""
     return np.pad(factors(times=times), ((0, 0), (0, 1)), constant_values=1.0)
 
 

@@ -304,7 +304,9 @@ def plot_map(
 
 
 def _on_faces(value: Array) -> Array:
-    """Mean (T,) over the corners (T, 3) of faces; NaN if only one is known."""
+    """Mean (T,) of the known values at the corners (T, 3) of faces; NaN where fewer than two are
+    known.
+    """
     known = ~np.isnan(value)
     count = known.sum(axis=1)
     mean = np.where(known, value, 0.0).sum(axis=1) / np.maximum(count, 1)

@@ -174,7 +174,7 @@ def _over_time(columns: Array, factors: Array) -> Array:
 
 
 def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
-    """The points of the beam sections' outlines at which von Mises stress is evaluated."""
+    """The places on the outlines of the beams' sections at which von Mises stress is evaluated."""
     materials = source(structure).materials_of(structure, part, there.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
     of_beams = [section for section in sections if isinstance(section, Section)]

@@ -344,7 +344,7 @@ def _extremes(
 
 
 def _largest(y: Array) -> float:
-    """Maximum (>= 0) of a response by the parabola through the largest sample."""
+    """Maximum (at least 0) of a response, by the parabola through its largest sample."""
     k = int(np.argmax(y))
     top = float(y[k])
     if 0 < k < y.size - 1:

@@ -100,8 +100,8 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
 
 
 class _Blow(NamedTuple):
-    """Closing speed [m/s], energy [J], push [N] and greatest possible indentation [m] of a
-    contact.
+    """Data of a contact's blow: closing speed [m/s], energy [J], push [N], largest possible
+    indentation [m].
     """
 
     speed: float
@@ -111,8 +111,8 @@ class _Blow(NamedTuple):
 
 
 def _friction(contact: Contact, law: ContactLaw, blow: _Blow, local: float) -> tuple[float, float]:
-    """Coefficient and tangential stiffness [N/m] of a contact, without the compliance of its
-    patches.
+    """(coefficient of friction, tangential stiffness [N/m] without the patches' compliance) of a
+    contact.
     """
     stiffness = contact.tangential_stiffness
     if stiffness is None:
@@ -134,7 +134,9 @@ def _without_patches(stiffness: float, local: float) -> float:
 
 
 def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
-    """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
+    """Mean stiffness [N/m] of a law over a contact with the indentation `most` · sin, half a
+    period.
+    """
     phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
     return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
 
@@ -189,7 +191,7 @@ Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
 def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
-    """A picklable function that returns this scene and these bodies."""
+    """A picklable function without arguments that returns this scene and these bodies."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
 
@@ -233,7 +235,7 @@ class Assembly:
 
     @property
     def scene(self) -> SceneParts:
-        """The bodies and contacts as they were given."""
+        """The scene's bodies and contacts as given by the user."""
         return self._parts[0]
 
     @property
@@ -243,12 +245,12 @@ class Assembly:
 
     @property
     def spans(self) -> dict[str, slice]:
-        """The modes of each body among those of all."""
+        """Slice of each body's modes among the modes of all bodies."""
         return self._stacked.spans
 
     @property
     def columns(self) -> dict[str, slice]:
-        """The columns of each body among those of all."""
+        """Slice of each body's columns among the columns of all bodies."""
         return self._stacked.columns
 
     def row(self, contact: int, begin: int) -> Array:
@@ -260,12 +262,12 @@ class Assembly:
 
     @property
     def B(self) -> Array:
-        """Displacements (J, P) of all columns."""
+        """Modal displacements (J, P) of the columns of all bodies."""
         return self._stacked.B
 
     @property
     def r(self) -> Array:
-        """Residual compliance (P, P) of all columns."""
+        """Residual compliance (P, P) of the columns of all bodies [m/N]."""
         return self._stacked.r
 
     def load(self, t: Array) -> Array:

@@ -330,7 +330,7 @@ def simulate_many(
     AccuracyError
         When every scene fails.
     """
-    given: dict[str, object] = {
+    arguments: dict[str, object] = {
         "models": models,
         "impactors": impactors,
         "contacts": contacts,
@@ -341,9 +341,9 @@ def simulate_many(
         "gap": gap,
     }
     check_executor(executor)
-    size = common_length({k: len(v) for k, v in given.items() if is_sequence(v)})
+    size = common_length({k: len(v) for k, v in arguments.items() if is_sequence(v)})
     process.require(SCENE * size, f"a batch of {size} scenes", "simulate it in several calls")
-    columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in given.items()}
+    columns = {k: list(v) if is_sequence(v) else [v] * size for k, v in arguments.items()}
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers = columns["impactors"]
     speeds = columns["initial_velocity"]
@@ -501,9 +501,9 @@ def _solve_chunk(
         if key is not None:
             groups.setdefault(key, []).append(i)
     for group in groups.values():
-        here = [linear[i] for i in group]
-        found = _solve_group(here, settings, partial(_report_progress, done, len(rows)))
-        for i, row in zip(group, found, strict=True):
+        members = [linear[i] for i in group]
+        group_rows = _solve_group(members, settings, partial(_report_progress, done, len(rows)))
+        for i, row in zip(group, group_rows, strict=True):
             stands = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
             if row is not None and stands:
                 rows[i] = row
@@ -527,7 +527,7 @@ def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
 
 
 def _slight(model: LinearBody, row: _Row) -> bool:
-    """Whether the deflection in a linear run is too small to stretch the sheet."""
+    """Whether the deflection in a linear run is too small for the sheet to stretch noticeably."""
     info = info_of(model)
     ratio = _bend(model, row.impulse)
     changes = [abs(change) for change in (info.second_order or {}).values()]
@@ -615,7 +615,9 @@ def _failed(error: AntioscError) -> _Row:
 def _impact(
     scene: Impact, step: float | None, n: int | str | None, settings: Settings
 ) -> tuple[History, CheckResult]:
-    """One scene; AccuracyError if its force leaves the range of its law."""
+    """(history, check result) of one scene; AccuracyError if its force leaves the range of its
+    law.
+    """
     scene = scene._replace(duration=checks.positive("duration", scene.duration, "s"))
     history, check = simulate_impact(scene, replace(settings, step=step), n)
     check_range(history, _doubts(scene))
@@ -640,7 +642,7 @@ def _row(hit: History, check: CheckResult) -> _Row:
 
 
 def _raise(rows: list[_Row]) -> None:
-    """Raise the first InputError of a scene, or the first error if every scene failed."""
+    """Raise the first InputError among the rows, or the first error if every scene failed."""
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
             raise type(row.error)(f"scene {i}: {row.error}") from row.error
@@ -671,7 +673,7 @@ def _batch_of(rows: list[_Row]) -> Batch:
 
 
 def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
-    """The rows of a batch; without one, rows of status 2."""
+    """The rows of an earlier batch; without one, `size` rows with status 2."""
     if earlier is None:
         return [_Row(CheckResult(STOPPED, ""))] * size
     batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")

@@ -562,7 +562,9 @@ class SceneBody:
 
     @property
     def weight(self) -> Array | None:
-        """Modal forces of a unit gravity: (J,) along its one coordinate, or (J, 3) along axes."""
+        """Modal forces per unit gravity: (J,) along the body's one coordinate, or (J, 3) along the
+        axes.
+        """
         return self.modes.weight
 
     def columns_of(self, site: str) -> tuple[int, ...]:
@@ -594,7 +596,7 @@ class SceneBody:
 
     @property
     def grounded(self) -> bool:
-        """Whether motion of the ground acts on the body: it is the ground, or supported."""
+        """Whether motion of the ground excites the body: it is an obstacle, or supported."""
         rigid = self.omega == 0
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True
@@ -655,29 +657,29 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
 
 
 def _modal_body(name: str, body: object) -> SceneBody:
-    """A model as a body of a scene."""
-    asked = checked_body(f"body {name!r}", body)
-    modes = asked.modal()
-    velocity = asked.velocity
-    own = isinstance(body, Impactor)
-    if own and not isinstance(velocity, Motion):
+    """A body with a modal form as a body of a scene."""
+    linear_body = checked_body(f"body {name!r}", body)
+    modes = linear_body.modal()
+    velocity = linear_body.velocity
+    is_impactor = isinstance(body, Impactor)
+    if is_impactor and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
-    return single_site_body(name, body, asked, modes, modes.rigid_motion(velocity))
+    return single_site_body(name, body, linear_body, modes, modes.rigid_motion(velocity))
 
 
 def single_site_body(
-    name: str, body: object, asked: Body, modes: ModalBody, start: Array
+    name: str, body: object, linear_body: Body, modes: ModalBody, start: Array
 ) -> SceneBody:
     """A body with one contact point, with modal initial velocities (J,)."""
-    local = {"": asked.local_compliance}
+    local = {"": linear_body.local_compliance}
     return SceneBody(
         name,
         body,
         modes,
         start,
-        gap=asked.gap,
+        gap=linear_body.gap,
         local_compliance=local,
-        patch_radius=asked.patch_radius,
+        patch_radius=linear_body.patch_radius,
     )
 
 

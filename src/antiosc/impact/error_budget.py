@@ -83,7 +83,7 @@ class RepeatedImpact:
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
-    """Relative errors of the three quantities due to the element family, and notes.
+    """(relative errors of the three quantities due to the element family, notes).
 
     The model's info has the data ("model"), or the reason why there are none.
     """
@@ -226,7 +226,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(NO_ESTIMATE)
-    given = model
+    stretching_model = model
     stretches = model.stretch is not None
     if model.strain_error is None and model.info.measured is None and not stretches:
         raise InputError(NO_ESTIMATE)
@@ -255,12 +255,12 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "noise": noise,
         "band": band,
         "model": family,
-        "stretch": _stretch(hit, given, rerun, tol),
+        "stretch": _stretch(hit, stretching_model, rerun, tol),
     }
     by_quantity = {
         name: ErrorBar(
             getattr(hit, name),
-            **{cause: own[name] for cause, own in shares.items()},
+            **{cause: share_of[name] for cause, share_of in shares.items()},
             law=None if law is None else law[name],
         )
         for name in QUANTITIES
@@ -315,8 +315,10 @@ def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
 
 
 def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
-    """Errors due to mesh and truncation, the strain error over the strain energy, the safety factor
-    and notes; for a model without a mesh, none.
+    """(errors due to the mesh, to truncation, strain error over strain energy, safety factor,
+    notes).
+
+    All are zero for a model without a mesh.
     """
     model = impact.model
     raw = impact.raw
@@ -328,16 +330,16 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     changes = bars.differences(raw, softer)
     if model.strain_misfit is not None:
         without = impact.change(replace(model, strain_misfit=None).corrected())
-        changes = {name: max(one, changes[name]) for name, one in without.items()}
-    mesh = bars.with_floor({name: safety * one for name, one in changes.items()})
+        changes = {name: max(change, changes[name]) for name, change in without.items()}
+    mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
-        mesh = {name: max(one, share) for name, one in mesh.items()}
+        mesh = {name: max(change, share) for name, change in mesh.items()}
 
-    def known(each: AntiOscillators, tol: float) -> History:
+    def known(body: AntiOscillators, tol: float) -> History:
         """The history on a body, without a new run for the model itself."""
-        if each is model:
+        if body is model:
             return raw
-        return impact.run(each, tol)
+        return impact.run(body, tol)
 
     truncated = truncation_error(model, known, tol=impact.tol)
     missed = truncation_share(model, raw.assembly)
@@ -353,8 +355,8 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
             f"{len(softer.contacts)} corrected): the contact times are not comparable.",
         )
-    left = {name: max(getattr(truncated, name), least) for name in QUANTITIES}
-    return mesh, left, share, safety, doubts
+    truncation_errors = {name: max(getattr(truncated, name), least) for name in QUANTITIES}
+    return mesh, truncation_errors, share, safety, doubts
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
@@ -393,7 +395,9 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
 
 
 def amplitudes(hit: History) -> Array:
-    """Σ a aᵀ over the contact, a the amplitudes of psi_0 ... psi_N: (N + 1, N + 1)."""
+    """Matrix Σ a aᵀ (N + 1, N + 1) over the contact, where a are the amplitudes of psi_0 ...
+    psi_N.
+    """
     size = hit.model.n + 1
     total = np.zeros((size, size))
     for start, end in hit.contacts:
@@ -410,7 +414,9 @@ def _time_errors(hit: History) -> list[float]:
 
 
 def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
-    """Errors due to the time steps: the estimate of the run, or that of a finer run if larger."""
+    """Errors due to the time steps: the run's estimate, or its difference to a finer run if
+    larger.
+    """
     known = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
     changed = bars.NO_ERROR if finer is None else bars.differences(hit, finer)

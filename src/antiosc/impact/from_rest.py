@@ -64,14 +64,14 @@ def _decay(modes: ModalBody) -> Array:
 def motions(
     omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motions of bodies from rest: times, modal displacements (S, J), forces, step by step.
+    """Yield (times, modal displacements (S, J), forces) of S bodies from rest, step by step.
 
     The times [s] are those of each force and `samples` over the duration; a body with fewer times
     than another repeats its last one. omega, b, decay : (S, J) of the modes.
     """
     even = np.linspace(0, duration, samples)
     times = [np.union1d(even, force_times) for force_times, _ in forces]
-    values = [_at(each, force) for each, force in zip(times, forces, strict=True)]
+    values = [_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)
     q = np.zeros_like(b)
@@ -89,7 +89,7 @@ def motions(
 
 
 def _at(times: Array, force: Force) -> Array:
-    """A force at times [s]."""
+    """Values of a force at times [s]."""
     known, values = force
     if not known.size:
         return np.zeros_like(times)

@@ -64,7 +64,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
 
 
 def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
-    """For each cause of error, the changed laws."""
+    """Yield the changed laws for each cause of an error of the law."""
     yield list(_by_curvature(raw, choice.law))
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
     yield _by_strain(choice.law, strain)
@@ -107,7 +107,7 @@ def _by_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[Contac
 
 
 def _scaled(law: ContactLaw, share: float) -> list[ContactLaw]:
-    """The laws with all forces smaller and larger by a share; none if the law cannot be scaled."""
+    """The law with all forces smaller and larger by `share`; none if a law cannot be scaled."""
     factors = 1 - share, 1 + share
     if isinstance(law, ElasticPlastic):
         return [
@@ -120,7 +120,7 @@ def _scaled(law: ContactLaw, share: float) -> list[ContactLaw]:
 
 
 def _bent(surface: Surface, change: float) -> Surface:
-    """A surface with changed curvatures [1/m]; flat directions stay flat."""
+    """A surface with its curvatures changed by `change` [1/m]; flat directions stay flat."""
     low, high = (k + change if k else k for k in surface.curvatures)
     return replace(surface, curvatures=(low, high), error=0.0)
 

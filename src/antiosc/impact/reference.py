@@ -66,9 +66,7 @@ class SceneStep(SceneMethod):
 
     @cached_property
     def moved_modes(self) -> Array:
-        """1 for modes that contacts move, otherwise 0, since the energy of other modes would hide
-        an instability.
-        """
+        """1 for modes that contacts move, 0 for others, whose energy would hide an instability."""
         return np.any(self.system.beta != 0, axis=0).astype(float)
 
     @abstractmethod
@@ -173,7 +171,7 @@ class SceneStep(SceneMethod):
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
         def above(fraction: float) -> float:
-            """That at the end of a fraction of the step."""
+            """The same at the end of a fraction of the step."""
             return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
         if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
@@ -253,7 +251,7 @@ class LeapfrogScene(SceneStep):
 
 
 class Quotient:
-    """Mean force over a step h in which the unloaded indentation changes from `before` to `after`.
+    """Mean contact force over a step h from the change of the unloaded indentation since `before`.
 
     The unloaded indentation is delta + r F, with r the residual compliance in series.
     """
@@ -555,9 +553,7 @@ class Refinement:
         return max(self.error.values()) <= self.tol
 
     def update(self, force: float, peak: float) -> None:
-        """Add the relative differences of the last two runs, whose steps differ by `halvings`
-        halvings.
-        """
+        """Add the relative differences between the last two runs."""
         k = self.halvings
         before = self._before if force > 0 else None
         rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)

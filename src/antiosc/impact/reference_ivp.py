@@ -57,7 +57,7 @@ class JointContacts:
 
     @property
     def touches(self) -> int:
-        """Number of times that a contact has closed."""
+        """Number of times that contacts have closed so far."""
         return sum(piece for _, _, piece, _ in self.events)
 
     @property
@@ -232,7 +232,9 @@ class SceneMethod(ABC):
 
     @property
     def busy(self) -> bool:
-        """Whether the method integrates now; otherwise the motion is an exact flight."""
+        """Whether the method must integrate: a contact is closed, or a drive acts; else the flight
+        is exact.
+        """
         return self.driven or bool(self.contacts.active)
 
     def run(self, duration: float, max_contacts: int, max_steps: int) -> Run:
@@ -502,7 +504,7 @@ class SceneIVP(SceneMethod):
         return y[2 * self.size :][rows.start - self.p : rows.stop - self.p]
 
     def _slip_direction(self, c: int, z: Array, rate: Array) -> Array:
-        """Unit vector (k,) along z; at the start, along the speed."""
+        """Unit vector (k,) of sliding: along z, or along the velocity while z is zero."""
         along = z if np.any(z) else rate[self.contacts.tangents(c)]
         length = float(np.linalg.norm(along))
         return along / length if length > 0 else along
@@ -533,7 +535,7 @@ class SceneIVP(SceneMethod):
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:
-        """Speed [m/s] of a sliding contact: of the point minus that of its friction spring."""
+        """Sliding speed [m/s] of a contact: of its point minus that of its friction spring."""
         p = self.p
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
@@ -574,8 +576,8 @@ class SceneIVP(SceneMethod):
         def beyond(t: float, y: Array) -> float:
             free, _, force = self._contact_state(t, y)
             others = self.system.R[c] @ force - self.system.R[c, c] * force[c]
-            found = float(free[c] - others - self.contacts.origin(c))
-            return found or (1e-300 if closed else -1e-300)  # at rest it neither touches nor parts
+            events = float(free[c] - others - self.contacts.origin(c))
+            return events or (1e-300 if closed else -1e-300)  # at rest it neither touches nor parts
 
         def turn(t: float, y: Array) -> float:
             return float(self._contact_state(t, y)[1][c])
@@ -588,15 +590,15 @@ class SceneIVP(SceneMethod):
                 return -self._slip(c, free, z, rate, force)
             return float(stiffness * np.linalg.norm(z) - mu * force[c])
 
-        found: list[Callable[[float, Array], float]] = []
+        events: list[Callable[[float, Array], float]] = []
         for event, direction, wanted in (
             (beyond, -1.0 if closed else 1.0, True),
             (turn, self.turning[c], closed and self.laws[c].has_memory),
             (switch, 1.0, closed and rubs),
         ):
             event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-            found.append(event if wanted else lambda t, y: 1.0)
-        return found
+            events.append(event if wanted else lambda t, y: 1.0)
+        return events
 
     def _apply_events(self, t: float, y: Array, event_times: list[Array]) -> None:
         """Apply the events at t to the states of contacts and friction."""

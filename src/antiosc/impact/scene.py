@@ -157,7 +157,7 @@ class Scene(SceneParts):
 
 
 def told(history: H, sentence: str) -> H:
-    """Warn with a sentence and append it to the history's message; "" changes nothing."""
+    """Warn with a sentence and return the history with it in its message; "" changes nothing."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)
@@ -491,7 +491,7 @@ def _rerun_by(scene: Impact, settings: Settings, law: ContactLaw, tol: float) ->
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """The model with `n` anti-oscillators, its estimated errors, and a note if too few."""
+    """(model with `n` anti-oscillators, its estimated errors, note if these are too few)."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):

@@ -241,7 +241,7 @@ class SceneParts(FieldsRepr):
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 
     def _site_of(self, end: str) -> str:
-        """An end in normal form: for a body with one site, "body" alone."""
+        """The normal form of an end: "body" alone for a body with one site."""
         name = end.partition(":")[0]
         if len(getattr(self.bodies.get(name), "sites", ())) > 1:
             return end
@@ -374,7 +374,7 @@ def contact_row(
 def _relative_row(
     contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> Array:
-    """Row (P,) of the displacement of b against a along a direction."""
+    """Row (P,) of the displacement of end b relative to end a along a direction."""
     row = np.zeros(len(stacked.r))
     a, b = ends
     for (body, site), sign, end in ((b, 1, contact.b), (a, -1, contact.a)):
@@ -414,7 +414,7 @@ def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) ->
 
 
 def _distance(contact: Contact, ends: tuple[End, End]) -> str:
-    """Words on the distance between the ends of a contact; "" if patches and cells allow it."""
+    """The distance between the ends of a contact as text; "" if patches and cells explain it."""
     direction = contact_direction(*ends)
     points = [_point(*end) for end in ends]
     a, b = points
@@ -451,7 +451,7 @@ def _reach(body: SceneBody, site: str) -> float:
 
 
 def _angle(ends: tuple[End, End]) -> str:
-    """Words on the angle between the directions of the ends; "" if they are parallel or unknown."""
+    """The angle between the directions of the ends as text; "" if they are parallel or unknown."""
     a, b = (body.pushes.get(site) for body, site in ends)
     if a is None or b is None or abs(a @ b) >= PARALLEL:
         return ""
@@ -465,7 +465,7 @@ def _angle(ends: tuple[End, End]) -> str:
 def tangential_rows(
     contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> list[Array]:
-    """Rows of the tangential displacement of b against a, one or two."""
+    """One or two rows (P,) of the tangential displacement of end b relative to end a."""
     moving = [(body, site) for body, site in ends if body.columns_of(site)]
     if direction is None or any(body.directions is None for body, _ in moving):
         raise InputError(

@@ -29,7 +29,7 @@ MEMORY_REMEDY = "ask for the motion at fewer times, as hit.at(times), or use few
 
 
 def record_of(run: Run) -> tuple[library.CRecord, list[Array]]:
-    """A run as the C library reads it, and the arrays to which it refers."""
+    """(a run as the C library reads it, the arrays to which it points)."""
     arrays = [np.ascontiguousarray(array) for array in (run.time, run.force, run.events)]
     time, force, events = map(library.address, arrays)
     counts = {"n_nodes": run.time.size, "n_events": len(run.events)}
@@ -132,7 +132,8 @@ def damping_states(
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,); the last is the end.
+    """Modal displacements and velocities (n, J) at the starts of steps (n,); one more step is the
+    end.
 
     Stored states are returned; those between are integrated from the stored state before them.
     """
@@ -172,7 +173,9 @@ def _advanced(
     q: Array,
     v: Array,
 ) -> tuple[Array, Array]:
-    """States after these times since the starts of steps."""
+    """Modal displacements and velocities after the times `since`, from those at the starts of
+    steps.
+    """
     whole = system
     system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])

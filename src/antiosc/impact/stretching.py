@@ -43,7 +43,7 @@ DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
 def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
-    """The assembly with a row for each mode of these second-order forces."""
+    """The assembly with one more row for each mode of the second-order forces `taken`, by body."""
     system = a.system
     count = sum(forces.size for forces in taken.values())
     rows = np.zeros((count, system.omega.size))
@@ -79,7 +79,7 @@ class StretchedMotion:
     change: float
 
     def first(self, count: int) -> Stretch:
-        """The forces in the first `count` modes, or in as many as the user has set."""
+        """The second-order forces in the first `count` modes, or in as many as the user has set."""
         if self.forces.count != "auto":
             count = self.forces.count
         return self.forces.turned(self.turn[:, :count])
@@ -155,14 +155,16 @@ def largest(changes: list[dict[str, float]]) -> dict[str, float]:
     return {name: max(change[name] for change in changes) for name in names}
 
 
-def differences(one: History, other: History) -> dict[str, float]:
-    """Relative changes of the three quantities between two runs, for the largest contact."""
+def differences(first: History, second: History) -> dict[str, float]:
+    """Relative changes between two runs of the three quantities (largest contact) and the
+    deflection.
+    """
     worst = dict.fromkeys(bars.QUANTITIES, 0.0)
-    for a, b in zip(one.contact_histories, other.contact_histories, strict=True):
+    for a, b in zip(first.contact_histories, second.contact_histories, strict=True):
         if b.contacts:
             changes = bars.differences(a, b)
             worst = {name: max(value, changes[name]) for name, value in worst.items()}
-    moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (one, other)]
+    moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (first, second)]
     apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
     return {**worst, "deflection": max(apart, default=0.0)}
 

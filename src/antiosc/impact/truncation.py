@@ -348,12 +348,15 @@ def _softest_coordinates(model: AntiOscillators, masses: Array, psi: Array) -> A
 
 
 def _unconverged(model: AntiOscillators) -> bool:
-    """Whether the highest anti-oscillators have not converged and stand for truncated modes."""
+    """Whether the highest anti-oscillators have not converged, but represent the truncated
+    modes.
+    """
     return model.info.method == "krylov" and (model.info.converged or 0) < model.n
 
 
 def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
-    """Masses and frequencies (n,) of the Gauss rule with the moments of m (n + 1,) over 1/omega^2.
+    """Masses and frequencies (n,) of the Gauss rule that has the moments of m (n + 1,) over
+    1/omega^2.
 
     m[0] lies at zero. Third result: the share (n, n + 1) of each psi_i in the new shapes. The rule
     is that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
@@ -386,7 +389,7 @@ def _checked(hit: History) -> History:
 
 
 def _missing(known: dict[int, TruncationError], tol: float) -> int:
-    """Number of missing anti-oscillators, if the error decreases as a power of n."""
+    """Estimated number of missing anti-oscillators, if the error decreases as a power of n."""
     n = max(known)
     worst = known[n].worst
     rates = [

@@ -205,7 +205,7 @@ def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pa
 def _gravity_loads(
     structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
 ) -> list[Array | None]:
-    """Modal forces of gravity on both bodies; None: there are none."""
+    """Modal forces of gravity on both bodies; None for a body without any."""
     vector = None
     if isinstance(gravity, list | tuple) or (isinstance(gravity, np.ndarray) and gravity.ndim):
         vector = checks.floats("gravity", gravity, (3,))

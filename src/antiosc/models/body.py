@@ -248,7 +248,7 @@ UNKNOWN = ModelInfo()
 
 
 def info_of(body: object) -> ModelInfo:
-    """The record of a body; an empty record if the body has none."""
+    """The record `info` of a body; an empty record if it has none."""
     info = getattr(body, "info", None)
     if isinstance(info, ModelInfo):
         return info

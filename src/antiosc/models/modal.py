@@ -250,7 +250,7 @@ class FreeModes(ReprMixin):
 
     @cached_property
     def _rigid_mobility(self) -> tuple[Array, float]:
-        """Displacements (J,) of the only column in rigid-body modes, and its mobility [1/kg]."""
+        """(displacements (J,) of the only column in rigid-body modes, mobility [1/kg])."""
         along = np.where(self.omega == 0, self.B[:, 0], 0.0)
         return along, float(along @ along)
 

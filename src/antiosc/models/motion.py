@@ -82,7 +82,7 @@ class Inertia(ReprMixin):
         return np.asarray(self.point + moments / self.mass)
 
     def along(self, momentum: Array) -> Inertia:
-        """The inertia for other coordinates, with momenta `momentum` (C, 6)."""
+        """The inertia with the momenta `momentum` (C, 6) of other coordinates."""
         return Inertia(self.point, self.matrix, momentum)
 
     def rotation(self, amplitudes: Array) -> Array:

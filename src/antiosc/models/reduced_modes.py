@@ -133,7 +133,9 @@ def _basis(model: Parameters) -> tuple[Array, ...] | None:
 
 
 def _relative(n: int) -> Array:
-    """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
+    """Matrix of the amplitudes of psi_0 (lambda_0) and psi_i (lambda_i - lambda_0), Article eq.
+    (8).
+    """
     transform = np.zeros((n + 1, n + 1))
     transform.flat[:: n + 2] = 1.0
     transform[1:, 0] = -1.0

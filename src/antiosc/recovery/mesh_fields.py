@@ -153,7 +153,9 @@ def jumps(
 def _join_ranks(
     part: MeshedStructure, slots: IntArray, total: Array, count: Array, joined: np.ufunc = np.add
 ) -> None:
-    """Join `total` and `count` with those of other ranks, in slots of nodes that ranks share."""
+    """Combine `total` (by `joined`) and `count` (sum) with those of other ranks in shared slots, in
+    place.
+    """
     comm = part.mesh.comm
     parts = len(part.parts)
     if comm.size == 1:
@@ -315,7 +317,9 @@ def at_nodes(
 
 
 def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]:
-    """Parts that include second-order strains, with static displacements under the prestress."""
+    """[(part, its static displacements under the prestress)] of the parts with second-order
+    strains.
+    """
     preload = structure.matrices.preload
     assert preload is not None
     displaced = []
@@ -330,7 +334,7 @@ def loaded(structure: Structure, part: str | None) -> list[tuple[Member, Array]]
 
 
 def _whole(parts: Sequence[tuple[Member, Array]]) -> list[tuple[Member, Array]]:
-    """The parts with an initial strain of zero, which makes them include second-order strains."""
+    """The parts with a zero initial strain, so that their second-order strains are included."""
     return [
         (
             replace(m, part=replace(m.part, initial=np.zeros(len(m.part.part_of_cells())))),
@@ -408,7 +412,7 @@ def materials_of(
 def _requests(
     part: MeshedStructure, places: list[Place], ply: Place | None
 ) -> list[tuple[Place, list[int]]]:
-    """Places at which tensors are evaluated, each with the material numbers there."""
+    """[(place, numbers of the materials there)] at which tensors are evaluated."""
     numbers = list(range(len(part.parts)))
     if ply is not None:
         stacks = [len(layers_of(material)) for material, _ in part.parts]

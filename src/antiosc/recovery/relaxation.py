@@ -30,7 +30,7 @@ OF_STIFFNESS = ("stress", "section_forces")
 
 
 def branches_of_materials(structure: Structure, count: int) -> list[int]:
-    """Indices, among the `count` branches of a model, of those of the structure's materials.
+    """Indices of the branches of the structure's materials among the `count` branches of a model.
 
     InputError for a model that does not have the branches of the structure.
     """

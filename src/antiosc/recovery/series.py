@@ -142,7 +142,7 @@ def write_frames(
 def _replaced(
     target: Path, staging: Path, frames: Frames, times: Array, fields: Iterable[Array]
 ) -> list[str]:
-    """Write the frames and their list; returns the frames of the previous list."""
+    """Write the frames and their list; return the names of the frames of the previous list."""
     listed = False
     try:
         names = []

@@ -29,7 +29,7 @@ from antiosc.recovery.place import Place
 
 
 def in_frame(local: Array, frame: Sequence[Array]) -> Array:
-    """Tensors (P, 3, 3, columns) from the axes `frame` (P, 3) in those of the mesh."""
+    """Tensors (P, 3, 3, columns) in the axes of the mesh, from those in the axes `frame` (P, 3)."""
     axes = np.stack(list(frame), axis=1)
     return np.einsum("pai,pabk,pbj->pijk", axes, local, axes, optimize=True)
 
@@ -77,7 +77,7 @@ class PointsInCells:
         return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
 
     def each(self, value: Callable[[Material], list[float]]) -> Array:
-        """Values (P, m) of the material at each point."""
+        """`value` of the material at each point: (P, m)."""
         table = np.array([value(material) for material, _ in self.part.parts])
         return np.asarray(table[self.part.part_of_cells()[self.cells]])
 
@@ -205,14 +205,14 @@ def _axial(at: PointsInCells) -> Array:
 
 
 def _lengthening(at: PointsInCells, slope: Array) -> Array:
-    """Axial strain (P, columns) of second order, minus the initial strain; else 0."""
+    """Second-order axial strain (P, columns) minus the initial strain; 0 without a static state."""
     if at.part.initial is None:
         return np.zeros(slope[:, 0].shape)
     return np.sum(slope**2, axis=1) / 2 - at.part.initial[at.cells][:, None]
 
 
 def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
-    """Tensors with these values (P, 2) along and across the bar, times the axial strain."""
+    """Tensors (P, 3, 3, columns): axial strain times `sizes` (P, 2), along and across the bar."""
     if place.local:
         along = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
@@ -475,7 +475,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
 
 
 def _toward(place: Place, frame: SheetFrame) -> Array:
-    """±1 (P,): whether the requested side is the top of the sheet."""
+    """±1 (P,): whether `place.surface` points along the normal of the sheet; 1 for a named side."""
     if isinstance(place.surface, str):
         return np.ones(len(frame.n))
     along = frame.n @ np.asarray(place.surface)

@@ -556,7 +556,7 @@ def _numbers(hit: History) -> tuple[float, ...]:
 
 
 def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History:
-    """The impact at site i by free modes with second-order forces."""
+    """The impact at site i on the free modes of a body with second-order forces."""
     assert struck.impactor is not None
     assert struck.duration is not None
     free = len(forces.modes)

@@ -232,8 +232,8 @@ class ImpactMap(Completed):
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
-    """Numbers of the reliable sites among `sites` (all if None); if none is reliable, all of
-    these.
+    """Numbers of the reliable sites among `sites` (all if None); all of these if none is
+    reliable.
     """
     sites = np.arange(len(impact_map)) if sites is None else sites
     sound = sites[~impact_map.doubtful[sites]]

@@ -57,7 +57,7 @@ def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H |
 
 @contextmanager
 def _held() -> Iterator[list[str]]:
-    """Context that delays warnings; after an error they are issued, since they may explain it."""
+    """Context that collects warnings; after an error they are issued, since they may explain it."""
     warnings: list[str] = []
     try:
         with warnings_to(warnings.append):

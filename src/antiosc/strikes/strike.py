@@ -101,7 +101,7 @@ NEGLIGIBLE = 1e-8
 
 
 class RunFunction(Protocol):
-    """A function that simulates the impact on a model, to a tolerance."""
+    """Protocol of a function that simulates the impact on a model to a tolerance."""
 
     def __call__(self, model: AntiOscillators, error: float) -> History: ...
 
@@ -276,7 +276,7 @@ def _material_of(
 def _begin(
     place: MeshSource, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
-    """(site with a radius, first mesh): the coarsest mesh for which an error budget is reliable."""
+    """(site with a radius, first mesh): the coarsest mesh with a reliable error budget."""
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     if _sheets(solids):  # whose bars do not ask for a patch that is resolved
         return site, place.first(place.extent() / CELLS_OF_SHEET, [])
@@ -328,7 +328,9 @@ class Answer:
 
 
 def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:
-    """Extract and simulate, again with more anti-oscillators if the truncation requires it."""
+    """The answer on one mesh: extraction and run, repeated with more anti-oscillators where
+    needed.
+    """
     started = time.perf_counter()
     accuracy = accuracy_of_steps(tol)
     most = min(MOST_N, structure.dofs - 1)
@@ -512,7 +514,7 @@ def _next(
 
 
 def _usual(answer: Answer) -> float:
-    """Ratio of the mesh errors with the usual safety factor and with the present one."""
+    """Ratio of the mesh errors with the usual safety factor to those with the present factor."""
     safety = answer.budget.safety
     if answer.raw.model.strain_misfit is not None:
         return SAFETY * SHELL / safety
@@ -530,7 +532,7 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
 
 
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
-    """Share of the tolerance left for the mesh, for each quantity.
+    """Share of the tolerance that is left for the mesh, for each quantity.
 
     The next mesh takes more anti-oscillators if the truncation error requires it. The error due to
     second-order forces is not deducted if it leaves too little of the tolerance for the mesh.
@@ -584,5 +586,5 @@ def _missed_by_law(budget: ErrorBudget, tol: float) -> str:
 
 
 def _known(budget: ErrorBudget, _hit: History) -> ErrorBudget:
-    """The known budget, used so that a history does not compute it again."""
+    """The budget itself: a history takes this function in place of a new computation."""
     return budget

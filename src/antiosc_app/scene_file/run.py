@@ -131,7 +131,9 @@ def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 def variant(
     build: Builder, values: Mapping[Place, object], origins: Mapping[Place, Place], main: Problems
 ) -> Builder:
-    """The scene with other values; its mistakes are noted in `main`, at the values' `origins`."""
+    """The scene with other values; mistakes are noted in `main` at the places `origins` of the
+    values.
+    """
     data = dict(build.data)
     for place, value in values.items():
         table = data
@@ -381,7 +383,7 @@ def _nearby(
 
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
-    """The scene with random values; its mistakes are kept apart from those of the file."""
+    """The scene with random values; its mistakes are collected separately."""
     known = build.document.problems
     origins = {place: ("monte_carlo", *place) for place in values}
     return variant(build, values, origins, Problems(known.name, known.text))

@@ -294,7 +294,7 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
 
 
 def pair(build: Builder) -> tuple[Call | None, Call | None]:
-    """The calls of impactor and contact law; the law may be a method of the impactor."""
+    """(call of the impactor, call of the contact law, which may be a method of the impactor)."""
     impactor = build.table("impactor")
     methods = own_laws("impactor", build.data.get("impactor"), impactor)
     return impactor, _law(build, build.data.get("contact"), ("contact",), methods)

@@ -30,9 +30,10 @@ from antiosc.base.texts import STOPPED
 from antiosc.extension import check_executor, completed_calls, rows_of
 from antiosc_studies.chance.sample import Sample
 
-#: Runs are chunk_results and stored (and sent to an executor) in chunks: least size, largest number
-#: of chunks.
+#: Runs are computed, stored and sent to an executor in chunks of at least this many runs, so that
+#: writing a chunk costs little beside its runs, …
 TOGETHER = 100
+#: … and in at most this many chunks: an interrupted study loses at most one per cent of its runs.
 PARTS = 100
 #: Most runs of a study.
 MOST = 10_000_000
@@ -145,7 +146,7 @@ def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
 
 
 def value(distribution: Any, drawn: Any) -> Any:
-    """The argument of the run function for one draw of an input."""
+    """The argument that the run function gets for one draw of an input."""
     if hasattr(distribution, "ppf"):
         return float(drawn)
     if isinstance(distribution, ImpactMap):
@@ -244,7 +245,9 @@ def chunk_results(
     arguments_of_chunks: list[list[dict[str, Any]]],
     executor: Executor | None,
 ) -> Iterator[tuple[int, list[Row]]]:
-    """Yields (number of a chunk, results of its runs); all runs of a lost chunk count as failed."""
+    """Yield (number of a chunk, results of its runs); if a chunk is lost, all of its runs have
+    failed.
+    """
     if executor is None:
         yield from ((k, _rows(run, part)) for k, part in enumerate(arguments_of_chunks))
         return
@@ -261,7 +264,7 @@ def chunk_results(
 
 
 def _rows(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
-    """Results of one chunk of runs; impacts that `run` only describes are simulated as one
+    """Results of one chunk of runs; impacts that `run` returns as arguments are simulated as one
     batch.
     """
     rows: list[Row] = [""] * len(arguments)
@@ -363,7 +366,7 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     except (ValueError, csv.Error) as error:
         raise InputError(
             f"line {table.line_num} of {shown} is no run of this campaign ({error}): remove the"
-            " line, and its run is chunk_results again, or name a new file."
+            " line, and its run is computed again, or name a new file."
         ) from error
     return rows
 

@@ -65,7 +65,7 @@ class StructureFamily:
     basis: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def made(self, values: Array) -> tuple[Structure, Site]:
-        """The structure for these values, and its site.
+        """(structure, site) for values of the parameters.
 
         Raises InputError if `build` returns no structure, or one with another mesh.
         """
@@ -277,7 +277,7 @@ def _range(name: str, value: object) -> tuple[float, float]:
 
 
 def _trials(d: int) -> list[Array]:
-    """Trial points: pairs of opposite points where parameters vary together or against, then
+    """Trial points in [-1, 1]^d: pairs in which parameters change together or oppositely, then the
     axes.
     """
     signs = [np.where(np.arange(d) // period % 2, -1.0, 1.0) for period in (1, d, 2)]

@@ -264,7 +264,8 @@ class Sensitivity(Completed):
 
 
 def _groups(x: Array) -> Array:
-    """(n,) bin number of each draw: one bin for each repeated value, or √n bins of equal size.
+    """Number (n,) of the bin of each draw: one bin for each repeated value, or √n bins of equal
+    size.
 
     Variation of the result within a bin is lost: for 1000 runs of Ishigami's function 2 n^⅓ bins
     take 0.013 from an index of 0.44, √n bins 0.004. Indices of values have no order and are never

@@ -267,7 +267,7 @@ def _site(skin: Skin, which: int, corner: float) -> Site:
 def _lacking(
     structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
 ) -> Array:
-    """Compliances (n, 3, 3) [m/N] of sites on edges and corners that the mesh does not contain."""
+    """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
     compliance = np.zeros((len(sites), 3, 3))
     sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
     matrices: Any = structure.matrices

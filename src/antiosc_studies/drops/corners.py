@@ -55,8 +55,8 @@ class Corners:
         return np.concatenate(compliances)
 
     def _of(self, part: MeshedStructure) -> tuple[Mesh, Structure]:
-        """The part's mesh as straight tetrahedra, and the free part on its own mesh with straight
-        edges.
+        """(the part's mesh as straight tetrahedra, the free part on its own mesh with straight
+        edges).
         """
         if part not in self._known:
             if part.mesh.cell == "tetrahedron":

@@ -76,7 +76,7 @@ def tilted(angles: Array) -> Array:
 
 
 def onto(direction: Array, other: Array) -> Array:
-    """The smallest rotation (3, 3) that turns one unit vector into another."""
+    """The smallest rotation (3, 3) that turns the unit vector `direction` into `other`."""
     middle = direction + other
     if middle @ middle < 1e-12:  # half a turn about an axis across
         axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
@@ -86,7 +86,9 @@ def onto(direction: Array, other: Array) -> Array:
 
 
 def _named(body: FreeBody, kind: str, argument: object) -> Array:
-    """The body direction (unit vector) that points down when a face, edge or corner is lowest."""
+    """Unit vector (3,) in the body that points down when the named face, edge or corner is
+    lowest.
+    """
     name = checks.text(kind, argument)
     components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
     if not len(name) / 2 == len(components) == FACES[kind]:

@@ -53,7 +53,7 @@ TINY = float(np.finfo(float).tiny)
 
 
 class Touch(NamedTuple):
-    """The body at the start of an episode, its rigid modes there, and their momenta."""
+    """The body at the start of an episode, with its rigid modes in that state and their momenta."""
 
     body: FreeBody
     start: State
@@ -311,7 +311,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
 def on_path(
     touch: Touch, which: IntArray, base: Assembly, history: SceneHistory, path: Path
 ) -> tuple[Assembly, float]:
-    """The scene `base` with the lever arms of its points on a path, and the relative change.
+    """(scene `base` with the lever arms of its points on a path, relative change of the scene).
 
     The additional effect of the run's forces on these arms becomes given loads, the additional
     motion of the points becomes part of the gaps. The change is relative to the scene that has run:
@@ -603,13 +603,13 @@ class Episode:
         return {k: stations for k, stations in enumerate(contacts_of_line) if len(stations)}
 
     def strongest(self) -> dict[int, Array]:
-        """Number of each line -> its stations' forces when their sum is largest [N]."""
+        """Number of each line -> forces [N] at its stations when their sum is largest."""
         forces = self.forces()[1]
         forces_of_line = {k: forces[:, stations] for k, stations in self.lines.items()}
         return {k: force[np.argmax(force.sum(axis=1))] for k, force in forces_of_line.items()}
 
     def inclined(self) -> bool:
-        """Whether only a part of a line's stations carries its largest force."""
+        """Whether only some stations of a line carry its largest force."""
         forces = self.strongest().values()
         return any((force > 0).any() and (force > 0).sum() < STATIONS for force in forces)
 
@@ -765,7 +765,7 @@ def _followed(
 
 
 def _stalls(changes: list[float]) -> bool:
-    """Whether the change has not halved in two runs, or no further run is allowed."""
+    """Whether the change has not halved in two runs, or the runs are used up."""
     count = len(changes)
     return count == MOST_RUNS or (count >= FEW_RUNS and changes[-1] > changes[-3] / 2)
 
@@ -828,7 +828,7 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
 
 
 def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
-    """The point that sinks deepest into the floor on a path without being a contact; or none.
+    """Number, as an array, of the point that sinks deepest without a contact; empty if none does.
 
     On a layer all such points. heights : (V,) of all points at the start [m].
     """

@@ -221,7 +221,9 @@ class Fall(Trajectory, Result):
 
     @property
     def _lasting(self) -> float:
-        """Time [s] up to which the motion is known: the end, plus the memory of filters."""
+        """Time [s] up to which the motion is computed: the end of the fall plus the memory of the
+        filters.
+        """
         return self.end.time + MEMORY / min(CLASSES.values())
 
     def _point(self, at: At) -> tuple[Array, Array]:

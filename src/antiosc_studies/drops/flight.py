@@ -189,7 +189,9 @@ class Flight:
         self.orientation = free_rotation(*body.principal, start.R, start.momentum)
 
     def longest(self) -> float:
-        """Time [s] after which some point must have touched, as the centre is below the floor."""
+        """Time [s] after which a point must have touched, since the centre of mass is below the
+        floor.
+        """
         v = float(self.start.velocity[2])
         z = max(float(self.start.centre[2]), 0.0)
         depth = SIDES * self.body.extent + float(self._sizes(np.zeros(1)).max())
@@ -251,7 +253,9 @@ class Flight:
         return next((t for t in touches if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
-        """Yields intervals up to `end` in which points may touch, in order, with these points."""
+        """Yield (start, end, points): intervals up to `end` in which these points may touch, in
+        order.
+        """
         body = self.body
         points = np.arange(len(self.body.points))
         spin = float(np.linalg.norm(self.start.spin(body)))

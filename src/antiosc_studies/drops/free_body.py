@@ -173,8 +173,8 @@ class FreeBody:
         return phi, r
 
     def alone(self) -> FreeBody:
-        """A copy without the structure, with the data of all sites computed, for other
-        processes.
+        """A copy for other processes: without the structure, with the data of all sites
+        computed.
         """
         self.sites(np.arange(len(self.points)))
         return replace(self, structure=None, basis=None, skin=None, residual=None)

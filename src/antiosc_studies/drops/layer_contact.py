@@ -99,7 +99,7 @@ class LayerContact:
 
 
 def below(h: Array) -> Array:
-    """Integrals (..., 3) of max(-h, 0) times barycentric coordinates, over triangles of area 1.
+    """Integrals (..., 3) of max(-h, 0) times barycentric coordinates over triangles of unit area.
 
     h : (..., 3) heights of their corners [m]. The three integrals add up to the volume below 0.
     """

@@ -67,7 +67,7 @@ def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
 
 
 def _without(body: FreeBody) -> FreeBody:
-    """The body without its stations."""
+    """The body without the stations of its lines."""
     if not body.stations:
         return body
     first = int(body.stations[0][0])
@@ -80,7 +80,7 @@ def _without(body: FreeBody) -> FreeBody:
 
 
 def _added(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody:
-    """The body with the stations of one cylinder."""
+    """The body with the stations of one more cylinder."""
     first = len(body.points)
     count = body.omega.size
     which = np.arange(first, first + STATIONS)
@@ -268,7 +268,9 @@ def _closer(along: Array, aside: Array, off: Array, axis: Array) -> tuple[Array,
 
 
 def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
-    """Direction (3,) to the middle of an arc of points around an axis, and half its angle [rad]."""
+    """(direction (3,) to the middle of an arc of points around an axis, half of its angle
+    [rad]).
+    """
     first = aside[0] / np.linalg.norm(aside[0])
     second = np.cross(axis, first)
     angles = np.sort(np.arctan2(aside @ second, aside @ first))

@@ -77,7 +77,7 @@ class Skin:
 
     @property
     def balls(self) -> Array:
-        """(P,) radius [m] of the ball that fits a smooth vertex; 0 if none fits."""
+        """Radius (P,) [m] of the ball that fits the surface at each vertex; 0 if none fits."""
         low, high = self.curvatures.T
         rounded = ~self.sharp & (low > ROUND * high) & (high * self.size > 1)
         return np.where(rounded, 2 / np.where(rounded, low + high, 1.0), 0.0)
@@ -100,7 +100,9 @@ class Skin:
 
     @property
     def lines(self) -> BoolArray:
-        """(P,) whether a smooth vertex is curved in one direction only, as on a cylinder."""
+        """Mask (P,) of the smooth vertices that are curved in one direction only, as on a
+        cylinder.
+        """
         low, high = self.curvatures.T
         return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
 

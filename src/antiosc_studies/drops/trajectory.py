@@ -162,7 +162,8 @@ def _rests(
 
 
 def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: bool) -> float:
-    """Kinetic energy [J] of the rigid motions that forces at arms (n, 3) could stop.
+    """Kinetic energy [J] of rigid motion that forces at the contact points, at arms (n, 3), could
+    stop.
 
     The forces act upward, or if `sticking` in any direction: rolling of a ball, and sliding without
     friction, do not count. W : (6, 6) rigid modes.
@@ -179,7 +180,7 @@ def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: boo
 def _pushed(
     body: FreeBody, state: State, W: Array, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Elastic energy [J] of the contacts, less that of the contacts under the weight at rest.
+    """Elastic energy [J] of the contacts above that of their static state under the weight.
 
     For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
     law, and no less than the energy for a force that grows faster than the approach.
@@ -205,7 +206,7 @@ def _pushed(
 def _shaken(
     body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
 ) -> float:
-    """Kinetic energy [J] of the body at the speed of the floor's vibration."""
+    """Kinetic energy [J] that the body has at the speed of the floor's vibration."""
     ground = setting.floor.ground
     if ground is None:
         return 0.0
@@ -434,7 +435,7 @@ def point_contacts(
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
-    """Name of the property that the error of a law depends on and that is unknown; else ""."""
+    """Name of the unknown property on which the error of a law depends; empty if all are known."""
     E = float(body.materials[which][0])
     strength_known = body.strengths is not None and np.isfinite(body.strengths[which])
     known = (

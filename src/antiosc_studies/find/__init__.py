@@ -488,7 +488,7 @@ def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
 def _verdict(
     fit: ProbableImpact, rank: int, limits: Array, others: list[Array], data: Recording
 ) -> tuple[int, str]:
-    """(status, message)."""
+    """(status, message) of a search."""
     count = len(limits)
     if fit.chi2 > POOR:
         return UNEXPLAINED, (

@@ -314,7 +314,7 @@ class Search:
     def _finished(
         self, blow: Blow, chart: Chart, seen: Seen, residual: Array, J: Array, gains: Array
     ) -> ProbableImpact:
-        """The fit at the end of a search."""
+        """The most probable impact with its uncertainty, from the state at the end of a search."""
         d = len(chart.axes)
         k = len(self.logs)
         p = d + k + 1
@@ -412,7 +412,7 @@ def _heavier(blow: Blow, by: float) -> Blow:
 
 
 def _kept(model: Struck, begun: list[ProbableImpact]) -> list[ProbableImpact]:
-    """The fits to be continued: the best, and the best at another place or the second best."""
+    """The fits to continue: the best one, and the best at another place or else the second best."""
     first, *rest = begun
     least_distance = APART * model.surface.spacing(first.blow.site)
     elsewhere = [

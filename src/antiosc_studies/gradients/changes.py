@@ -181,7 +181,8 @@ def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
 
 
 def through_start(record: Recorded, by: Slopes) -> Slopes:
-    """Turn derivatives by initial forces and initial state at rest into derivatives by other data.
+    """Replace derivatives by initial forces and rest state by those by the data that determine
+    these.
 
     The initial forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q
     = load - beta' F. Bodies whose damping couples the modes are left to `changed_coupled`.
@@ -286,7 +287,7 @@ def changed(
 
 
 def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
-    """The part of `changed` by residual compliances, gaps, friction and laws."""
+    """The part of `changed` that residual compliances, gaps, friction and laws contribute."""
     a = before.system
     b = after.system
     pairs = [
@@ -449,7 +450,8 @@ def compared_runs(hit: History) -> list[tuple[History, Turn]]:
 
 
 def bar(values: Sequence[Any]) -> Any:
-    """Error bar of a derivative from the run and the runs of `compared_runs`, by name.
+    """Error bars of derivatives, by name, from the values in the run and in the runs of
+    `compared_runs`.
 
     None if it is unknown: m and omega of models of different sizes cannot be compared.
     """
@@ -588,8 +590,8 @@ def _of_march(bodies: Assembly) -> dict[str, Array]:
 
 
 def _matched(first: dict[str, Array], second: dict[str, Array]) -> dict[str, Array]:
-    """The modes `second` with signs matched to `first`; NotDifferentiableError if they do not
-    match.
+    """The modes `second` with their signs matched to `first`; NotDifferentiableError if they
+    differ.
     """
     size = first["omega"].size
     if any(first[n].shape != second[n].shape for n in first):

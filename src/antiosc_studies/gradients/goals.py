@@ -483,7 +483,7 @@ def _slopes(
 def _reads(
     goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
 ) -> bool:
-    """Whether the goal function uses an array."""
+    """Whether the goal function uses the array `name`."""
     taken: set[str] = set()
 
     class Watched(Sampled):

@@ -198,7 +198,7 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
 
 
 def _on(shapes: Array, part: Structure) -> ByMatrices:
-    """V'KV and V'MV of a part on shapes V."""
+    """V'KV and V'MV of a part, for shapes V (rows, C)."""
     return ByMatrices(
         *(dot(part.comm, shapes, multiply(matrix, shapes)) for matrix in (part.K, part.M))
     )

@@ -68,7 +68,9 @@ def _derived(record: Recorded, wanted: Seeds) -> Taken:
 
 
 def settled(record: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
-    """The derivatives, with those through the initial forces and the initial state."""
+    """The derivatives `slopes` with those through the initial forces and the initial state
+    added.
+    """
     closed = record.scene.preload or record.system.pressed.any()
     if closed:
         return through_start(record, slopes)

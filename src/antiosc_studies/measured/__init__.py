@@ -162,7 +162,7 @@ def _turned(data: Measured) -> Measured:
 
 
 def _outflow(data: Measured) -> float:
-    """Share of the power at driving points that flows out of the part, for equal forces."""
+    """Share of the power at driving points that leaves the part, for equal forces."""
     power = _power(data)
     return float(-np.sum(np.minimum(power, 0.0)) / np.sum(np.abs(power)))
 

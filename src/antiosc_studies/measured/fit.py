@@ -216,7 +216,8 @@ def lowered(
     moved: Callable[[Array], tuple[T, Array]],
     limits: tuple[Array, Array] = UNLIMITED,
 ) -> tuple[tuple[T, Array] | None, float]:
-    """One damped Gauss-Newton step: ((new values, residual), next damping).
+    """One damped Gauss-Newton step: ((new values, residual) or None if none lowers the cost, next
+    damping).
 
     The damping (Levenberg, Marquardt) grows until the sum of squares decreases; the first item is
     None if it never does. normal, slope : J'J and J' residual, with the derivatives J of the
@@ -334,7 +335,7 @@ def covariance(normal: Array) -> Array:
 
 
 def lifted(data: Measured, modes: FittedModes) -> FittedModes:
-    """The body with small values in place of zero residual terms, where the cost has no
+    """The body with small values instead of zero residual terms, at which the cost has no
     gradient.
     """
     low = slice(len(data.w) // 8 + 1)
@@ -354,7 +355,7 @@ def lifted(data: Measured, modes: FittedModes) -> FittedModes:
 
 
 def _not_zero(root: Array, least: float) -> Array:
-    """The triangle with its diagonal raised to at least sqrt(least)."""
+    """The triangular matrix with diagonal entries of at least sqrt(least)."""
     diagonal = np.diag(root)
     small = diagonal**2 < least
     return np.asarray(root + np.diag(np.where(small, np.sqrt(least) - diagonal, 0.0)))
@@ -616,7 +617,7 @@ def _of_modes(modes: FittedModes) -> tuple[Array, Array, Array]:
 
 
 def _standing(modes: FittedModes, spreads: Array) -> BoolArray:
-    """Mask of modes in the band whose displacement is significant at some site."""
+    """Mask of the modes in the band that move some site significantly."""
     displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
     spread = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(

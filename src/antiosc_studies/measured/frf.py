@@ -167,7 +167,7 @@ class FittedModes:
         )
 
     def with_seen(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
-        """The body with other modes in the band."""
+        """The body with the modes in the band replaced by those of omega, zeta, b."""
         order = np.argsort(omega)
         seen = self.seen
         return replace(
@@ -251,7 +251,7 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
 
 
 def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
-    """The body with a tail of expected size; the signs of its displacements are random."""
+    """The body with a tail of expected size; the displacements of its modes have random signs."""
     seen = modes.seen
     U = len(tail.omega)
     typical = float(np.median(modes.zeta[:seen])) if seen else TYPICAL

@@ -105,7 +105,7 @@ def _units(data_set: DataSet) -> float:
 
 
 def _wanted(data_set: DataSet) -> bool:
-    """Whether a data set is a frequency response or a coherence."""
+    """Whether a data set is a frequency response function or a coherence."""
     return data_set.get("func_type") in (RESPONSE, COHERENCE)
 
 

@@ -257,7 +257,7 @@ def _is_known(kind: str, unit: str) -> bool:
 
 
 def _bare(name: str) -> str:
-    """The unit without brackets, if a cell is a unit in brackets; else the cell."""
+    """The text inside brackets if the whole cell is a unit in brackets; otherwise the cell."""
     if not _BRACKETS.sub(r"\1", name).strip():
         return _BRACKETS.sub(r"\2", name)
     return name

@@ -160,7 +160,7 @@ def _strength(matter: Matter) -> float:
 def _elastic_share(
     soft: Matter, other: Matter, modulus: float
 ) -> tuple[float, tuple[float, float] | None]:
-    """Share of the flexibility 1/E* of the side that stays elastic, and its interval (None: exact).
+    """(share of 1/E* of the side that stays elastic, its interval or None where it is exact).
 
     For equal strengths the share is 0: by symmetry the contact is that of a rigid ball. It grows
     with the ratio of strengths, up to the whole flexibility of the stronger side at `APART`; from

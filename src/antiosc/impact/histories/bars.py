@@ -172,9 +172,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 FLOOR = 0.5
 
 
-def differences(one: object, other: object) -> dict[str, float]:
-    """Relative differences of peak force, impulse and contact time."""
-    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+def differences(first: object, second: object) -> dict[str, float]:
+    """Relative differences of peak force, impulse and contact time between two results."""
+    return {name: _relative(getattr(first, name), getattr(second, name)) for name in QUANTITIES}
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:

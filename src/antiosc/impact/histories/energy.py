@@ -100,7 +100,8 @@ def replay(
 
 
 def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Array, State]:
-    """(recoverable energy, loss at each node [J], (n,); final state) of a touch, law with memory.
+    """(recoverable energy, loss at each node [J], (n,); final state) of one touch by a law with
+    memory.
 
     The state changes only at nodes where the indentation exceeds the turning point and all earlier
     indentations; there it does not depend on the nodes in between.
@@ -166,7 +167,7 @@ SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal r
 
 
 def energy_balance(assembly: Assembly, run: Run) -> Energy:
-    """Energies at the nodes."""
+    """Energies at the nodes of a run, and the error of their balance."""
     a = assembly
     stored, lost = contact_energies(a, run)
     kinetic = np.empty(run.time.size)
@@ -344,8 +345,8 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
         rise = np.diff(load, axis=0)
         impulse = h / 6 * (f0 + 4 * f1 + f2)
         elastic = system.omega > 0
-        given = h * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
-        area = (given - np.diff(v, axis=0)) / np.where(elastic, system.omega, 1.0) ** 2
+        impulse_of_loads = h * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
+        area = (impulse_of_loads - np.diff(v, axis=0)) / np.where(elastic, system.omega, 1.0) ** 2
         start = load[:-1] - f0 @ system.beta
         slope = rise - (4 * f1 - 3 * f0 - f2) @ system.beta
         bend = -4 * (f0 - 2 * f1 + f2) @ system.beta

@@ -45,7 +45,7 @@ class CheckResult:
 
 
 class RunEnd(NamedTuple):
-    """How a run ended, as input of its check.
+    """How a run ended: the data from which `check_result` makes status and message.
 
     `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
     """
@@ -168,7 +168,7 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
 
 
 def _without_rounding(beta: Array, modal: Array) -> Array:
-    """beta modal (p,), with 0 for values that are rounding."""
+    """The product beta · modal (p,), with 0 for values that are rounding."""
     felt = beta @ modal
     return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)
 

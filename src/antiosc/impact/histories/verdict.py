@@ -12,7 +12,7 @@ from antiosc.models.auto_contact import chosen
 
 
 def choice_at(contact: OneContact) -> Choice | None:
-    """The law that the surfaces of a contact require; None if they are unknown."""
+    """The choice of law that the surfaces of a contact require; None if they are unknown."""
     scene = contact._record.assembly.scene
     parts = scene.contacts[contact._row]
     ends = [end.partition(":") for end in (parts.a, parts.b)]

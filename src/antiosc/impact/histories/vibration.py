@@ -32,7 +32,9 @@ class BodyEnergy(ReprMixin):
 
     @property
     def vibration(self) -> Array:
-        """Energy of the vibration, (n,): what the modes keep when the contact is over."""
+        """Energy (n,) of the vibration: what remains in the elastic modes when the contact is
+        over.
+        """
         return self.kinetic + self.strain
 
     @property

@@ -333,7 +333,7 @@ class UnitBeam:
         return harmonic_states(Omega, alpha, eta, length, x)
 
     def solve(self, Omega: float, *, force: bool) -> tuple[list[Array], float]:
-        """Coefficients of each segment's solutions for F = 1 or w = 1 at the site, and F."""
+        """(coefficients of each segment's solutions, F) for F = 1 or w = 1 at the site."""
         segments = self.segments
         size = 4 * len(segments)
         ends = [
@@ -475,7 +475,9 @@ class UnitBeam:
 
 
 def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:
-    """Two ascending lists without the values that both contain (each value cancels one)."""
+    """Two ascending lists without their common values, each of which cancels one of the other
+    list.
+    """
     keep_a = np.ones(len(a), dtype=bool)
     keep_b = np.ones(len(b), dtype=bool)
     i = j = 0
