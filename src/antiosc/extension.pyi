@@ -107,6 +107,9 @@ from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
 )
+from antiosc.impact.histories.verdict import (
+    contact_zone as contact_zone,
+)
 from antiosc.impact.reference import (
     FIRST_STEPS as FIRST_STEPS,
     Settings as Settings,

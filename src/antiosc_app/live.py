@@ -436,11 +436,16 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
 
 
 def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
-    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture."""
+    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
+
+    `beyond` [m]: the distance from a contact that yields, from which on it is judged.
+    """
     margins = [field.margin() for field in fields.values() if field.exposure is not None]
     for margin in margins:
         if margin.criterion == "yield":
-            return {"stress": margin.value, "strength": margin.strength}
+            judged: Data = {"stress": margin.value, "strength": margin.strength}
+            judged["beyond"] = float(margin.beyond[:, 3].max(initial=0.0))
+            return judged
     if worst is None:
         return {}
     return {"stress": worst["value"]}

@@ -453,12 +453,21 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
     for name, peak in peaks.items():
         sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
         rows.append((_words(name), sentence))
-        if peak.mesh_error is not None and (value := peak.values.max()):
-            share = peak.mesh_error[np.argmax(peak.values)] / value
-            rows.append(("", f"estimated error by the mesh: {percent(share)} of it"))
+        if note := _mesh_note(peak):
+            rows.append(("", note))
         if peak.doubt:
             rows.append(("", peak.doubt))
     return rows
+
+
+def _mesh_note(peak: PeakField) -> str:
+    """The error of the judged stress by the mesh; beyond yield that this stress is not reached."""
+    value = peak.values[peak.judged]
+    if peak.mesh_error is None or not value:
+        return ""
+    if peak.exposure is not None and peak.margin().reached:
+        return "the elastic stress is not reached, because the material yields first"
+    return f"estimated error by the mesh: {percent(peak.mesh_error[peak.judged] / value)} of it"
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
@@ -469,17 +478,23 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
         content[name] = {"value": value, "unit": peak.unit, "point": point, "time": time}
         content[name]["doubt"] = peak.doubt
         if peak.mesh_error is not None:
-            content[name]["mesh_error"] = peak.mesh_error[np.argmax(peak.values)]
+            content[name]["mesh_error"] = peak.mesh_error[peak.judged]
         content[name] |= _margin_numbers(peak)
     return content
+
+
+#: Attributes of a margin among the numbers.
+MARGIN_KEYS = (
+    "criterion", "exposure", "margin", "reached", "contact", "beyond", "layer", "sentence", "point",
+    "time",
+)  # fmt: skip
 
 
 def _margin_numbers(peak: PeakField) -> Columns:
     """The margin of a stress field if a strength is known, else {}."""
     if peak.exposure is None:
         return {}
-    keys = ("criterion", "exposure", "margin", "reached", "layer", "sentence", "point", "time")
-    return {"margin": {key: getattr(peak.margin(), key) for key in keys}}
+    return {"margin": {key: getattr(peak.margin(), key) for key in MARGIN_KEYS}}
 
 
 def _of_impact(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:

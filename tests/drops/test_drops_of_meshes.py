@@ -372,7 +372,15 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     (told,) = (note for note in fall.notes if "yields" in note)
     assert one.dent.text in told
     assert told in fall.summary()
-    assert fall.worst("von_mises").margin().contact
+    stress = fall.worst("von_mises")
+    assert stress.margin().contact
+    (zone,) = stress.margin().beyond
+    place = fall.impacts[0].place
+    np.testing.assert_allclose(zone[:3], place, atol=1e-4)
+    assert zone[3] == pytest.approx(3 * one.dent.radius)
+    far = np.linalg.norm(stress.points - place, axis=1) > zone[3]
+    assert not far.all()
+    assert stress.margin().value == pytest.approx(stress.values[far].max())
     damped = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(STEEL, restitution=0.8), until=1)
     hard = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(law.stiffness)), until=1)
     assert hard.peak_force > fall.peak_force
@@ -382,6 +390,9 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     for stiff in (damped, hard):
         assert "force of this law is too high" in stiff.summary()
         assert "Thornton" not in stiff.summary()
+        depth = stiff.episodes[0].sunk().max()
+        ((*_, radius),) = stiff.worst("von_mises").margin().beyond
+        assert radius == pytest.approx(3 * np.sqrt(R * depth))  # a² = R δ of Hertz
     soft = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(1e6)), until=1)
     assert soft.peak_force < fall.peak_force
     assert not soft.worst("von_mises").margin().contact

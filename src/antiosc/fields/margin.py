@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import (
@@ -29,7 +30,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory
-from antiosc.impact.histories.verdict import yields
+from antiosc.impact.histories.verdict import yielding_zones, yields
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of
 
@@ -58,6 +59,9 @@ class Margin(ReprMixin):
     time : time at which it occurs, s.
     layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
     contact : whether the contact itself yields, which the values do not include.
+    beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: three radii of each
+        contact that yields, or of its patch, in solids.
+    nearer : the worst point of what is left out; None if nothing is.
     """
 
     criterion: str
@@ -68,6 +72,8 @@ class Margin(ReprMixin):
     layer: int | None = None
     surface: str | None = None
     contact: bool = False
+    beyond: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    nearer: Margin | None = None
 
     @property
     def exposure(self) -> float:
@@ -89,11 +95,10 @@ class Margin(ReprMixin):
     @property
     def sentence(self) -> str:
         """The result in one sentence."""
-        what, name = CRITERIA[self.criterion]
+        name = CRITERIA[self.criterion][1]
         where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
-        verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
         if self.criterion == "yield":
             used = (
                 f"the largest von Mises stress, {engineering(self.value, 'Pa')} {where}, is "
@@ -101,15 +106,36 @@ class Margin(ReprMixin):
             )
         else:
             used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
-        if self.contact:
-            verdict = "apart from the contact, which yields"
-        return f"{verdict}: {used}; margin of safety {self.margin:.3g}"
+        margin = f"margin of safety {self.margin:.3g}"
+        if self.nearer is not None and self.nearer.exposure > self.exposure:
+            largest = engineering(self.nearer.value, "Pa")
+            margin += f"; nearer up to {largest} at {point_text(self.nearer.point)}"
+        return f"{self._verdict}: {used}; {margin}"
+
+    @property
+    def _verdict(self) -> str:
+        """Whether yield or failure is reached, and what is left out of that."""
+        what = CRITERIA[self.criterion][0]
+        verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
+        if len(self.beyond):
+            ends = dict.fromkeys(engineering(end(self.beyond[:, 3]), "m", 2) for end in (min, max))
+            apart = f"farther than {' to '.join(ends)} from"
+            if not self.contact:
+                return f"{apart} what is left out {verdict}"
+            verdict = f"{apart} it {verdict}"
+        elif self.contact:
+            verdict = "apart from it"
+        return f"the contact yields; {verdict}" if self.contact else verdict
 
     def __str__(self) -> str:
         return self.sentence
 
     def _facts(self) -> list[tuple[str, str]]:
         return [(self.criterion, self.sentence)]
+
+
+#: No balls are left out.
+NOTHING = np.zeros((0, 4))
 
 
 def margin_of(
@@ -119,10 +145,22 @@ def margin_of(
     points: Array,
     times: Array,
     places: list[Place],
+    leave_out: Array = NOTHING,
 ) -> Margin | None:
     """The margin of the worst of the values (S,) over the strengths (S,); None if all strengths are
     NaN.
+
+    `leave_out`: as `Margin.beyond`; of no effect if nothing else is left.
     """
+    if len(leave_out):
+        within = is_within(points, leave_out)
+        beyond, nearer = (
+            margin_of(criterion, values, np.where(left, strengths, np.nan), points, times, places)
+            for left in (~within, within)
+        )
+        if beyond is None:
+            return nearer
+        return replace(beyond, beyond=leave_out, nearer=nearer)
     exposure = values / strengths
     if not np.isfinite(exposure).any():
         return None
@@ -131,6 +169,14 @@ def margin_of(
     side = str(places[k].surface) if places[k].layer is not None else None
     stress_and_strength = float(values[k]), float(strengths[k])
     return Margin(criterion, *stress_and_strength, points[k], float(times[k]), layer, side)
+
+
+def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
+    """Whether points (P, 3) lie in one of the balls (n, 4): x, y, z, radius [m]."""
+    within = np.zeros(len(points), dtype=bool)
+    for ball in balls:
+        within |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3]
+    return within
 
 
 #: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a
@@ -220,8 +266,17 @@ def _has_strength(strength: object, criterion: str) -> bool:
     return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
 
 
-def stresses(quantity: str, points: Array, tensors: NodeTensors, search: Search) -> Maxima:
-    """The largest values of tensors, with exposures and margin if the strengths are known."""
+def stresses(
+    quantity: str,
+    points: Array,
+    tensors: NodeTensors,
+    search: Search,
+    leave_out: Array = NOTHING,
+) -> Maxima:
+    """The largest values of tensors, with exposures and margin if the strengths are known.
+
+    `leave_out`: as of `margin_of`.
+    """
     criterion = quantity
     if quantity in PLY_SURFACES:
         extremes, then, error = _of_plies(quantity, tensors, search)
@@ -241,7 +296,8 @@ def stresses(quantity: str, points: Array, tensors: NodeTensors, search: Search)
         share = np.nan_to_num(extremes / strengths)
         exposures, _ = nodal_maxima(tensors.nodes, share, then, len(points))
         places = [tensors.origins[k].place for k in tensors.origin]
-        margin = margin_of(criterion, extremes, strengths, points[tensors.nodes], then, places)
+        at = points[tensors.nodes]
+        margin = margin_of(criterion, extremes, strengths, at, then, places, leave_out)
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())
@@ -319,6 +375,13 @@ def contact_yields(history: AnyHistory) -> bool:
     return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
+def zones_of(history: AnyHistory, body: str) -> Array:
+    """What a margin of a solid body leaves out, as `Margin.beyond` has it."""
+    if not isinstance(history, History):
+        return NOTHING
+    return yielding_zones(history.contact_histories, history.name_of(body))
+
+
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
 #: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
@@ -366,6 +429,13 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
             " resolve it; make the cells there smaller"
         )
     return ""
+
+
+def only_solids(structure: Structure, shapes: Array, part: str | None) -> bool:
+    """Whether the selected parts are solids."""
+    from antiosc.recovery.mesh_fields import families  # needs dolfinx
+
+    return families(structure, shapes, part) == {"solid"}
 
 
 def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:

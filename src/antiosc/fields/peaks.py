@@ -38,7 +38,13 @@ from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
 from antiosc.fields.pictures import outer_faces
 from antiosc.fields.second_order import tensors_at_nodes
 from antiosc.impact.histories import History
-from antiosc.impact.histories.factors import amplitudes, modal_amplitudes, stretch_in, times_of
+from antiosc.impact.histories.factors import (
+    AnyHistory,
+    amplitudes,
+    modal_amplitudes,
+    stretch_in,
+    times_of,
+)
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.plot.charts import figure_or_path
 from antiosc.recovery import source
@@ -281,8 +287,9 @@ class PeakField(Completed):
     mesh_error : (P,) estimated mesh error of stresses of solids, in their unit: the deviation of
         the stresses of the cells around a node from their mean (Zienkiewicz and Zhu); 0 in sheets
         and beams beside solids, otherwise None.
-    doubt : why the largest stress is unreliable: a re-entrant corner, the edge of a support, cells
+    doubt : why the judged stress is unreliable: a re-entrant corner, the edge of a support, cells
         that are too large; for sheets, that the mesh error is not estimated; "" otherwise.
+    judged : node of the largest value, apart from what the margin leaves out (`Margin.beyond`).
     """
 
     quantity: str
@@ -321,6 +328,13 @@ class PeakField(Completed):
             )
         return self._margin
 
+    @property
+    def judged(self) -> int:
+        """Node of the largest value, apart from what the margin leaves out."""
+        beyond = margin.NOTHING if self._margin is None else self._margin.beyond
+        left = ~margin.is_within(self.points, beyond)
+        return int(np.argmax(np.where(left, self.values, -np.inf)))
+
     def largest(
         self, count: int = 5, apart: float | None = None
     ) -> list[tuple[float, Array, float]]:
@@ -350,9 +364,12 @@ class PeakField(Completed):
         if self.error is not None:
             more = engineering(self.error, self.unit)
             rows.append(f"between the times that were looked at: up to {more} more")
+        left_out = ""
+        if self._margin is not None and len(self._margin.beyond):
+            left_out = " that is judged"
         if self.mesh_error is not None:
-            mesh_error = engineering(self.mesh_error[np.argmax(self.values)], self.unit)
-            rows.append(f"estimated error by the mesh, of the largest: {mesh_error}")
+            mesh_error = engineering(self.mesh_error[self.judged], self.unit)
+            rows.append(f"estimated error by the mesh, of the largest{left_out}: {mesh_error}")
         rows += [self.doubt] if self.doubt else []
         if self._margin is not None:
             rows.append(self._margin.sentence)
@@ -361,7 +378,7 @@ class PeakField(Completed):
     def plot(
         self, path: str | os.PathLike[str] | None = None, *, view: Sequence[float] | None = None
     ) -> Figure | Path:
-        """The values on the surface of the part, the largest one marked.
+        """The values on the surface of the part, the judged one marked.
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
@@ -369,9 +386,8 @@ class PeakField(Completed):
 
         seen_from = None if view is None else checks.floats("view", view, (2,))
         surface = self.surface(f"largest {self.label}", np.zeros_like(self.points))
-        mark = int(np.argmax(self.values))
         return figure_or_path(
-            deformed_figure(surface, view=seen_from, mark=mark, shown=path is None), path
+            deformed_figure(surface, view=seen_from, mark=self.judged, shown=path is None), path
         )
 
     @property
@@ -425,6 +441,7 @@ def peak_field(
     surface: str | Sequence[float] | None = None,
     layer: int | None = None,
     fibre: Sequence[float] | None = None,
+    leave_out: ArrayLike | None = None,
 ) -> PeakField:
     """The largest value of a quantity at every node over the run, and its time.
 
@@ -452,6 +469,9 @@ def peak_field(
     fibre : (y, z), optional
         As in `probe`; default: the outline of the sections of beams, which those that are given by
         A and I do not have.
+    leave_out : array_like (n, 4), optional
+        Of solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m].
+        Default: three radii about each contact that yields, or of its patch if that is larger.
 
     Notes
     -----
@@ -478,6 +498,9 @@ def peak_field(
     if part is not None:
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
+    zones = _zones(leave_out, history, body)
+    if len(zones) and not margin.only_solids(structure, shapes, part):
+        zones = margin.NOTHING
     at = times_of(history, times)
     search: Search
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
@@ -519,7 +542,7 @@ def peak_field(
             if quantity in margin.CRITERIA:
                 tensors = margin.with_strength(quantity, tensors)
             if tensors.origins:
-                maxima.append(margin.stresses(quantity, points, tensors, search))
+                maxima.append(margin.stresses(quantity, points, tensors, search, zones))
         if not maxima:
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
@@ -532,8 +555,8 @@ def peak_field(
         errors = mesh_error(structure, shapes, part, history, when, body)
         result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
         if result.mesh_error is not None and result.values.any():
-            k = int(np.argmax(result.values))
-            share = float(result.mesh_error[k] / result.values[k])
+            k = result.judged
+            share = float(result.mesh_error[k] / (result.values[k] or 1.0))
             sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=sentence)
         elif result.values.any():
@@ -551,6 +574,13 @@ def peak_field(
             AccuracyWarning,
         )
     return result
+
+
+def _zones(leave_out: ArrayLike | None, history: AnyHistory, body: str) -> Array:
+    """The balls (n, 4) that the margin leaves out: the given ones, or those of the history."""
+    if leave_out is None:
+        return margin.zones_of(history, body)
+    return checks.floats("leave_out", leave_out, (None, 4))
 
 
 def _with_pairs(

@@ -35,9 +35,10 @@ function contact_sentence(hit, yields) {
 }
 
 // The largest stress of the part; "" until the picture has followed the sliders.
-function stress_sentence(value, strength) {
+function stress_sentence(value, strength, beyond) {
   if (!Number.isFinite(value)) return "";
-  const about = `The largest von Mises stress is about ${engineering(value, "Pa")}`;
+  const where = beyond ? `Farther than ${engineering(beyond, "m", 2)} from the contact the` : "The";
+  const about = `${where} largest von Mises stress is about ${engineering(value, "Pa")}`;
   return strength ? `${about}, ${general(value / strength)} of the yield strength ${engineering(strength, "Pa")}.` : `${about}.`;
 }
 

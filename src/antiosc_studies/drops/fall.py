@@ -33,6 +33,7 @@ from antiosc_studies.drops.trajectory import (
     point_contacts,
     strained,
     trajectory,
+    yielding_zones,
 )
 
 if TYPE_CHECKING:
@@ -343,6 +344,9 @@ class Fall(Trajectory, Result):
         }
         forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
+            episodes = [episode for k in chosen for episode in self._episodes(k)]
+            zones = yielding_zones(self.body, self.setting.floor, episodes)
+            options = {"leave_out": zones} | options
             joined_motion = replace(parts[0], forces=forces, **joined)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]

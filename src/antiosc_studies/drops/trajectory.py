@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +16,11 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
 from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.choice import Choice
+from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
 from antiosc.engine.contact.surfaces import Matter
-from antiosc.extension import HertzContact
+from antiosc.extension import HertzContact, contact_zone
 from antiosc.models.body import GRAVITY
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
@@ -360,11 +362,10 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     """Sentence that a contact yields, with its permanent indentation; "" if not, or if unknown."""
     if floor.layer is not None:
         return ""
+    if note := _line_yield(body, floor, episodes):
+        return note
     pressures = []
     for current in episodes:
-        for line, forces in current.strongest().items():
-            if note := yielding(body, floor, line, float(forces.sum())):
-                return note
         for i, force in zip(
             current.which.tolist(), current.forces()[1].max(axis=0).tolist(), strict=True
         ):
@@ -385,20 +386,56 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     return ""
 
 
+def _line_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Sentence that a contact along a line yields; "" if none does."""
+    for current in episodes:
+        for line, forces in current.strongest().items():
+            if note := yielding(body, floor, line, float(forces.sum())):
+                return note
+    return ""
+
+
+def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Array:
+    """Rows x, y, z, radius [m] (n, 4) about the points that yield, in the axes of the mesh.
+
+    None where a line yields, too: the margin does not know how far it reaches.
+    """
+    none = np.zeros((0, 4))
+    if floor.layer is not None or _line_yield(body, floor, episodes):
+        return none
+    contacts = point_contacts(body, floor, episodes)
+    zones = [contact.zone for contact in contacts if contact.yields(body)]
+    return np.vstack([none, *zones])
+
+
 class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
-    Its law, relative curvature [1/m], largest force [N] and indentation [m], duration [s], and the
-    dent if it yielded.
+    Its place (3,) in the axes of the mesh [m], its law, relative curvature [1/m], largest force [N]
+    and indentation [m], duration [s], and the dent if it yielded.
     """
 
     which: int
+    place: Array
     law: ElasticPlastic | Hertz | Gonthier
     curvature: float
     force: float
     depth: float
     contact_time: float
     dent: Dent | None
+
+    def yields(self, body: FreeBody) -> bool:
+        """Whether it yields, by its law or by the pressure of its elastic law."""
+        elastic = _elastic_contact(body, self.law, self.which, self.force)
+        return self.dent is not None or (elastic is not None and elastic.share > 1)
+
+    @property
+    def zone(self) -> Array:
+        """Row x, y, z, radius [m] of what the margin leaves out, in the axes of the mesh."""
+        radius = sqrt(self.depth / self.curvature)
+        if isinstance(self.law, ElasticPlastic):
+            radius = rim_radius(self.law, self.depth)
+        return contact_zone(self.place, radius)
 
     def error(self, body: FreeBody, floor: Floor) -> float | None:
         """Relative error of the force by its law; None if unknown."""
@@ -422,6 +459,7 @@ def point_contacts(
     for current in episodes:
         peaks = current.forces()[1].max(axis=0).tolist()
         depths = current.sunk().tolist()
+        arms = current.start.arms(body, current.which)
         for k, (i, force) in enumerate(zip(current.which.tolist(), peaks, strict=True)):
             law = law_at(body, floor, i)
             history = current.history.contact_histories[k]
@@ -431,7 +469,8 @@ def point_contacts(
             dent = history.dent if yields else None
             start, end = max(history.contacts, key=lambda span: span[1] - span[0])
             curvature = 1 / float(body.radii[i].min())
-            yield PointContact(i, law, curvature, force, depths[k], end - start, dent)
+            place = body.centre + arms[k] @ current.start.R
+            yield PointContact(i, place, law, curvature, force, depths[k], end - start, dent)
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:

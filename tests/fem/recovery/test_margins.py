@@ -15,6 +15,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
+from antiosc.impact.histories.verdict import CONTACT_RADII
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.mesh_fields import interior_angle
 from antiosc.recovery.place import Place
@@ -201,7 +202,64 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
         assert (pressure > 1.6 * 355e6) == yields
         assert margin.contact == yields
-        assert ("apart from the contact, which yields" in margin.sentence) == yields
+        assert ("the contact yields; apart from it" in margin.sentence) == yields
+        assert not len(margin.beyond)  # a sheet has no zone of the contact
+
+
+def test_the_margin_leaves_out_balls_that_are_given(strip):
+    """Without the clamp's surroundings it is that of bending at the next section, F (L - x)/W."""
+    part, hit = strip
+    peak = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0, 0.053)])
+    worst = peak.margin()
+    assert worst.value == pytest.approx(6 * 100.0 * (0.2 - 0.06) / (0.01 * 0.02**2), rel=0.02)
+    assert worst.point[0] == pytest.approx(0.06)
+    assert worst.nearer.value == ao.peak_field(part, hit, body="part").margin().value
+    assert worst.sentence.startswith("farther than 53 mm from what is left out yield is not")
+    np.testing.assert_array_equal(peak.points[peak.judged], worst.point)
+    whole = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.0, 0.0, 1.0)]).margin()
+    assert whole.value == worst.nearer.value
+    assert not len(whole.beyond)
+    with pytest.raises(ao.InputError, match="leave_out"):
+        ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0)])
+
+
+def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
+    """The largest value of the nodes that are farther, found by hand."""
+    alu = ao.material("aluminium 6082-T6")
+    site, patch = np.array([0.07, 0.02, 0.02]), 0.01
+    part = ao.Structure(parts.box((10, 4, 2), (0.1, 0.04, 0.02)), alu, [ao.Support("left")])
+    model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=patch), n=12)
+    for speed, yields in ((3.0, True), (1e-3, False)):
+        ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=speed)
+        hit = ao.simulate(model, ball, duration=4e-4)
+        peak = ao.peak_field(part, hit)
+        margin = peak.margin()
+        far = np.linalg.norm(peak.points - site, axis=1) > (3 * patch if yields else 0)
+        assert 0 < far.sum() < len(far)
+        assert (hit.dent is not None) == margin.contact == yields
+        assert margin.value == pytest.approx(peak.values[far].max(), rel=1e-12)
+        assert ("the contact yields; farther than 30 mm from it" in margin.sentence) == yields
+        if yields:
+            np.testing.assert_allclose(margin.beyond, [[*site, 3 * patch]])
+            near = peak.values[~far].max()
+            assert margin.nearer.value == pytest.approx(near, rel=1e-12)
+            assert ("; nearer up to" in margin.sentence) == (near > margin.value)
+
+
+def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():
+    """Over its largest: on the surface and on the axis (Johnson, Contact Mechanics, 3.4)."""
+    nu = 0.3
+
+    def on_axis(z):
+        along = -1 / (1 + z**2)
+        across = -(1 + nu) * (1 - z * np.arctan2(1, z)) - along / 2
+        return abs(along - across)
+
+    largest = max(on_axis(np.linspace(0, 2, 2001)))
+    assert largest == pytest.approx(0.62, abs=0.005)
+    on_surface = np.sqrt(3) * (1 - 2 * nu) / 3 / CONTACT_RADII**2
+    assert on_surface / largest == pytest.approx(0.04, abs=0.005)
+    assert on_axis(CONTACT_RADII) / largest == pytest.approx(0.17, abs=0.005)
 
 
 @pytest.mark.parametrize("criterion", ["tsai_hill", "tsai_wu"])

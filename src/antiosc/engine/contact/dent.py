@@ -51,7 +51,12 @@ def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
     if depth <= 0:
         return None
     if isinstance(law, ElasticPlastic):
-        x = deepest / law.yield_indentation
-        squared = float(np.interp(log(x), np.log(RIM[0]), RIM[1])) * law.radius * deepest
-        return Dent(depth, sqrt(squared), pi / 2 * depth * squared)
+        radius = rim_radius(law, deepest)
+        return Dent(depth, radius, pi / 2 * depth * radius**2)
     return Dent(depth)
+
+
+def rim_radius(law: ElasticPlastic, deepest: float) -> float:
+    """Radius [m] of the contact at a deepest indentation [m]: the rim of its dent."""
+    x = deepest / law.yield_indentation
+    return sqrt(float(np.interp(log(x), np.log(RIM[0]), RIM[1])) * law.radius * deepest)
