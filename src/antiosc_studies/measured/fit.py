@@ -135,7 +135,7 @@ CONVERGED = 0.1
 #: Largest steps in ln(omega) over the damping ratio and at all, and in ln(zeta).
 LONGEST = (3.0, 0.1, 1.0)
 #: Largest change of a displacement, of a and of l in one step, over its size. At zero the cost has
-#: no slope and the search ends: of the 780 values of docs/tutorials/measured.md it left a chi^2 of
+#: no slope and the search ends: of the 796 values of docs/tutorials/measured.md it left a chi^2 of
 #: 2.6e6 without this limit, and leaves 795 with it.
 LARGEST_CHANGE = 0.8
 #: Limits of steps that have none.
