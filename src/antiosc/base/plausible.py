@@ -16,20 +16,24 @@ from numpy.typing import ArrayLike
 
 from antiosc.base.errors import InputError, MeshError, warn
 
-#: Speeds √(E/ρ) of waves in bars, m/s: soft rubber has some 45, diamond 18 000.
+#: Slowest wave in a bar, √(E/ρ), m/s: soft rubber has some 45, …
 SLOWEST_WAVE = 40.0
+#: … and fastest one: diamond has 18 000.
 FASTEST_WAVE = 20_000.0
 #: Speed of waves, √(E/ρ), that readers of decks give a material without mass, m/s: its mass is
 #: some 1e-9 of that of a real one.
 MASSLESS_WAVE = 1e8
-#: No solid as dense as this, kg/m³, has slower waves than this, m/s; none has faster ones than
-#: light.
+#: No solid as dense as this, kg/m³, …
 DENSE = 2000.0
+#: … has slower waves than this, m/s.
 SLOWEST_OF_DENSE = 10.0
+#: Speed of light, m/s, which no wave in a solid exceeds.
 LIGHT = 3e8
-#: Parts measure this, m; those of lines, frames and trusses, may be longer.
+#: Least diagonal of a part, m, …
 SHORTEST_PART = 1e-3
+#: … and largest one; a larger number is usually in mm.
 LONGEST_PART = 20.0
+#: Largest diagonal of parts of lines, m: frames and trusses.
 LONGEST_OF_LINES = 100.0
 #: Rounding of lengths.
 LENGTH_ROUNDING = 1e-9
@@ -41,13 +45,15 @@ FASTEST_BLOW = 100.0
 LINEAR = 0.1
 #: Young's moduli of what touches: rubber has some 1e6 Pa.
 SOFTEST = 1e6
-#: Yield strengths of solids are above this, Pa; densities of what strikes above this, kg/m³ (foams
-#: have some 20), and spheres are smaller than this, m.
+#: Least yield strength of a solid, Pa.
 WEAKEST = 1e4
+#: Least density of a striker, kg/m³: foams have some 20.
 LIGHTEST = 10.0
+#: Largest radius of a striking sphere, m.
 LARGEST_SPHERE = 5.0
-#: Real moduli, Pa, and densities, kg/m³.
+#: Young's moduli of real materials, Pa: from rubber to diamond.
 MODULI = (1e6, 1.3e12)
+#: Densities of real materials, kg/m³: from foams to osmium.
 DENSITIES = (5.0, 25_000.0)
 #: (factor of E, factor of ρ) to SI units, and the units in words.
 UNITS = (

@@ -199,8 +199,10 @@ VARIABLES = (
 WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
 WORTHWHILE = 0.8
-#: Looks at what runs on this machine, of which the median counts, and seconds between them.
+#: Samples of the load of this machine, of which the median counts: one process that is running for
+#: a moment does not change it.
 LOOKS = 5
+#: Seconds between two of them, so that all take 16 ms, little beside a factor that uses threads.
 LOOK_PAUSE = 0.004
 
 

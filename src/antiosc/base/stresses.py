@@ -157,10 +157,11 @@ DEVIATOR = np.zeros((5, 6))
 DEVIATOR[0, :3] = np.sqrt(0.75) * np.array([1.0, -1.0, 0.0])
 DEVIATOR[1, :3] = 0.5 * np.array([1.0, 1.0, -2.0])
 DEVIATOR[2:, 3:] = np.sqrt(3.0) * np.eye(3)
-#: Singular value over the largest below which it is rounding; stresses whose rank is looked at; at
-#: once.
+#: Singular value over the largest below which it is rounding.
 RANK = 1e-12
+#: Stresses that are examined for their rank first, which is usually that of all.
 LOOKED_AT = 20
+#: Stresses that are processed at once: their arrays then fit in a cache.
 AT_ONCE = 2000
 
 

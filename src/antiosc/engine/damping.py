@@ -177,8 +177,9 @@ REPEATED = 1e-10
 CLUSTERED = 0.05
 #: Share of the largest singular value of a branch's factor below which it has no spring.
 SPRINGLESS = 1e-9
-#: Errors of the receptance, relative: one that serves, and the largest.
+#: Relative error of the receptance of first-order modes up to which they are used as they are, …
 EXACT = 1e-7
+#: … and largest error that is accepted if no other way has a smaller one.
 INEXACT = 1e-4
 #: Relative change of a damping whose poles fall together.
 DAMPING_CHANGE = 1e-7

@@ -59,17 +59,19 @@ if TYPE_CHECKING:
 
 #: In double or single precision.
 Reals = NDArray[np.floating[Any]]
-#: Share of a node's value that the times before refinement may miss; values below this share of
-#: the largest one count as that.
+#: Share of a node's value that the times before refinement may miss.
 TIME_ERROR = 0.01
+#: A node's value counts as at least this share of the largest one: smaller peaks may be missed.
 FLOOR = 0.1
-#: Steps over the run, at least and at most.
+#: Fewest steps over the run.
 FEWEST = 500
+#: Most steps over the run, so that long runs of high modes end; a warning tells what they miss.
 MOST = 40_000
 #: Nodes of a history that are looked at, however few steps its modes need.
 NODES = 5000
-#: Times that are looked at together, and parts of a step about a maximum.
+#: Times that are looked at together.
 WINDOW = 1000
+#: Parts into which a step about a maximum is divided.
 PARTS = 8
 #: Bytes of the values of a block of nodes at these times.
 BLOCK_BYTES = 2**26

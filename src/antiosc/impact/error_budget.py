@@ -123,12 +123,13 @@ BAR = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
 
-#: The spectrum of a force ends at the frequency below which this share of its energy lies; this
-#: frequency times the duration, for a half-sine; samples of the force, and their number with zeros
-#: appended over it.
+#: The spectrum of a force ends at the frequency below which this share of its energy lies.
 ENERGY = 0.99
+#: This frequency times the duration of a half-sine: with |F| ∝ cos(πfT)/(1 − 4f²T²) it is 1.182.
 HALF_SINE = 1.18
+#: Samples of the force in its transform.
 SAMPLES = 8192
+#: Samples with zeros appended over those: the frequency is then within 1/8 of the record's inverse.
 PADDED = 8
 
 

@@ -12,11 +12,13 @@ from antiosc.engine import library
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody
 
-#: Bodies processed together, and times at which u is evaluated in addition to those of the force:
-#: at least, at most, and in a period of the first mode.
+#: Bodies processed together.
 BODIES_AT_ONCE = 200
+#: Times at which u is evaluated in addition to those of the force, at least, …
 SAMPLES = 200
+#: … and at most, …
 MOST_SAMPLES = 20_000
+#: … and in a period of the first mode, whose largest value they miss by at most 0.3 %.
 A_PERIOD = 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
 Force = tuple[Array, Array]

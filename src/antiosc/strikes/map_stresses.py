@@ -19,10 +19,12 @@ from antiosc.strikes.free_sites import FreeSites
 
 #: Sites whose static deflections are solved for together.
 AT_ONCE = 64
-#: Phase of the last mode between two sample times [rad]; every EVERY-th time is evaluated in all
-#: tensors, and all times in the CLOSELY largest ones.
+#: Phase of the last mode between two sample times [rad]: they miss at most 2 % of its peak, 1 −
+#: cos(PHASE/2).
 PHASE = 0.4
+#: Every EVERY-th time is evaluated in all tensors (at most 17 % of the last mode are missed), …
 EVERY = 3
+#: … and all times in so many tensors with the largest values.
 CLOSELY = 100
 #: Least and largest number of sample times over the run.
 TIMES = (200, 3000)

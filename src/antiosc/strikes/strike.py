@@ -56,9 +56,9 @@ from antiosc.strikes.advice import advise
 #: Goal of the whole budget over the tolerance; below 1, since estimates of the next mesh may be
 #: low.
 AIM = 0.8
-#: Least share of the tolerance left for the mesh, and largest goal of a further mesh over its
-#: present error.
+#: Least share of the tolerance that is left for the mesh.
 LEAST_ROOM = 0.05
+#: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
 LEAST_STEP = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
 EAGER = 0.6
@@ -66,8 +66,9 @@ EAGER = 0.6
 FIRST_SIZE = 1.5
 #: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
 CELLS_OF_SHEET = 10
-#: Most meshes, and largest growth of the number of cells from one to the next.
+#: Most meshes.
 MOST_MESHES = 12
+#: Largest growth of the number of cells from one mesh to the next: sizes halved in space.
 GROWTH = 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
 SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
@@ -75,26 +76,29 @@ SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
 #: and this power; by dimension.
 FACTOR_BYTES = {1: 200.0, 2: 400.0, 3: 240.0}
 FACTOR_POWER = {1: 1.0, 2: 1.1, 3: 4 / 3}
-#: Shares of the tolerance for the truncation and for the time steps.
+#: Share of the tolerance for the truncation, …
 TRUNCATION_SHARE = 0.2
+#: … and for the time steps, which cost least; the mesh gets the rest.
 TIME_SHARE = 0.05
 #: Least truncation error for which the number of anti-oscillators is chosen.
 LEAST_TRUNCATION = 1e-7
-#: Bounds of the tolerance of the time integration.
+#: Least tolerance of the time integration.
 FINEST_TIME = 1e-6
+#: Largest tolerance of the time integration.
 COARSEST_TIME = 1e-3
-#: First and largest number of anti-oscillators.
+#: First number of anti-oscillators.
 FIRST_N = 20
+#: Largest number of anti-oscillators.
 MOST_N = 300
 #: Growth of that number from one mesh of lines to the next.
 MORE_ON_LINES = 1.5
 #: Least and largest power of that number by which the truncation error is taken to fall.
 RATES = (0.5, 3.0)
-#: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
-#: of the bars of both, and least one of their dofs, for which they are compared: another mesh with
-#: as many dofs shows no convergence.
+#: Least share of the usual bar of a mesh that a comparison with the previous mesh leaves.
 LEAST_SHARE = 0.6
+#: Largest ratio of the bars of both meshes for which they are compared, …
 CLOSER = 0.8
+#: … and least ratio of their dofs: another mesh with as many dofs shows no convergence.
 FINER = 1.5
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8

@@ -317,8 +317,9 @@ def _tumble(
     }
 
 
-#: Longest first flight [s]; least height [m], below which there is no flight.
+#: Longest first flight [s].
 LONGEST = 1e4
+#: Least height [m], below which there is no flight.
 LEAST_HEIGHT = 1e-9
 #: Number of standard deviations within which an ensemble's falls must be plausible.
 DRAWN = 3.0

@@ -42,8 +42,9 @@ if TYPE_CHECKING:
 
 #: Name of a channel frequency class -> its frequency [Hz].
 CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
-#: Corner frequency of one pass, and least sampling rate, both over the class (SAE J211-1).
+#: Corner frequency of one pass of a filter over its class (SAE J211-1).
 CORNER = 2.0775
+#: Least sampling rate over the class (SAE J211-1).
 LEAST_RATE = 10.0
 #: Memory of a filter in periods of its class.
 MEMORY = 2.0
@@ -77,19 +78,23 @@ def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
     return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
 
 
-#: Samples of a period of the highest mode, and most samples of a signal.
+#: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
 SAMPLES = 12
+#: Most samples of a signal.
 MOST = 200_000
-#: Samples of stresses in a period of the highest mode; least and most samples in an episode.
+#: Samples of stresses in a period of the highest mode, whose peak they miss by at most 8 %.
 LOOKS = 8
+#: Least number of samples of stresses in an episode.
 FEW = 20
+#: Largest number of samples of stresses in an episode.
 MANY = 200
 #: Spin over the lowest natural frequency above which stiffening by the spin matters.
 STIFFENS = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
-#: Test of the predictability: rotation of the start [rad], allowed relative change of a peak force.
+#: Rotation of the start [rad] by which the predictability is tested.
 NUDGE = 1e-4
+#: Largest relative change of a peak force that counts as predictable.
 SPREAD = 0.05
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.

@@ -23,17 +23,18 @@ from antiosc_studies.drops.floor import Setting, layer_law
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer_contact import LayerContact
 
-#: Largest size of a piece over the extent, and largest angle between normals of a piece [rad].
+#: Largest size of a piece over the extent.
 PIECE = 0.35
+#: Largest angle between normals of a piece [rad].
 BENT = 0.35
 #: The law of a piece is taken at a depth of at least this share of the greatest depth.
 SHALLOW = 0.05
 #: Depths over the extent at which the displaced volumes of a part that does not rotate are
 #: computed.
 DEPTHS = np.geomspace(1e-7, 1.0, 29)
-#: Largest exponent of a law; least share of its area with which a piece faces the floor, for its
-#: law.
+#: Largest exponent of a law.
 STEEPEST = 6.0
+#: Least share of its area with which a piece faces the floor, for its law.
 LEAN = 0.1
 
 

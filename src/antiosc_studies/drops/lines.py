@@ -30,26 +30,28 @@ from antiosc_studies.drops.cylinder import STATIONS, Cylinder, rule
 from antiosc_studies.drops.floor import Floor
 from antiosc_studies.drops.free_body import FreeBody, State
 
-#: Largest deviation of vertices from a cylinder over its radius, for each fit; least share of the
-#: length that the vertices cover; least number of vertices.
+#: Largest deviation of vertices from a cylinder over its radius, for each of the fits.
 OFF = (0.25, 0.15, 0.08, 0.04, 0.02, 0.01, 0.01)
+#: Least share of the length that the vertices cover.
 COVERED = 0.9
+#: Least number of vertices: a cylinder has five unknowns.
 LEAST = 6
 #: Least curvature of vertices used in the fit of a cylinder, over that of the surface.
 ROUND = 0.7
 #: Largest number of vertices at which a line is sought.
 LOOKS = 40
-#: Radius of the patches along a line over that of the cylinder; their largest number. On steel
-#: cylinders of 20 x 100 mm with cells of 10, 6, 4 mm the compliance is then 0.99, 1, 1 of the
-#: limit.
+#: Radius of the patches along a line over that of the cylinder. On steel cylinders of 20 x 100 mm
+#: with cells of 10, 6, 4 mm the compliance is then 0.99, 1, 1 of the limit.
 PATCH = 0.4
+#: Largest number of patches along a line.
 PATCHES = 40
 #: Largest gap between the vertices around an axis [rad] of a whole cylinder.
 WHOLE = 1.2
 #: 2 (1 - ln 2): under a uniform line force the mean displacement is smaller than that in the middle
 #: by this times F/(pi E* L).
 MEAN = 2 * (1 - log(2))
-#: Largest pressure of a line at first yield over the yield strength.
+#: Largest pressure of a line at first yield over the yield strength, by von Mises (K. L. Johnson,
+#: *Contact Mechanics* (1985), (6.4)).
 FIRST_YIELD = 1.79
 #: The law of a line ends where the slope dδ/dF falls below this share of its first value.
 LEAST_SLOPE = 0.1

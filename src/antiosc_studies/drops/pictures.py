@@ -20,11 +20,13 @@ from antiosc_studies.drops.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Frames per second of a film; number of times at which heights are drawn.
+#: Frames per second of a film.
 RATE = 25
+#: Number of times at which heights are drawn.
 DRAWN = 500
-#: Largest number of triangles of a surface that is drawn; their colour.
+#: Largest number of triangles of a surface that is drawn: matplotlib draws a film of more slowly.
 TRIANGLES = 6000
+#: Colour of the triangles (red, green, blue).
 COLOUR = (0.35, 0.55, 0.8)
 
 

@@ -24,9 +24,9 @@ FLATTEST = 10.0
 ROUND = 0.5
 #: Largest ratio of the principal curvatures of a place that is straight in one direction.
 STRAIGHT = 0.2
-#: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets;
-#: number of directions in which it is checked.
+#: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets.
 REACH = 0.05
+#: Number of directions in which it is checked: neighbours are some 0.25 rad apart, √(4π/200).
 WAYS = 200
 #: An extent below this share of the largest counts as zero.
 THIN = 1e-9

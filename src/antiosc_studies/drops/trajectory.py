@@ -28,19 +28,20 @@ from antiosc_studies.drops.floor import Floor, Setting, law_at
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.lines import yielding
 
-#: A part is at rest if its speed would lift it by at most REST times the height, and points within
-#: CARRIES times the extent over the floor surround its centre of mass up to AROUND times the
-#: extent.
+#: A part is at rest if its speed would lift it by at most REST times the height, …
 REST = 1e-3
+#: … and points within CARRIES times the extent over the floor …
 CARRIES = 0.01
+#: … surround its centre of mass up to AROUND times the extent.
 AROUND = 1e-3
 #: Rigid motions whose singular value is below this share of the largest are free of contact forces.
 STILL = 1e-6
 #: A point may lie deeper below the floor than contacts press in by this share of the extent.
 SUNK = 2e-3
-#: Number of impacts after which a fall without rest is ended; largest number of contacts over that
-#: of impacts: on a soft floor without losses successive impacts merge into one.
+#: Number of impacts after which a fall without rest is ended.
 MOST_IMPACTS = 200
+#: Largest number of contacts over that of impacts: on a soft floor without losses successive ones
+#: merge into one.
 CONTACTS = 3
 #: Largest indentation over the radius for which finite strain was measured (`ElasticPlastic`).
 DEEP = 0.25

@@ -17,8 +17,10 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import ReprMixin
 
 Radii = float | tuple[float, float]
-#: Of log (b/a)^2 by log B/A: within 0.006 to B/A = 300. A change that is none.
+#: Coefficients of log (b/a)^2 in powers of log B/A, a start for the iteration that is within 0.006
+#: up to B/A = 300.
 SLENDER = (-1.3498, 0.01943)
+#: Relative change at which the iteration ends: some rounding errors.
 SETTLED = 1e-12
 #: Plastic pressure of a line over that of a ball, less 1.
 LINES = 0.06

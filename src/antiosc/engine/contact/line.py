@@ -11,8 +11,9 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.laws import Tabulated
 
-#: Points of the table, from this share of its last force on.
+#: Points of the table, …
 POINTS = 100
+#: … the first of which has this share of the last force.
 FIRST = 1e-9
 #: Half the width of the contact over its length and over the radius, up to which the law holds.
 NARROW = 0.25

@@ -65,13 +65,14 @@ from antiosc.models.anti_oscillators import AntiOscillators
 DEPENDENT = 1e-9
 #: Coefficients below this share of the row's largest are rounding.
 LEAST_COEFFICIENT = 1e-14
-#: A row without a named dof is solved for one with at least this share of its largest coefficient.
+#: A row without a named dof is solved for one with at least this share of its largest coefficient,
+#: so that no step of the elimination makes coefficients more than ten times as large.
 PIVOT = 0.1
-#: A larger coefficient of T loses too many digits.
+#: Largest coefficient of T: half of the 16 digits are then left.
 LARGEST_COEFFICIENT = 1e8
 #: Largest error of C T over the sizes of its terms; rounding leaves about 1e-15.
 SATISFIED = 1e-9
-#: Most rows of a block that overlap: it is solved as a dense matrix.
+#: Most rows of a block of coupled rows, which is solved as a dense matrix: 0.3 GB if it is square.
 LARGEST_BLOCK = 6000
 
 

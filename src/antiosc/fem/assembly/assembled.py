@@ -42,7 +42,7 @@ from antiosc.models.motion import Inertia
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
 SATISFIES = 1e-9
-#: Entries of a dense matrix that are processed at once.
+#: Entries of a dense matrix that are processed at once: 80 MB.
 ENTRIES_AT_ONCE = 10_000_000
 #: Components of a motion below this fraction of it are rounding.
 STILL = 1e-7

@@ -38,7 +38,7 @@ from antiosc.fem.structure.structure import Structure, on_mesh, refuse_prestress
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.model_file import reduced_matrices
 
-#: Most dofs: its matrices are dense.
+#: Most dofs of a superelement: its matrices are dense, 32 MB each.
 MOST_SIZE = 2000
 #: Fraction of the largest stiffness below which rounding, or the digits of coordinates, made it.
 STIFFNESS_ROUNDING = 1e-7

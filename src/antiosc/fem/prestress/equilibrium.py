@@ -32,9 +32,9 @@ from antiosc.fem.linalg.solver import Solver
 CONVERGED = 1e-14
 #: Most steps; a plate whose deflection under pressure is ten thicknesses needs 9.
 MOST_STEPS = 40
-#: Relative error in energy at which conjugate gradients end, and their most iterations, after which
-#: the tangent is factored.
+#: Relative error in energy at which conjugate gradients end.
 STEP_ERROR = 1e-12
+#: Their most iterations, after which the tangent is factored.
 MOST_CG_STEPS = 60
 #: A step length is accepted if the slope of the energy there, over that at the start, is below
 #: this.
@@ -45,11 +45,12 @@ LONGEST = 4.0
 BASIS = 24
 #: Largest load factor that is reported; larger ones are infinite.
 FAR = 100.0
-#: Residual of a buckling mode in the energy norm over 1/λ: tolerance of SLEPc, and largest accepted
-#: value; an exact 1/λ lies within the residual. Rounding errors of the solves grow with 1/λ (1e-5
-#: of it at 1/λ = 96, beams). Most restarts: relevant modes are well separated from the many near 0.
+#: Tolerance of SLEPc for the residual of a buckling mode in the energy norm over 1/λ.
 ASKED = 1e-7
+#: Largest accepted residual; an exact 1/λ lies within it. Rounding errors of the solves grow with
+#: 1/λ (1e-5 of it at 1/λ = 96, beams).
 RESIDUAL = 1e-3
+#: Most restarts: relevant modes are well separated from the many near 0.
 RESTARTS = 12
 
 

@@ -19,15 +19,18 @@ from antiosc.reduce.site import Functional
 
 #: A section is a full rectangle if 144 I_y I_z is A⁴ within this.
 FULL = 0.05
-#: Least length and least distance of the site from the ends, over the larger side; largest ratio of
-#: the sides; Poisson's ratios.
+# The range in which the errors of beam theory were measured (`impact.error_budget`).
+#: Least length over the larger side of the section.
 LENGTH = 5.0
+#: Least distance of the site from the ends over the larger side.
 FROM_ENDS = 2.0
+#: Largest ratio of the sides.
 SIDES = 2.5
+#: Poisson's ratios.
 NU = (0.2, 0.4)
-#: Largest component of a direction across the required one, and largest deviation from a straight
-#: line over the length.
+#: Largest component of a direction across the required one.
 ALONG = 0.02
+#: Largest deviation from a straight line over the length.
 STRAIGHT = 1e-6
 #: Message where there is no figure.
 UNKNOWN = "Not included: the error of the beam model itself, for {}."

@@ -33,8 +33,9 @@ LEAST_SHARE = 1e-12
 REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
 TOLD_APART = 1e-8
-#: Distance of the samples of a bound, and the largest share by which it rises between two of them.
+#: Relative distance of the samples of a bound: a quarter of the half-width of a damped peak.
 SAMPLE_STEP = DAMPING / 4
+#: Largest share by which the bound rises between two samples.
 SAMPLE_RISE = 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
