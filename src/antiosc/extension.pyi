@@ -109,6 +109,7 @@ from antiosc.impact.histories.run_end import (
 )
 from antiosc.impact.histories.verdict import (
     contact_zone as contact_zone,
+    weaker_side as weaker_side,
 )
 from antiosc.impact.reference import (
     FIRST_STEPS as FIRST_STEPS,

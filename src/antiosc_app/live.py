@@ -33,7 +33,14 @@ from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
-from antiosc.extension import QUANTITIES, ErrorBudget, hardest, softest_model, trusted
+from antiosc.extension import (
+    QUANTITIES,
+    ErrorBudget,
+    hardest,
+    softest_model,
+    trusted,
+    weaker_side,
+)
 from antiosc.models.body import info_of, site_points
 
 if TYPE_CHECKING:
@@ -145,8 +152,13 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     loads = np.split(system.loads[0], [body.omega.size])
     local = law.compliance
     speed = abs(float(system.beta[0] @ system.v))
+    shared = impact_data(
+        law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
+    )
+    if shared["law"]["yields"]:
+        shared["law"]["yields"]["side"] = weaker_side(hit)
     return {
-        **impact_data(law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed),
+        **shared,
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),

@@ -282,6 +282,9 @@ def test_what_yields_is_said_first():
     hits = budgets()
     first = hits["known"].summary().splitlines()[0]
     assert "The contact yields: a dent of" in first
+    assert "across, in aluminium 6061-T6; restitution" in first
+    force = hits["known"].law.yield_force
+    assert f"It yields from {force:.3g}" in first
     assert hits["known"].dent.depth > 0
     assert "half-space" not in hits["known"].message
     assert "not known" in hits["unknown"].summary().splitlines()[0]

@@ -38,7 +38,7 @@ class Page {
     this.start = Object.fromEntries(SLIDERS.map(([name]) => [name, this.blow[name] ?? null]));
     this.start.damping = this.blow.ratio ?? 0;
     this.set = { ...this.start };
-    const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start)) / 2 : Infinity;
+    const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start), this.blow.striker.mobility) / 2 : Infinity;
     if (this.blow.computed) this.blow.computed.stress ??= data.stress ?? null;
     this.least = { speed: Math.min(this.start.speed / RANGE, slow) };
     this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...(this.part && data.part.stress ? [STRESS] : [])];

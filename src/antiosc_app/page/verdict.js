@@ -1,7 +1,7 @@
 // What is said of the present impact, as antiosc.impact.histories.verdict says it of a computed one.
 
-// Relative speed from which a contact that yields does so, of a law and both bodies' mobility [1/kg].
-function yield_speed({ params, mobility }) {
+// Speed from which a striker of a mobility [1/kg] yields on a rigid wall; parts that give way yield at higher ones.
+function yield_speed({ params }, mobility) {
   const [k, y] = params;
   return Math.sqrt(0.8 * k * y ** 2.5 * mobility);
 }
@@ -20,17 +20,17 @@ function rim_radius(yields, indentation, deepest) {
 // Whether the contact yields, and what remains; "" of a law that does not say it.
 function contact_sentence(hit, yields) {
   if (!yields || !yields.rim || !hit.contacts) return "";
-  const [k, y] = hit.posed.params, { radius, strength } = yields;
+  const [k, y] = hit.posed.params, { radius, strength, side } = yields;
   const modulus = 0.75 * k / Math.sqrt(radius), elastic = (2.5 * hit.work / k) ** 0.4;
   const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), told = engineering(pressure, "Pa");
-  const from = engineering(yield_speed(hit.posed), "m/s"), of = engineering(strength, "Pa");
+  const from = engineering(k * y ** 1.5, "N"), of = engineering(strength, "Pa");
   if (!(hit.dent > 0)) {
     const share = general(Math.sqrt(elastic / y));
     return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}).`;
   }
   const across = engineering(2 * rim_radius(yields, y, hit.deepest), "m", 2);
   const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}` : "";
-  return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${rebound}.`
+  return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${side ? `, in ${side}` : ""}${rebound}.`
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}.`;
 }
 

@@ -134,12 +134,20 @@ def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
             f"The contact stays elastic: its pressure is {pressure_text}, {share:.3g} times that of"
             f" first yield (yield strength {strength})."
         )
-    mass = float(contact._record.assembly.system.mass[contact._row])
-    speed = engineering(law.yield_speed(mass), "m/s")
+    side = weaker_side(contact)
+    where = f", in {side}" if side else ""
     e = contact.restitution
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
-        f"The contact yields: {contact.dent.text}{rebound}. It yields from {speed} on; Hertz's"
-        f" pressure would be {pressure_text}, {pressure / law.yield_strength:.3g} times the yield"
-        f" strength {strength}."
+        f"The contact yields: {contact.dent.text}{where}{rebound}. It yields from"
+        f" {engineering(law.yield_force, 'N')} on; Hertz's pressure would be {pressure_text},"
+        f" {pressure / law.yield_strength:.3g} times the yield strength {strength}."
     )
+
+
+def weaker_side(contact: OneContact) -> str:
+    """Name of the material that yields first; "" if it has none, and for a law as given."""
+    choice = choice_at(contact)
+    if choice is None or choice.law != contact.law or choice.soft is None:
+        return ""
+    return choice.soft.name
