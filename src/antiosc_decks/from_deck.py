@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +158,7 @@ def read_model(
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
     density: float | None = None,
+    yield_strength: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -182,6 +184,9 @@ def read_model(
         Added to those of the deck.
     density
         Density in kg/m³ of materials that state none.
+    yield_strength
+        Yield strength in Pa of the isotropic materials, which decks do not state: with it margins
+        and contacts know where the part yields.
     merge, timeout, comm
         As for `read_mesh`.
     parts
@@ -241,6 +246,8 @@ def read_model(
         root=root,
         timeout=timeout,
     )
+    if yield_strength is not None:
+        yield_strength = positive("yield_strength", yield_strength, "Pa")
     added_supports = list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
@@ -252,7 +259,7 @@ def read_model(
     for sentence in notes:
         warn(comm, sentence)
     structures = {
-        name: _part(raw, file.name, comm, solver, added_supports, added_attachments)
+        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, yield_strength)
         for name, raw in raws.items()
     }
     if not model["joined"]:
@@ -364,12 +371,13 @@ def _part(
     solver: SolverChoice,
     added_supports: Sequence[Support],
     added_attachments: Sequence[Attachment],
+    yield_strength: float | None,
 ) -> Structure:
     """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
     families = {
-        group: _family(kind, arguments, place)
+        group: _family(kind, arguments, place, yield_strength)
         for group, kind, arguments, place in model["families"]
         if not model["joined"] or raw.groups.get(group)
     }
@@ -382,7 +390,9 @@ def _part(
     )
 
 
-def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
+def _family(
+    kind: str, arguments: dict[str, Any], place: str, yield_strength: float | None
+) -> Family:
     """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
         values = dict(arguments)
@@ -393,6 +403,9 @@ def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
             values["layers"] = [Layer(**layer) for layer in values["layers"]]
         if "section" in values:
             values["section"] = Section(**values["section"])
-        return FAMILIES[kind](**values)
+        family = FAMILIES[kind]
+        if yield_strength is not None and "yield_strength" in signature(family).parameters:
+            values["yield_strength"] = yield_strength
+        return family(**values)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

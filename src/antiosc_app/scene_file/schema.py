@@ -309,6 +309,7 @@ CHECKS: dict[str, Check] = {
     ),
     "read_frf.unit": checks.positive,
     "until": _by("antiosc_studies.drops.drop:end_of"),
+    "read_model.yield_strength": _of("Pa"),
     "Sphere.radius": _of("m"),
     "Support.fix": lambda _, value: [
         checks.choice("fix", each, COMPONENTS) for each in np.ravel(value).tolist()

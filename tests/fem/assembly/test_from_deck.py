@@ -71,7 +71,14 @@ def test_ranks_share_the_structure_of_a_deck():
     assert "have no section" in one[0]
 
 
-WRONG = [("unit", "km"), ("merge", 0.0), ("density", -1.0), ("timeout", 0.0), ("comm", 3)]
+WRONG = [
+    ("yield_strength", 0.0),
+    ("unit", "km"),
+    ("merge", 0.0),
+    ("density", -1.0),
+    ("timeout", 0.0),
+    ("comm", 3),
+]
 WRONG += [("supports", ["clamp"]), ("attached", 3), ("parts", []), ("parts", "A"), ("root", "none")]
 
 
@@ -161,3 +168,20 @@ def test_a_solid_deck_has_its_materials_and_supports():
     site = ao.Site((0.01, 0.005, 0.015), (1, 0, 0), radius=5e-3)
     assert stiffness(block, site) == pytest.approx(stiffness(by_hand, site), rel=1e-10)
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:of block.inp are not taken", "ignore:the facets at the site")
+def test_a_deck_with_a_yield_strength_knows_from_which_force_it_yields():
+    """Hertz: F = (π p0)³ R²/(6 E*²), p0 from von Mises below a ball (Johnson, eq. 3.45)."""
+    block = ao.read_model(DECKS / "block.inp", unit="mm", yield_strength=250e6)
+    site = ao.Site((0.005, 0.005, 0.02), (0, 0, -1), radius=2e-3)
+    ball = ao.Sphere(radius=0.01, material="bearing steel 100Cr6", velocity=1.0)
+    hit = ao.simulate(ao.extract(block, site, n=6), ball, duration=1e-4)
+    steel, upper = ao.material("bearing steel 100Cr6"), ao.Solid(70e9, 0.33, 2700.0)
+    one, other = ((1 - m.nu**2) / m.E for m in (steel, upper))
+    z = np.linspace(0.1, 1.0, 10001)
+    across = (1 + upper.nu) * (1 - z * np.arctan(1 / z)) - 0.5 / (1 + z**2)
+    p0 = 250e6 / np.max(1 / (1 + z**2) - across)
+    force = (np.pi * p0) ** 3 * ball.radius**2 * (one + other) ** 2 / 6
+    assert hit.law.yield_force == pytest.approx(force, rel=1e-3)
+    assert "The contact yields: a dent of" in hit.verdict
