@@ -132,7 +132,9 @@ def _parser() -> argparse.ArgumentParser:
             sought = "relative error of interest (default: tol of [strike], or 0.02)"
             command.add_argument("--tol", type=float, metavar="TOL", help=sought)
             command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
-            others = "run the unreduced model too, if it takes at most so many seconds"
+            others = (
+                "run the unreduced model and CalculiX too, if each takes at most so many seconds"
+            )
             command.add_argument("--compare", type=float, metavar="SECONDS", help=others)
             about = "one HTML page of the impact, with the table and the chart"
             command.add_argument("--report", metavar="OUT.html", help=about)

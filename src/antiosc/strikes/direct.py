@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from antiosc.base.errors import AntioscError
-from antiosc.strikes import unreduced
+from antiosc.strikes import calculix, unreduced
 from antiosc.strikes.unreduced import Blow, Outcome
 
 
@@ -20,6 +20,7 @@ class Method(NamedTuple):
 #: Name -> the method.
 METHODS: Mapping[str, Method] = {
     "unreduced": Method(unreduced.forecast, lambda blow, _: unreduced.newmark(blow)),
+    "CalculiX": Method(calculix.forecast, calculix.run),
 }
 
 

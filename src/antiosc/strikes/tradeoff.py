@@ -284,7 +284,8 @@ def tradeoff(
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
     compare : float, optional
         Seconds that each other method may take, on the mesh of `best(tol)`: the unreduced model in
-        time. What is forecast to take longer is not run; `notes` say so.
+        time and, for solids of quadratic tetrahedra and rigid impactors, CalculiX where `ccx` is on
+        the PATH. What is forecast to take longer is not run; `notes` say so.
 
     Returns
     -------
