@@ -56,6 +56,21 @@ def test_arrays_of_the_factor_last_as_long_as_they_are_used():
     assert memory() is None  # at once, without the garbage collector
 
 
+@pytest.mark.parametrize("chunk", [1 << 16, 7])
+def test_a_factor_in_single_precision_takes_the_memory_of_the_other(monkeypatch, chunk):
+    monkeypatch.setattr(cholmod, "CHUNK", chunk)
+    A, b = grid(12), np.random.default_rng(1).normal(size=len(grid(12).indptr) - 1)
+    exact = Cholesky(A).solve(b)
+    factor = Cholesky(A)
+    values = factor.supernodes.values.size
+    single = cholmod.SinglePrecision(factor)
+    np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
+    assert factor.supernodes.values.size == (values + 1) // 2
+    del factor
+    gc.collect()
+    np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
+
+
 def test_the_factor_cannot_be_written_to():
     with pytest.raises(ValueError, match="read-only"):
         Cholesky(chain(5)).supernodes.values[0] = 1.0

@@ -62,6 +62,25 @@ def test_any_nodes_may_be_the_interface(part, loads, kind):
         assert factor.entries == solver_choice.OnOneRank(part.K).entries
 
 
+@pytest.mark.parametrize("nodes", [slice(None, None, 7), slice(0)])
+def test_ranks_with_factors_in_single_precision(part, loads, nodes):
+    every = np.arange(part.K.getSize()[0] // 3)[nodes]
+    rows = (3 * every[:, None] + np.arange(3)).ravel()
+    exact = Substructures(part.K, rows).solve(loads[:, 0])
+    found = Substructures(part.K, rows).in_single_precision()(loads[:, 0])
+    np.testing.assert_allclose(found, exact, atol=1e-3 * np.abs(exact).max())
+
+
+def test_a_coarse_factor_that_needs_double_precision_has_it(monkeypatch, part, loads):
+    exact = solver_choice.OnOneRank(part.K).solve(loads[:, 0])
+    size = np.abs(exact).max()
+    near = np.abs(solver_choice.preconditioner(part.K)(loads[:, 0]) - exact).max()
+    assert 1e-9 * size < near < 1e-3 * size
+    monkeypatch.setattr(solver_choice, "PRECONDITIONER_ERROR", 0.0)
+    found = solver_choice.preconditioner(part.K)(loads[:, 0])
+    np.testing.assert_allclose(found, exact, atol=1e-10 * size)
+
+
 def test_no_interface_between_one_rank_and_none(part):
     assert interface(part.K).size == 0
 

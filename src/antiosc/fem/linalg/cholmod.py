@@ -21,7 +21,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
+from ctypes import POINTER, byref, c_double, c_float, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -158,6 +158,8 @@ def loaded_cholmod() -> ctypes.CDLL:
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
     lib.cholmod_l_factorize.argtypes = [c_void_p, POINTER(Factor), c_void_p]
     lib.cholmod_l_solve2.argtypes = [c_int, POINTER(Factor), *([c_void_p] * 7)]
+    lib.cholmod_l_realloc.restype = c_void_p
+    lib.cholmod_l_realloc.argtypes = [c_size_t, c_size_t, *([c_void_p] * 3)]
     lib.cholmod_l_ensure_dense.restype = c_void_p
     lib.cholmod_l_ensure_dense.argtypes = [c_void_p, *([c_size_t] * 3), c_int, c_void_p]
     release = version(lib)
@@ -242,6 +244,8 @@ def _loaded(name: str) -> ctypes.CDLL | None:
 SOLVE = 0
 FORWARD = 4
 BACKWARD = 5
+#: Bytes of a double, and values that are rounded to single precision at once.
+ITEM, CHUNK = 8, 1 << 16
 #: Nodes of at least so many rows are ordered as nodes.
 NODE_ROWS = 2
 
@@ -302,12 +306,29 @@ class _Memory:
         """`count` real numbers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
 
+    def rounded(self) -> NDArray[np.float32]:
+        """The values of L in single precision, in place; the factor is of no use any more."""
+        found = self.factor.contents
+        count = found.xsize
+        wide = np.frombuffer((c_double * count).from_address(found.x), np.float64)
+        narrow = wide.view(np.float32)
+        for first in range(0, count, CHUNK):
+            part = slice(first, min(first + CHUNK, count))
+            narrow[part] = wide[part].astype(np.float32)  # in front of what is still to be read
+        size = c_size_t(count)
+        half = (count + 1) // 2
+        common = byref(self.common)
+        found.x = self.lib.cholmod_l_realloc(half, ITEM, found.x, byref(size), common)
+        found.xsize = size.value
+        block = (c_float * count).from_address(found.x)
+        return np.frombuffer(self._kept(block), np.float32)
+
     def integers(self, pointer: int, count: int) -> IntArray:
         """`count` integers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
 
-    def _kept(self, block: ctypes.Array[c_double] | ctypes.Array[c_int64]) -> memoryview:
-        block.memory = self  # type: ignore[union-attr]  # it lives as long as arrays of it
+    def _kept(self, block: ctypes.Array[Any]) -> memoryview:
+        block.memory = self  # type: ignore[attr-defined]  # it lives as long as arrays of it
         return memoryview(block).toreadonly()
 
 
@@ -487,6 +508,11 @@ class Cholesky:
             values=memory.reals(factor.x, factor.xsize),
         )
 
+    def rounded(self) -> NDArray[np.float32]:
+        """The values of L in single precision, in its memory; no solve is possible any more."""
+        self.__dict__.pop("supernodes", None)
+        return self._memory.rounded()
+
     def corner(self, last: int) -> tuple[IntArray, Array]:
         """(the last `last` rows of A in the order of L, their dense lower block of L).
 
@@ -512,19 +538,23 @@ class Cholesky:
 
 
 class SinglePrecision:
-    """Solves with a copy of a factor in single precision: a fourth of the time, half the memory.
+    """Solves with a factor in single precision: a fourth of the time, half the memory.
 
-    The error of a solution may be as large as 1e-7 times the condition number of A.
+    The error of a solution may be as large as 1e-7 times the condition number of A. The factor in
+    double precision becomes it, and gives no solves any more: both at once would be the most memory
+    that a model takes.
     """
 
     def __init__(self, factor: Cholesky) -> None:
         L = factor.supernodes
         self.permutation = factor.permutation.copy()
         self._lists = [np.array(array, np.int64) for array in (L.start, L.row, L.rows, L.value)]
-        self._values = L.values.astype(np.float32)
+        del L
+        self._values = factor.rounded()
         places = [*(library.address(array) for array in self._lists), library.address(self._values)]
-        self._supernodes = library.CSupernodes(len(L.start) - 1, *places)
-        self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
+        start, row, *_ = self._lists
+        self._supernodes = library.CSupernodes(len(start) - 1, *places)
+        self._own = np.empty(np.diff(row).max(initial=1), dtype=np.float32)
 
     def solve(self, b: Array) -> Array:
         """A⁻¹b of a vector (n,)."""

@@ -227,6 +227,7 @@ class Substructures(Factorization):
             if len(self._inner):
                 corner.resize((count, n))
                 rows = lower(scipy.sparse.vstack([corner, rows], format="csr"))
+                process.trim_heap()
                 self._halves = self._factor = Cholesky(rows, A.getBlockSize(), last=count)
                 del rows, corner
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
@@ -245,7 +246,7 @@ class Substructures(Factorization):
             del square
         comm.Allreduce(MPI.IN_PLACE, S)
         try:
-            self._S = scipy.linalg.cho_factor(S, lower=True, overwrite_a=True) if len(S) else None
+            self._S = scipy.linalg.cholesky(S.T, lower=True, overwrite_a=True) if len(S) else None
         except scipy.linalg.LinAlgError as caught:
             raise NotConvergedError(SINGULAR.format(caught)) from caught
 
@@ -271,29 +272,45 @@ class Substructures(Factorization):
             B = np.zeros((len(self._to), R.shape[1]), order="F")
             B[self._to[-len(self._inner) :]] = R[self._inner]
             Y = self._halves.forward(B)
-            load[self._met] += self._L @ Y[self._positions]
+            load[self._met] += _triangle(self._L, Y[self._positions])
         self.comm.Allreduce(MPI.IN_PLACE, load)
-        U = scipy.linalg.cho_solve(self._S, load, check_finite=False) if self._S else load
+        U = load if self._S is None else _solved(self._S, load)
         X = np.empty(R.shape, order="F")
         X[self._mine] = U[self._at]
         if len(self._inner):
-            Y[self._positions] = self._L.T @ U[self._met]
+            Y[self._positions] = _triangle(self._L, U[self._met], trans=1)
             X[self._inner] = self._halves.backward(Y)[self._to[-len(self._inner) :]]
         return X
 
     def in_single_precision(self) -> Callable[[Array], Array]:
-        """Solves of vectors with the factors of the ranks in single precision."""
+        """Solves of vectors with the factors of the ranks, which become single precision."""
         result = copy(self)
         result._real = np.float32
         if len(self._inner):
             result._halves, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
-            del result._factor  # its memory
+            del result._factor
         result._holder = PETSc.IS().createGeneral([], comm=self.A.getComm())  # of the communicator
         watch(result._holder)
         del result.A
         if self._S is not None:
-            result._S = self._S[0].astype(np.float32), self._S[1]
+            result._S = self._S.astype(np.float32)
         return result.solve
+
+
+def _triangle(L: Array, X: Array, trans: int = 0) -> Array:
+    """L X, or Lᵀ X, of a lower triangle; for one vector only the triangle is read."""
+    if X.shape[1] != 1 or not len(X):
+        return np.asarray((L.T if trans else L) @ X)
+    (product,) = scipy.linalg.get_blas_funcs(("trmv",), (L,))
+    return np.asarray(product(L, X[:, 0], lower=1, trans=trans))[:, None]
+
+
+def _solved(L: Array, B: Array) -> Array:
+    """(L Lᵀ)⁻¹B; one vector takes a third of the time of a block of one."""
+    if B.shape[1] != 1:
+        return np.asarray(scipy.linalg.cho_solve((L, True), B, check_finite=False))
+    (solve,) = scipy.linalg.get_blas_funcs(("trsv",), (L,))
+    return np.asarray(solve(L, solve(L, B[:, 0], lower=1), lower=1, trans=1))[:, None]
 
 
 def _square(L: Array) -> Array:
@@ -396,7 +413,7 @@ class OnOneRank(Factorization):
         return self.cholesky.solve(R)
 
     def in_single_precision(self) -> Callable[[Array], Array]:
-        """Solves of vectors with a factor in single precision."""
+        """Solves of vectors with the factor in single precision, which it becomes."""
         return SinglePrecision(self.cholesky).solve
 
 
@@ -577,28 +594,39 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     if coarser is None:
         solver = Multigrid(with_entries(A), levels.motions())
     elif isinstance(plan, PlanByLinear):
-        inverse = partial(preconditioner, analysis=plan.taken())
+        inverse = partial(preconditioner, analysis=plan.taken)
         solver = TwoLevels(A, levels.motions, coarser, inverse, plan.A)
     else:
         solver = TwoLevels(A, levels.motions, coarser, preconditioner)
     solver.cost = Cost(sizes.bytes)
+    process.trim_heap()
     return solver
 
 
-def preconditioner(A: PETSc.Mat, analysis: Analysis | None = None) -> Callable[[Array], Array]:
+def preconditioner(
+    A: PETSc.Mat, analysis: Callable[[], Analysis | None] = lambda: None
+) -> Callable[[Array], Array]:
     """Approximate A⁻¹ on the coarse level; by a single-precision factor where that is accurate
     enough.
+
+    `analysis` gives up the symbolic factor. The factor in double precision becomes that in single
+    precision, and is made again where this is not accurate enough.
     """
-    factor = factorize(A, analysis)
+    process.trim_heap()
+    factor = factorize(A, analysis())
     if not isinstance(factor, (OnOneRank, Substructures)):
         return factor.solve
-    single = factor.in_single_precision()
-    b = np.random.default_rng(factor.comm.rank).standard_normal(A.getLocalSize()[0])
+    comm = factor.comm
+    b = np.random.default_rng(comm.rank).standard_normal(A.getLocalSize()[0])
     exact = factor.solve(b)
+    single = factor.in_single_precision()
+    del factor
     error = single(b) - exact
-    lost = factor.comm.allreduce(error @ multiply(A, error))
-    near = lost <= PRECONDITIONER_ERROR**2 * factor.comm.allreduce(b @ exact)
-    return single if near else factor.solve
+    lost = comm.allreduce(error @ multiply(A, error))
+    if lost <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact):
+        return single
+    del single
+    return factorize(A).solve
 
 
 def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:

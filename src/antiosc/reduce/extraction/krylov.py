@@ -416,8 +416,9 @@ def by_krylov(
     least number of blocks for which the error of Z is at most `accuracy`, and at most `counts`.
     Each step solves one block of right-hand sides.
     """
+    # room for a few more than are wanted: the system gives memory only to what is written
     runs = [
-        Lanczos(structure, static, n + len(static.kept) if band is None else BASIS_STEP, terms)
+        Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
     done: dict[int, tuple[Modes, Remainder | Reached | None]] = {}

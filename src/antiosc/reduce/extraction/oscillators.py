@@ -299,7 +299,8 @@ def elastic_count(static: SiteShapes, n: int) -> int:
 def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
     """The anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `selected` at a single site.
 
-    A weak rigid-body mode becomes one of them (`antiosc.models.motion`).
+    A weak rigid-body mode becomes one of them (`antiosc.models.motion`). The shapes of `selected`
+    become those of the model, in place.
     """
     w = float(static.W[0, 0])
     k0 = w**2 * float(static.k0[0, 0])
@@ -308,7 +309,8 @@ def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
     c = w * selected.P[:, 0]
     m = c**2
     residual = w * selected.residual[:, 0]
-    psi = selected.phi * c
+    psi = selected.phi
+    psi *= c
     hidden = static.nodal
     if n and static.weak.any():
         a = float(static.slide[0, 0])
