@@ -38,6 +38,9 @@ from antiosc.fem.mesh.reading import (
     flattened as flattened,
     numbered_elements as numbered_elements,
 )
+from antiosc.fem.mesh.room import (
+    largest_ball as largest_ball,
+)
 from antiosc.fem.mesh.soundness import (
     sound as sound,
 )

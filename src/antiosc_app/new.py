@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, combinations, islice
-from math import floor, log10, sqrt
+from math import floor, inf, log10, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -68,6 +68,8 @@ BALL_OVER_PATCH = {False: 10.0, True: 5.0}
 BALL_OVER_LENGTH = 0.1
 #: A site is in a hollow if its concave curvature exceeds this share of the ball's curvature.
 HOLLOW = 0.5
+#: Radius of the ball of a new scene over that of the largest one that touches the site alone.
+BALL_OVER_ROOM = 0.9
 #: Upward direction of a sheet in any plane.
 UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a face, over the size of the part, beyond which sites rate almost
@@ -127,7 +129,8 @@ class Inspection:
     where : group of the support; plane : (point, normal) of supported nodes; neither: free.
     on_plane : names of the groups that lie on that plane.
     point, direction : of the site; radius : of its patch, None for beams and sheets.
-    others : (point, direction, radius) of sites to try if that one cannot be struck.
+    room : radius of the largest ball that touches the site and nothing else [m].
+    others : (point, direction, radius, room) of sites to try if that one cannot be struck.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
     material : by name; unused for a deck.
@@ -158,7 +161,8 @@ class Inspection:
     on_plane: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     flat: tuple[float, float] | None = None
-    others: Sequence[tuple[list[float], list[float], float | None]] = ()
+    room: float = inf
+    others: Sequence[tuple[list[float], list[float], float | None, float]] = ()
     pieces: Sequence[Piece] = ()
     cell: float | None = None
     material: str = MATERIAL
@@ -190,7 +194,8 @@ class Inspection:
             largest = BALL_OVER_LENGTH * self.length
         else:
             largest = BALL_OVER_PATCH[self.of_deck] * self.radius
-        return min(LARGEST_BALL, float(f"{largest:.1g}"))
+        wanted = min(LARGEST_BALL, float(f"{largest:.1g}"))
+        return min(wanted, float(f"{BALL_OVER_ROOM * self.room:.2g}"))
 
     @property
     def stiffness(self) -> float | None:
@@ -341,6 +346,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     sites = _spread(sites)
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites)
+    if family != "Beam" and mesh.gdim == 3:
+        sites = _with_room(outer, sites)
     point, direction, radius = next(sites)
     radius = radius if family == "Solid" or mesh.gdim == 2 else None
     if structure is not None:
@@ -349,7 +356,10 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     others = []
     if mesh.tdim > 1 and structure is None:
         apart = islice(sites, APART - 1, OTHERS * APART, APART)
-        others = [(_rounded(p, size), _rounded(d), patch) for p, d, patch in apart]
+        others = [
+            (_rounded(p, size), _rounded(d), patch, _room(outer, (p, d, patch)))
+            for p, d, patch in apart
+        ]
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     count = min(COUNTS[family], dofs // DOFS_FOR_EACH)
@@ -373,6 +383,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         of_deck=structure is not None,
         on_plane=_groups_on(mesh, supported) if plane else (),
         flat=flat,
+        room=_room(outer, (point, direction, radius)),
         others=others,
         bars=_has_bars(mesh, structure),
     )
@@ -433,6 +444,29 @@ def _outside_hollows(
         else:
             yield site
     yield from hollow
+
+
+def _with_room(
+    outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
+) -> Iterator[tuple[Array, Array, float | None]]:
+    """The sites; those where the largest ball meets the part elsewhere come last."""
+    narrow = []
+    for site in sites:
+        if _room(outer, site) * BALL_OVER_ROOM < LARGEST_BALL:
+            narrow.append(site)
+        else:
+            yield site
+    yield from sorted(narrow, key=lambda site: -_room(outer, site))
+
+
+def _room(outer: Faces, site: tuple[Array, Array, float | None]) -> float:
+    """Radius [m] of the largest ball that touches a site of solids and sheets alone."""
+    from antiosc.extension import largest_ball
+
+    point, direction, radius = site
+    if outer.mesh.tdim == 1 or outer.mesh.gdim < 3:
+        return inf
+    return largest_ball(outer, np.asarray(point), -np.asarray(direction), radius or 0.0)[0]
 
 
 def _movable(
@@ -841,9 +875,9 @@ def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool
     fail.
     """
     reason: InputError | None = None
-    first = inspection.point, inspection.direction, inspection.radius
-    for point, direction, radius in (first, *inspection.others):
-        trial = replace(inspection, point=point, direction=direction, radius=radius)
+    first = inspection.point, inspection.direction, inspection.radius, inspection.room
+    for point, direction, radius, room in (first, *inspection.others):
+        trial = replace(inspection, point=point, direction=direction, radius=radius, room=room)
         try:
             return _tried_at(scene, name, part, trial, drop)
         except SiteError as error:

@@ -50,7 +50,7 @@ from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import Run, choose_n, truncation_warning
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.models.auto_contact import AUTO, AnyLaw, law_of, piercing
 from antiosc.models.body import LinearBody, coarse_cell, info_of
 from antiosc.models.motion import Motion
 
@@ -316,6 +316,13 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     assembly = history.assembly
     contact_histories = history.contact_histories
     for c, contact in enumerate(scene.contacts):
+        between = f"the contact of {contact.a!r} and {contact.b!r}"
+        names = [end.partition(":") for end in (contact.a, contact.b)]
+        bodies = [scene.bodies.get(name) for name, _, _ in names]
+        if contact_histories[c].contacts and None not in bodies:
+            sentence = piercing(*bodies, (names[0][2], names[1][2]))
+            if sentence:
+                warn(f"in {between}: {sentence}", AccuracyWarning)
         for end in (contact.a, contact.b) if contact_histories[c].contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
@@ -326,8 +333,7 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
                 coarse_cell(body, site, assembly.contact_time_estimate),
             ):
                 if sentence:
-                    text = f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}"
-                    warn(text, AccuracyWarning)
+                    warn(f"{name!r} in {between}: {sentence}", AccuracyWarning)
 
 
 Budget = Callable[[History], ErrorBudget]
@@ -434,6 +440,7 @@ def simulate(
             history = replace(history, message=f"{history.message} {sentence}")
     if history.run.touches:
         history = told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
+        history = told(history, piercing(model, impactor))
     warn_large_rotation(*history.largest_rotation())
     history = told(history, large_deflection_message(history))
     info = info_of(model)

@@ -6,8 +6,10 @@ from typing import Literal, TypeAlias, TypeGuard
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering, point_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.choice import Choice, choose
+from antiosc.engine.contact.curvature import CURVED
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.models.body import Body, checked_body, info_of
 
@@ -29,6 +31,37 @@ def chosen(first: object, second: object, sites: tuple[str, str] = ("", "")) -> 
     InputError if the material or the shape of a body is unknown.
     """
     return choose(_surface(first, sites[0]), _surface(second, sites[1]))
+
+
+def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -> str:
+    """Sentence on a round striker that meets a part beside its site; "" if it does not.
+
+    Of the two bodies one is a model of a part, the other a ball or a mass with a round tip.
+    """
+    bodies = [checked_body("a body in contact", body) for body in (first, second)]
+    surfaces = [body.surface(site) for body, site in zip(bodies, sites, strict=True)]
+    for k in (0, 1):
+        part, striker = surfaces[k], surfaces[1 - k]
+        if part is None or striker is None or info_of(bodies[1 - k]).surfaces is not None:
+            continue
+        meets = met_by(part, striker)
+        if meets:
+            return (
+                f"The striker, round with a radius of {engineering(1 / striker.curvatures[0], 'm')}"
+                f", pierces the part at {point_text(meets)} as it touches the site: the largest"
+                f" that touches there alone has {engineering(part.largest_ball, 'm')}; take a"
+                " smaller radius or another site."
+            )
+    return ""
+
+
+def met_by(part: Surface, striker: Surface) -> tuple[float, float, float] | None:
+    """The point of a part that a round striker pierces as it touches a site; None if none."""
+    low, high = striker.curvatures
+    round_tip = striker.kind == CURVED and low == high and low > 0
+    if round_tip and 1 / low > part.largest_ball:
+        return part.meets
+    return None
 
 
 def _surface(body: object, site: str) -> Surface:

@@ -83,6 +83,9 @@ class Surface:
     length : of the straight line along which a "line" extends [m].
     along : (3,) unit vector of the first principal direction; None: not known, or none.
     radius : of the patch over which it is touched [m]; None: a point.
+    largest_ball : radius [m] of the largest ball that touches there and meets the body nowhere
+        else; inf: any.
+    meets : (3,) the point of the body that a larger ball meets [m]; None without one.
     """
 
     matter: Matter
@@ -92,6 +95,8 @@ class Surface:
     length: float = inf
     along: tuple[float, float, float] | None = None
     radius: float | None = None
+    largest_ball: float = inf
+    meets: tuple[float, float, float] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The surface as JSON values."""
@@ -111,6 +116,8 @@ class Surface:
             surface = cls(**values | {"matter": Matter(**matter)})
             checks.floats("curvatures", surface.curvatures, (2,))
             checks.nonnegative("error", surface.error)
+            if not surface.largest_ball > 0:
+                raise InputError(f"largest_ball must be > 0, got {surface.largest_ball}")
             return replace(surface, matter=_checked(surface.matter))
         except (InputError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"the surface of a site is damaged: {error}.") from None

@@ -271,6 +271,15 @@ class Faces(Entities):
         return self.across(np.arange(len(self.facets)), self.middle)[1]
 
     @cached_property
+    def samples(self) -> Array:
+        """Points (n, 3) of the faces: their vertices, middles, and middles of their sides [m]."""
+        x = self.corners
+        around = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))
+        sides = (x[:, around] + np.roll(x[:, around], 1, axis=1)) / 2
+        points = np.concatenate([x, sides, x.mean(axis=1, keepdims=True)], axis=1)
+        return np.unique(points.reshape(-1, 3), axis=0)
+
+    @cached_property
     def sizes(self) -> Array:
         """Mean length of the sides (F,) [m]."""
         around = [0, 1, 3, 2] if self.corners.shape[1] == 4 else list(range(self.corners.shape[1]))

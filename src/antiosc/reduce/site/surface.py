@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import hypot, isclose
+from dataclasses import dataclass, replace
+from math import hypot, inf, isclose
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.shell import Laminate
 from antiosc.fem.mesh.closest import closest
 from antiosc.fem.mesh.curvature import curvature
+from antiosc.fem.mesh.room import largest_ball
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member
 from antiosc.fem.structure.structure import Structure
@@ -65,9 +66,36 @@ def surface_at(
             raise InputError("a plane part has no surface in space.")
         if isinstance(material, Beam):
             return _of_bar(material, matter, radius)
-        return placed(at.curvature(lengths), matter, corner, radius)
+        curved = at.curvature(lengths)
+        surface = placed(curved, matter, corner, radius)
+        if curved.kind in SHARP:
+            return surface
+        room, meets = _room(matrices, curved, radius or 0.0)
+        return replace(surface, largest_ball=room, meets=meets)
 
     return matrices.decided(work)
+
+
+def _room(
+    matrices: MeshedParts, curved: Curvature, near: float
+) -> tuple[float, tuple[float, float, float] | None]:
+    """Radius of the largest ball that touches there alone, and the point that a larger one meets.
+
+    `near`: radius of the patch [m].
+    """
+    best = inf
+    meets = None
+    for member in matrices.members():
+        if member.part.mesh.tdim < 2:
+            continue
+        point = member.at.own(curved.point[None])[0]
+        normal = curved.normal @ member.at.rotation
+        radius, met = largest_ball(member.part.faces, point, normal, near)
+        if radius < best:
+            best = radius
+            x, y, z = member.at.placed(met[None])[0].tolist()
+            meets = (x, y, z)
+    return best, meets
 
 
 def curvature_at(
