@@ -24,7 +24,7 @@ from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import sites_of, surface
 from antiosc.reduce.site.sites import located
-from antiosc.strikes import impact_map as maps
+from antiosc.strikes import impact_map as maps, map_results
 from antiosc.strikes.map_results import hardest
 from antiosc_app import live as verdict, live_meshes as sites
 from antiosc_app.live import headline_of_map
@@ -442,3 +442,16 @@ def test_stress_needs_impacts_and_no_strength():
     assert "exposure" not in found.quantities()
     with pytest.raises(ao.InputError):
         ao.impact_map(part, POINTS, direction=(0, 0, -1), radius=0.02, stress=True)
+
+
+def test_the_reasons_of_doubtful_sites_add_up_to_their_number(steel):
+    points = [(0.06, 0.04, 0.03), (0.12, 0.08, 0.03), (0.08, 0.04, 0.03), (0.0, 0.0, 0.03)]
+    found = ao.impact_map(steel, points[:1], direction=(0, 0, -1), radius=0.02, accuracy=1e9)
+    many = dataclasses.replace(
+        found, points=np.array(points), doubtful=np.zeros(4, dtype=bool), reasons=np.full(4, "")
+    )
+    first = map_results.doubted(many, np.array([True, True, False, False]), "it is cut")
+    both = map_results.doubted(first, np.array([False, True, True, False]), "it is held")
+    assert both.doubtful.tolist() == [True, True, True, False]
+    told = map_results.doubts_text(both)
+    assert told == "3 doubtful sites: 2 where it is cut, 1 where it is held"

@@ -172,6 +172,7 @@ from antiosc.strikes.impact_map import (
     on_plane as on_plane,
 )
 from antiosc.strikes.map_results import (
+    doubts_text as doubts_text,
     hardest as hardest,
     trusted as trusted,
 )

@@ -7,6 +7,7 @@ the struck part and the sites of a map.
 from __future__ import annotations
 
 import base64
+import contextlib
 import hashlib
 import json
 import re
@@ -26,8 +27,10 @@ from antiosc import (
     LinearBody,
     ModalBody,
     SceneHistory,
+    simulate,
 )
 from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError, warnings_to
 from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
@@ -36,6 +39,7 @@ from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
     QUANTITIES,
     ErrorBudget,
+    doubts_text,
     hardest,
     softest_model,
     trusted,
@@ -357,8 +361,8 @@ def headline_of_history(
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds)
 
 
-def headline_of_map(impact_map: ImpactMap) -> Headline:
-    """The headline of a map."""
+def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -> Headline:
+    """The headline of a map; with its structure it has the error bar of the largest force."""
     numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
     if impact_map.peak_force is not None and impact_map.contact_time is not None:
@@ -370,11 +374,15 @@ def headline_of_map(impact_map: ImpactMap) -> Headline:
             text = " to ".join(engineering(value, unit) for value in ends)
             numbers.append((name.replace("_", " "), text))
         where = point_text(impact_map.points[worst_site])
-        sentences.append(f"The largest force, {engineering(high, 'N')}, arises at {where}.")
+        bar = None if structure is None else map_bar(impact_map, structure)
+        shown = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
+        sentences.append(f"The largest force, {shown}, arises at {where}.")
         if impact_map.doubtful.any():
-            sentences.append(f"{impact_map.doubtful.sum()} doubtful sites are left out of these.")
+            sentences.append(f"Left out of these: {doubts_text(impact_map)}.")
     if impact_map.peak_stress is not None:
         sentences.append(_most_dangerous(impact_map))
+    elif impact_map.impactor:
+        sentences.append("Stresses are not part of it: give the [map] of a scene stress = true.")
     worst = float(impact_map.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
@@ -385,6 +393,28 @@ def headline_of_map(impact_map: ImpactMap) -> Headline:
         f"{_named(impact_map.info.get('structure', 'a part'))}."
     )
     return Headline(about if impact_map.impactor else "Models over a surface", numbers, sentences)
+
+
+def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
+    """Relative error of the largest force of a map by its own extraction; None if not known.
+
+    Parts in pieces over several ranks have none: only the first rank asks.
+    """
+    from antiosc import Site, extract  # they need the finite-element packages
+
+    if structure.comm.size > 1 or impact_map.impactor is None or impact_map.duration is None:
+        return None
+    i = hardest(impact_map)
+    radius = None if impact_map.radius is None else float(impact_map.radius[i])
+    site = Site(impact_map.points[i].tolist(), impact_map.directions[i].tolist(), radius, snap=True)
+    law = impact_map.contact if impact_map.laws is None else impact_map.laws[i]
+    assert law is not None
+    with contextlib.suppress(AntioscError), warnings_to(lambda _: None):
+        model = extract(structure, site, n=impact_map.models.m.shape[1], error="estimate")
+        hit = simulate(model, impact_map.impactor, law, impact_map.duration)
+        bar = hit.error_budget["peak_force"].total
+        return bar if bar is not None and np.isfinite(bar) else None
+    return None
 
 
 def _most_dangerous(impact_map: ImpactMap) -> str:

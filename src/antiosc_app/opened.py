@@ -401,7 +401,7 @@ class Opened:
         data = live_data.data_of_map(impact_map, blow.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        return {"map": data, "verdict": live.headline_of_map(impact_map).sentences}
+        return {"map": data, "verdict": live.headline_of_map(impact_map, blow.structure).sentences}
 
     def _names(self, _: Table) -> Data:
         """The names of the scene and the report that would be written, and their folder, to be

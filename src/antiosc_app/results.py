@@ -26,6 +26,7 @@ from antiosc.extension import (
     MAP_QUANTITIES,
     QUANTITIES,
     ErrorBudget,
+    doubts_text,
     error_scope,
     hardest,
     trusted,
@@ -807,7 +808,7 @@ def _map(results: SceneResults) -> Presentation:
         f", {impact_map.skipped} left out" if impact_map.skipped else ""
     )
     if impact_map.doubtful.any():
-        sites += f"; {impact_map.doubtful.sum()} doubtful ones are not in these ranges"
+        sites += f"; not in these ranges: {doubts_text(impact_map)}"
     rows = [("sites", sites)]
     meant = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
     for name, values in quantities.items():

@@ -317,10 +317,10 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     contact_histories = history.contact_histories
     for c, contact in enumerate(scene.contacts):
         between = f"the contact of {contact.a!r} and {contact.b!r}"
-        names = [end.partition(":") for end in (contact.a, contact.b)]
-        bodies = [scene.bodies.get(name) for name, _, _ in names]
+        first, second = contact.a.partition(":"), contact.b.partition(":")
+        bodies = scene.bodies.get(first[0]), scene.bodies.get(second[0])
         if contact_histories[c].contacts and None not in bodies:
-            sentence = piercing(*bodies, (names[0][2], names[1][2]))
+            sentence = piercing(bodies[0], bodies[1], (first[2], second[2]))
             if sentence:
                 warn(f"in {between}: {sentence}", AccuracyWarning)
         for end in (contact.a, contact.b) if contact_histories[c].contacts else ():

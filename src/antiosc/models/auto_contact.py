@@ -38,8 +38,11 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
 
     Of the two bodies one is a model of a part, the other a ball or a mass with a round tip.
     """
-    bodies = [checked_body("a body in contact", body) for body in (first, second)]
-    surfaces = [body.surface(site) for body, site in zip(bodies, sites, strict=True)]
+    bodies = first, second
+    surfaces = [
+        body.surface(site) if isinstance(body, Body) else None
+        for body, site in zip(bodies, sites, strict=True)
+    ]
     for k in (0, 1):
         part, striker = surfaces[k], surfaces[1 - k]
         if part is None or striker is None or info_of(bodies[1 - k]).surfaces is not None:

@@ -57,7 +57,7 @@ from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact, impact_band
 from antiosc.models import driving_point, free_modes
-from antiosc.models.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of
+from antiosc.models.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of, met_by
 from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import ModalBody
@@ -76,7 +76,7 @@ from antiosc.reduce.site.doubts import doubtful_patches
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
-from antiosc.strikes.map_results import ImpactMap, MapInfo, hardest
+from antiosc.strikes.map_results import ImpactMap, MapInfo, doubted, hardest
 from antiosc.strikes.map_stresses import largest_stresses
 
 #: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
@@ -248,15 +248,17 @@ def impact_map(
         skipped=map_sites.count - len(sites),
         names=map_sites.names,
         info=info,
-        doubtful=doubtful_patches(sites),
     )
+    for reason, which in doubtful_patches(sites).items():
+        result = doubted(result, which, reason)
     on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or law is None or duration is None:
         return result
     laws = None
     if not with_law:
-        laws, sharp = _laws(structure, result, impactor, law)
-        result = replace(result, doubtful=result.doubtful | sharp)
+        laws, doubts = _laws(structure, result, impactor, law)
+        for reason, which in doubts.items():
+            result = doubted(result, which, reason)
     seen_if = seen if stress else None
     struck = _struck(structure, seen_if, result, impactor, law, laws, duration)
     if stretch is not False:
@@ -275,10 +277,10 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
 
 def _laws(
     structure: Structure, impact_map: ImpactMap, impactor: LinearBody, plane: ContactLaw
-) -> tuple[list[ContactLaw], BoolArray]:
-    """(laws of the P sites, mask (P,) of those at edges or in a hollow of the impactor's size)."""
+) -> tuple[list[ContactLaw], dict[str, BoolArray]]:
+    """(laws of the P sites, reason -> mask (P,) of sites where the impact is another one)."""
     laws = []
-    sharp = np.zeros(len(impact_map), dtype=bool)
+    sharp, hollow, pierced = (np.zeros(len(impact_map), dtype=bool) for _ in range(3))
     radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)
     sites = zip(impact_map.points, impact_map.directions, radii.tolist(), strict=True)
     striker = impactor.surface() if isinstance(impactor, Body) else None
@@ -289,12 +291,18 @@ def _laws(
             body = PlaneOf(structure, of_site)
             try:
                 laws.append(law_of(AUTO, body, impactor))
-            except InputError:  # a hollow of the impactor's size
+            except InputError:
                 laws.append(plane)
-                sharp[i] = True
-            sharp[i] |= of_site is not None and of_site.kind in SHARP
+                hollow[i] = True
+            if of_site is not None:
+                sharp[i] = of_site.kind in SHARP
+                pierced[i] = striker is not None and met_by(of_site, striker) is not None
             ready(i + 1)
-    return laws, sharp
+    return laws, {
+        "an edge or a corner is struck": sharp,
+        "a hollow is too narrow for the striker": hollow,
+        "the striker pierces the part elsewhere": pierced,
+    }
 
 
 def _surface(
@@ -487,6 +495,7 @@ def _struck(
         forces = [force for batch, _ in parts for force in batch.force]
         stresses = largest_stresses(structure, stressed, forces, duration)._asdict()
         seconds["stresses"] = time.perf_counter() - struck
+    result = doubted(result, peaks > (1 + BEYOND) * on_wall, "the force exceeds that on a wall")
     return replace(
         result,
         **stresses,
@@ -495,7 +504,6 @@ def _struck(
         contact=contact,
         laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
         duration=duration,
-        doubtful=result.doubtful | (peaks > (1 + BEYOND) * on_wall),
         peak_force=peaks,
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),

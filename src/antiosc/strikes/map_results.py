@@ -54,8 +54,9 @@ class ImpactMap(Completed):
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.
     doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports hold
-        a part of it, so that its half-space compliance is not valid, or the force exceeds that on a
-        rigid wall. `summary` and `plot` omit them.
+        a part of it, so that its half-space compliance is not valid, the striker meets the part
+        elsewhere, or the force exceeds that on a rigid wall. `summary` and `plot` omit them.
+    reasons : (P,) the first reason why a site is doubtful; "" of the others.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
@@ -92,6 +93,7 @@ class ImpactMap(Completed):
     stress_points: Array | None = None
     info: MapInfo = field(default_factory=lambda: MapInfo())
     doubtful: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    reasons: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, dtype=str))
     impactor: LinearBody | None = None
     contact: ContactLaw | None = None
     laws: Sequence[ContactLaw] | None = None
@@ -102,6 +104,8 @@ class ImpactMap(Completed):
     def __post_init__(self) -> None:
         if not self.doubtful.size:
             store(self, doubtful=np.zeros(len(self.points), dtype=bool))
+        if not self.reasons.size:
+            store(self, reasons=np.full(len(self.points), ""))
 
     def __len__(self) -> int:
         return len(self.points)
@@ -202,9 +206,7 @@ class ImpactMap(Completed):
             rows.append(row)
         if self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
-            rows.append(
-                f"{self.doubtful.sum()} doubtful sites are left out of k0, the peak forces{stress}"
-            )
+            rows.append(f"{doubts_text(self)}; left out of k0, the peak forces{stress}")
         if self.law_error:
             rows.append(
                 f"the largest peak force may be off by {percent(self.law_error)} by its contact "
@@ -229,6 +231,20 @@ class ImpactMap(Completed):
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
         return plot_map(self, path, quantity)
+
+
+def doubted(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
+    """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
+    reasons = np.where(which & ~impact_map.doubtful, reason, impact_map.reasons)
+    return replace(impact_map, doubtful=impact_map.doubtful | which, reasons=reasons)
+
+
+def doubts_text(impact_map: ImpactMap) -> str:
+    """The number of doubtful sites and those of each reason, which add up to it."""
+    reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
+    total = f"{impact_map.doubtful.sum()} doubtful sites"
+    named = [f"{counts[i]} where {reasons[i]}" for i in np.argsort(-counts) if reasons[i]]
+    return f"{total}: {', '.join(named)}" if named else total
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:

@@ -57,13 +57,13 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
         return
     number = int(np.any([doubt.which for doubt in doubts], axis=0).sum())
     reasons = "; ".join(doubt.among.format(int(doubt.which.sum())) for doubt in doubts)
-    message = f"the patch is doubtful at {number} of {count} sites: {reasons}."
+    message = f"look at the patch at {number} of {count} sites: {reasons}."
     warn(structure.comm, message, AccuracyWarning)
 
 
-def doubtful_patches(sites: Sites) -> BoolArray:
-    """Mask (P,) of the sites whose patch does not have the half-space compliance."""
-    return _cut(sites) | _supported(sites)
+def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
+    """Reason -> mask (P,) of the sites whose patch does not have the half-space compliance."""
+    return {"an edge cuts the patch": _cut(sites), "supports hold a part of it": _supported(sites)}
 
 
 def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
