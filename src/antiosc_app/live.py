@@ -30,7 +30,7 @@ from antiosc import (
     simulate,
 )
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, warnings_to
+from antiosc.base.errors import AntioscError, InputError, warnings_to
 from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
@@ -355,7 +355,7 @@ def headline_of_history(
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
         ("energy", _absorbed(hit)),
-        ("accuracy", _accuracy(budget)),
+        ("accuracy", _accuracy(budget, structure)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds)
@@ -487,6 +487,7 @@ def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
         if margin.criterion == "yield":
             judged: Data = {"stress": margin.value, "strength": margin.strength}
             judged["beyond"] = float(margin.beyond[:, 3].max(initial=0.0))
+            judged["stress_time"] = margin.time
             return judged
     if worst is None:
         return {}
@@ -507,13 +508,25 @@ def _absorbed(hit: History) -> str:
     )
 
 
-def _accuracy(budget: ErrorBudget | None) -> str:
+def has_bars(structure: Structure) -> bool:
+    """Whether `extract(…, error="estimate")` accepts a structure."""
+    from antiosc.extension import ModelErrors, refuse_dampers
+
+    try:
+        refuse_dampers(structure, "an error bar")
+        ModelErrors(structure)
+    except InputError:
+        return False
+    return True
+
+
+def _accuracy(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence on what limits the accuracy, and the remedy."""
     if budget is None:
-        return (
-            "There is no error bar, for the mesh's error is not estimated:"
-            ' error="estimate" of extract gives one.'
-        )
+        reason = "There is no error bar, for the mesh's error is not estimated"
+        if structure is None or not has_bars(structure):
+            return f"{reason}."
+        return f'{reason}: error="estimate" of extract gives one.'
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     largest = (

@@ -30,9 +30,10 @@ from antiosc.base.errors import AntioscError, InputError, SiteError, warnings_to
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
+from antiosc_app.live import has_bars
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.compiled import compiled
-from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.document import read, without_line
 from antiosc_app.scene_file.outline import Outline, check_size
 from antiosc_app.scene_file.run import results
 
@@ -391,16 +392,9 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
 
 def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
     """Whether `extract(…, error="estimate")` accepts the part."""
-    from antiosc.extension import ModelErrors, refuse_dampers
-
     if structure is None:
         return mesh.tdim != 2 or mesh.gdim == 2 or mesh.cell == "triangle"
-    try:
-        refuse_dampers(structure, "an error bar")
-        ModelErrors(structure)
-    except InputError:
-        return False
-    return True
+    return has_bars(structure)
 
 
 def _flat(
@@ -701,7 +695,7 @@ def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
         figure = deformed_figure(part, whole_scale=True)
     else:  # each face has points of its own, so that it is held or not
         count = faces.shape[1]
-        held = np.repeat(inspection.held[faces].all(axis=1), count).astype(float)
+        held = np.repeat(inspection.held[faces].any(axis=1), count).astype(float)
         points = points[faces.ravel()]
         faces = np.arange(len(points)).reshape(-1, count)
         arrow = np.array(inspection.point), np.array(inspection.direction)
@@ -931,7 +925,7 @@ def _try(scene: Path, name: str) -> float | None:
             )
     except AntioscError as error:
         kind = SiteError if isinstance(error.__cause__, SiteError) else InputError
-        raise kind(str(error).replace(str(scene), name)) from None
+        raise kind(without_line(error)) from None
     hit = computed.history
     cell = hit and coarse_at(computed.model, "", hit.assembly.contact_time_estimate)
     return float(f"{cell.allowed:.1g}") if cell else None

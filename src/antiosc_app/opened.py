@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import re
 import threading
 import tomllib
 from collections.abc import Callable
@@ -41,6 +40,7 @@ from antiosc_app.scene_file.document import (
     Problems,
     SceneFileError,
     read as read_document,
+    without_line,
 )
 from antiosc_app.scene_file.scene import CompiledScene, by_strengths, worst_by_strengths
 from antiosc_app.set_up import (
@@ -77,8 +77,6 @@ FALLS = 10
 TABS = 100
 #: Largest number of runs, each twice as long, until striker and part no longer touch at the end.
 LONGER = 5
-#: Prefix "file:line: " of a message about a scene.
-LINE = re.compile(r"^\S+\.toml:\d+: ", re.MULTILINE)
 #: Sections of a scene on which the structure depends; on which its model depends.
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
@@ -182,7 +180,7 @@ class Opened:
                 try:
                     result = work()
                 except SceneFileError as error:  # the page knows no lines
-                    raise InputError(LINE.sub("", str(error.__cause__ or error))) from None
+                    raise InputError(without_line(error)) from None
             return {**result, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
 
         self._count(1)

@@ -464,11 +464,11 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
 def _mesh_note(peak: PeakField) -> str:
     """The error of the judged stress by the mesh; beyond yield that this stress is not reached."""
     value = peak.values[peak.judged]
-    if peak.mesh_error is None or not value:
+    if not peak.largest_mesh_error or not value:
         return ""
     if peak.exposure is not None and peak.margin().reached:
         return "the elastic stress is not reached, because the material yields first"
-    return f"estimated error by the mesh: {percent(peak.mesh_error[peak.judged] / value)} of it"
+    return f"estimated error by the mesh: {percent(peak.largest_mesh_error / value)} of it"
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
@@ -478,8 +478,8 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
         value, point, time = peak.largest(1)[0]
         content[name] = {"value": value, "unit": peak.unit, "point": point, "time": time}
         content[name]["doubt"] = peak.doubt
-        if peak.mesh_error is not None:
-            content[name]["mesh_error"] = peak.mesh_error[peak.judged]
+        if peak.largest_mesh_error:
+            content[name]["mesh_error"] = peak.largest_mesh_error
         content[name] |= _margin_numbers(peak)
     return content
 

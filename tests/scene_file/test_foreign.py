@@ -343,7 +343,7 @@ def test_numbers_of_nodes_in_a_scene_are_those_points(tmp_path, monkeypatch):
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
 
 
-def test_a_part_of_one_cell_is_struck_without_error_bars(tmp_path):
+def test_a_part_of_one_cell_is_struck_without_error_bars(tmp_path, monkeypatch, capsys):
     """One cell has no neighbours, whose strains would tell its error."""
     nodes = [(0, 0, 0), (1, 0, 0), (0.5, 0.8, 0), (0.5, 0.3, 0.8)]
     rows = [f"{k}, {', '.join(map(str, x))}" for k, x in enumerate(nodes, 1)]
@@ -351,7 +351,11 @@ def test_a_part_of_one_cell_is_struck_without_error_bars(tmp_path):
     part.write_text("\n".join(["*NODE", *rows, "*ELEMENT, TYPE=C3D4", "1, 1, 2, 3, 4", ""]))
     scene, told = new.write_scene(tmp_path / "one.toml", str(part))
     assert any("without error bars" in line and "neighbouring cells" in line for line in told)
+    assert not any(".toml:" in line for line in told)  # of a scene that was not written
     assert "error" not in tomllib.loads(scene.read_text())["extract"]
+    monkeypatch.chdir(tmp_path)
+    assert antiosc("run", scene.name) == 0
+    assert "error by the mesh" not in capsys.readouterr().out  # at a node of one cell
 
 
 def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):

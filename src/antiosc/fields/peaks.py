@@ -357,6 +357,16 @@ class PeakField(Completed):
             open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
         return largest_of_kind
 
+    @property
+    def largest_mesh_error(self) -> float | None:
+        """Estimated mesh error of the largest value; None without an estimate.
+
+        A node of one cell has none: the estimate compares the cells that meet there.
+        """
+        if self.mesh_error is None:
+            return None
+        return float(self.mesh_error[self.judged]) or None
+
     def summary(self, count: int = 5) -> str:
         """The largest values with point and time, as a table."""
         rows = [f"largest {self.quantity}, where and when"]
@@ -369,8 +379,8 @@ class PeakField(Completed):
         left_out = ""
         if self._margin is not None and len(self._margin.beyond):
             left_out = " that is judged"
-        if self.mesh_error is not None:
-            mesh_error = engineering(self.mesh_error[self.judged], self.unit)
+        if self.largest_mesh_error:
+            mesh_error = engineering(self.largest_mesh_error, self.unit)
             rows.append(f"estimated error by the mesh, of the largest{left_out}: {mesh_error}")
         rows += [self.doubt] if self.doubt else []
         if self._margin is not None:

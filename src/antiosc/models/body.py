@@ -480,6 +480,5 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
         f"The cell at the site{at} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
-        f" {engineering(cell.allowed, 'm')} there (refine=), or extract(…, error="
-        '"estimate"), which tells the error.'
+        f" {engineering(cell.allowed, 'm')} there (refine=)."
     )

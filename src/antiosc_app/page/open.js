@@ -264,6 +264,7 @@ class Bench {
   show_fields() {
     for (const one of this.shown) one();
     const falls = this.setup.striker.kind === "floor";
+    for (const id of ["site-fields", "in-python"]) find(id).hidden = falls;
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
@@ -349,8 +350,8 @@ class Bench {
     if (verdict) {
       this.tell(verdict);
       Object.assign(this.page.data, judged);
-      this.page.follow_stress();
-      this.page.picture();
+      delete this.page.drawn;
+      this.page.rest();
     }
     document.documentElement.dataset.complete = this.turn;
   }

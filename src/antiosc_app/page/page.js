@@ -100,7 +100,11 @@ class Page {
         ...(this.part && this.data.part.stress ? [["stress", "von Mises stress"]] : [])];
     find("kind").replaceChildren();
     for (const [kind, label] of kinds) made("option", find("kind"), label, { value: kind });
-    find("kind").onchange = () => { this.kind = find("kind").value; this.picture(); };
+    find("kind").onchange = () => {
+      this.kind = find("kind").value;
+      if (this.part && this.kind && !this.frame) this.frame = this.part.peak(this.kind);
+      this.picture();
+    };
     find("play").hidden = find("frame").hidden = !this.part || !this.data.part.motion;
     find("play").onclick = () => this.play(!this.playing);
     find("frame").oninput = () => { this.play(false); this.frame = Number(find("frame").value); this.picture(); };
@@ -248,7 +252,7 @@ class Page {
   }
 
   draw_chart() {
-    const playing = this.part && this.kind ? this.frame / FRAMES * this.until : null;
+    const playing = this.part && this.kind ? this.frame / FRAMES * this.last() : null;
     this.chart.show({ until: this.until, now: this.hit, computed: this.sites ? this.blow.computed : this.compared(), bar: this.bar, at: playing });
   }
 
@@ -258,11 +262,14 @@ class Page {
     if (this.sites) this.sites.strike(this.engine, this.at_start() ? null : this.set, this.blow);
     if (this.part) {
       this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
-      this.part.follow(this.engine, this.hit, this.until);
+      this.part.follow(this.engine, this.hit, this.last());
       this.follow_stress();
     }
     this.picture();
   }
+
+  // The end of the pictures: that of the chart, or the time of the largest stress where it comes later.
+  last() { return Math.min(Math.max(this.until, 1.02 * (this.data.stress_time || 0)), this.hit.duration); }
 
   // The largest stress: that of the computed case, as the picture's largest grows.
   follow_stress() {
@@ -281,7 +288,7 @@ class Page {
     if (this.sites) this.sites.show(this.kind, this.site);
     else if (this.part) this.part.show(this.kind, this.frame);
     find("frame").value = this.frame;
-    find("frame").setAttribute("aria-valuetext", engineering(this.frame / FRAMES * this.until, "s"));
+    find("frame").setAttribute("aria-valuetext", engineering(this.frame / FRAMES * this.last(), "s"));
     if (this.kind) this.legend();
     this.draw_chart();
   }
@@ -291,7 +298,7 @@ class Page {
     const [low, high] = this.sites ? this.sites.range(this.kind) : [0, this.part.top(this.kind)];
     find("low").textContent = engineering(low, unit);
     find("high").textContent = engineering(high, unit);
-    const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.until, "s")}` : "";
+    const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.last(), "s")}` : "";
     find("what").textContent = label + drawn;
   }
 

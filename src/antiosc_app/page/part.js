@@ -37,6 +37,13 @@ class Part {
     return this.largest[kind];
   }
 
+  // The frame with the largest value.
+  peak(kind) {
+    const every = this.states.filter((_, k) => k % 3 === 0);
+    const sizes = every.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0));
+    return 3 * sizes.indexOf(Math.max(...sizes));
+  }
+
   // The end of the scale of colours: the largest value, be it drawn or between the drawn points and times.
   top(kind) { return Math.max(this.most(kind), this.known && this.known[kind] || 0); }
 

@@ -36,6 +36,15 @@ class SceneFileError(InputError):
     """A scene file with mistakes: one sentence for each, with the file and the line."""
 
 
+#: Prefix "file:line: " of a message about a scene.
+LINE = re.compile(r"^\S+\.toml:\d+: ", re.MULTILINE)
+
+
+def without_line(error: Exception) -> str:
+    """The message of an error of a scene that its reader does not see, without file and line."""
+    return LINE.sub("", str(error.__cause__ or error))
+
+
 @dataclass
 class Problems:
     """The mistakes found so far in a file, each with its place.
