@@ -45,6 +45,7 @@ from antiosc.extension import (
     trusted,
     weaker_side,
 )
+from antiosc.models.auto_contact import piercing
 from antiosc.models.body import info_of, site_points
 
 if TYPE_CHECKING:
@@ -355,6 +356,7 @@ def headline_of_history(
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
         ("energy", _absorbed(hit)),
+        ("doubt", piercing(hit.model, hit.impactor)),
         ("accuracy", _accuracy(budget, structure)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)

@@ -31,6 +31,7 @@ from antiosc.extension import (
     hardest,
     trusted,
 )
+from antiosc.models.auto_contact import piercing
 from antiosc.models.body import GRAVITY, info_of, site_points
 from antiosc.plot.charts import (
     legend_beside,
@@ -385,8 +386,9 @@ def _impact(results: SceneResults) -> Presentation:
     for name, bar in (budget or {}).items():
         bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
     is_scene = isinstance(hit, SceneHistory)
+    doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     return Presentation(
-        text=[hit.summary(), str(budget or ""), format_rows([*probe_rows, *stresses])],
+        text=[hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])],
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.models.auto_contact import piercing
 from antiosc.reduce.site.surface import surface_at
+from antiosc_app.live import headline_of_history
 
 pytestmark = pytest.mark.fem
 #: A base of 60 × 40 × 10 mm with a wall at x < 10 mm, 40 mm high.
@@ -49,21 +51,18 @@ def test_a_part_of_an_assembly_is_turned(angle):
     assert surface.meets == pytest.approx([0.48, 0.01, 0.025], abs=3e-3)
 
 
-def test_a_ball_that_pierces_the_part_is_told_where_it_runs(angle):
+def test_a_ball_that_pierces_the_part_is_told(angle):
     site = ao.Site((0.02, 0.02, 0.01), (0, 0, -1), radius=5e-3)
     model = ao.extract(angle, site, n=4)
     sound, large = (
         ao.Sphere(radius=radius, material="steel S235", velocity=0.2) for radius in (8e-3, 0.02)
     )
-    assert "pierces" not in ao.simulate(model, sound, duration=2e-4).message
-    with pytest.warns(ao.AccuracyWarning, match=r"20\.0 mm, pierces the part at \(10, "):
-        hit = ao.simulate(model, large, duration=2e-4)
-    assert "pierces" in hit.message
-    with pytest.warns(ao.AccuracyWarning, match="pierces"):
-        ao.simulate_many(model, [large, sound], duration=2e-4)
-    contact = ao.Contact("part", "ball")
-    with pytest.warns(ao.AccuracyWarning, match="contact of 'part' and 'ball': .* pierces"):
-        ao.Scene(bodies={"part": model, "ball": large}, contacts=[contact]).run(2e-4)
+    assert piercing(model, sound) == ""
+    sentence = piercing(model, large)
+    assert "20.0 mm, pierces the part at (10, " in sentence
+    assert piercing(large, model, ("", "")) == sentence
+    hit = ao.simulate(model, large, duration=2e-4)
+    assert sentence in headline_of_history(hit, angle, None, {}, None).sentences
 
 
 def test_a_new_scene_has_a_ball_that_touches_its_site_alone(angle):

@@ -43,7 +43,7 @@ from antiosc.impact.scene import DEFAULT_TOL, check_range, range_error, simulate
 from antiosc.impact.truncation import truncation_warning
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of, piercing
+from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.models.body import LinearBody, ModelInfo, coarse_cell, info_of
 from antiosc.plot.charts import figure_or_path, panels
 
@@ -384,7 +384,6 @@ def simulate_many(
         rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
     meshed = [one for one in sharpness if _info(scenes[one[1]]).cells]
     rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
-    _warn_of_piercing([scenes[i] for i in struck])
     hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
     rerun(deflections, large_deflection_message)
@@ -394,14 +393,6 @@ def simulate_many(
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
-
-
-def _warn_of_piercing(scenes: Sequence[Impact]) -> None:
-    """Warn of the first striker that pierces its part."""
-    for scene in {(id(one.model), id(one.impactor)): one for one in scenes}.values():
-        if sentence := piercing(scene.model, scene.impactor):
-            warn(sentence, AccuracyWarning)
-            return
 
 
 def _info(scene: Impact) -> ModelInfo:

@@ -50,7 +50,7 @@ from antiosc.impact.stretching import stretched
 from antiosc.impact.truncation import Run, choose_n, truncation_warning
 from antiosc.impact.two_bodies import Impact, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, AnyLaw, law_of, piercing
+from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
 from antiosc.models.body import LinearBody, coarse_cell, info_of
 from antiosc.models.motion import Motion
 
@@ -316,13 +316,6 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     assembly = history.assembly
     contact_histories = history.contact_histories
     for c, contact in enumerate(scene.contacts):
-        between = f"the contact of {contact.a!r} and {contact.b!r}"
-        first, second = contact.a.partition(":"), contact.b.partition(":")
-        bodies = scene.bodies.get(first[0]), scene.bodies.get(second[0])
-        if contact_histories[c].contacts and None not in bodies:
-            sentence = piercing(bodies[0], bodies[1], (first[2], second[2]))
-            if sentence:
-                warn(f"in {between}: {sentence}", AccuracyWarning)
         for end in (contact.a, contact.b) if contact_histories[c].contacts else ():
             name = end.partition(":")[0]
             begin = assembly.spans[name].start if name in assembly.spans else 0
@@ -333,7 +326,8 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
                 coarse_cell(body, site, assembly.contact_time_estimate),
             ):
                 if sentence:
-                    warn(f"{name!r} in {between}: {sentence}", AccuracyWarning)
+                    text = f"{name!r} in the contact of {contact.a!r} and {contact.b!r}: {sentence}"
+                    warn(text, AccuracyWarning)
 
 
 Budget = Callable[[History], ErrorBudget]
@@ -440,7 +434,6 @@ def simulate(
             history = replace(history, message=f"{history.message} {sentence}")
     if history.run.touches:
         history = told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
-        history = told(history, piercing(model, impactor))
     warn_large_rotation(*history.largest_rotation())
     history = told(history, large_deflection_message(history))
     info = info_of(model)
