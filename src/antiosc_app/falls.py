@@ -10,12 +10,13 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, engineering, point_text
+from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import ended
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
+from antiosc_studies.drops.trajectory import law_error
 
 #: Number of times at which the page shows the part: of a flight at most, of all; samples of a
 #: force.
@@ -81,12 +82,19 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
+        "bar": _law_error(fall, k),
         "time": impact.time,
         "at": point_text(impact.place),
         "place": (touch.R @ (impact.place - body.centre) + touch.centre).tolist(),
         "frame": int(np.searchsorted(times, impact.time)),
         "curve": {"time": samples, "force": np.interp(samples, time, force)},
     }
+
+
+def _law_error(fall: Fall, k: int) -> float:
+    """Relative error of the peak force of an impact by its contact law; 0 if unknown."""
+    episodes = [fall.episodes[i] for i in fall.groups[k]]
+    return law_error(fall.body, fall.setting.floor, episodes) or 0.0
 
 
 def _force(fall: Fall, k: int) -> tuple[Array, Array]:
@@ -109,9 +117,12 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     hardest = max(range(len(impacts)), key=lambda k: impacts[k].peak_force)
     strongest = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
+    values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
+    if bar := _law_error(fall, hardest):
+        values[0] += f" ± {percent(bar)}"
     numbers += [
-        (name.replace("_", " "), engineering(getattr(strongest, name), unit))
-        for name, unit in NUMBERS[:3]
+        (name.replace("_", " "), value)
+        for (name, _), value in zip(NUMBERS[:3], values, strict=True)
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
     return Headline(about, numbers, [*_verdict(fall, worst), ended(fall.message)])

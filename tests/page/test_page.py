@@ -255,6 +255,12 @@ def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_
     told = browser.run("return [...document.querySelectorAll('#numbers [data-value]')]"
                        ".map((cell) => Number(cell.dataset.value))")  # fmt: skip
     assert told == pytest.approx(peaks, rel=1e-9)
+    bars = browser.run(
+        """for (const one of page.data.impacts) one.bar = 0.12;
+        page.make_table();
+        return [...document.querySelectorAll("#numbers [data-value]")].map((c) => c.textContent);"""
+    )
+    assert all(text.endswith(" ± 12 %") for text in bars)
     for k, one in enumerate(fall.impacts):
         low = browser.run(
             """document.querySelectorAll("#numbers button")[arguments[0]].click();

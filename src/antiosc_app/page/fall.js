@@ -32,7 +32,8 @@ class FallPage {
     find("numbers").replaceChildren();
     this.rows = this.data.impacts.map((one, k) => {
       const row = made("tr", find("numbers")), head = made("th", row);
-      made("td", row, engineering(one.peak_force, "N")).dataset.value = one.peak_force;
+      const bar = one.bar ? ` ± ${percent(one.bar)}` : "";
+      made("td", row, engineering(one.peak_force, "N") + bar).dataset.value = one.peak_force;
       made("td", row, engineering(one.contact_time, "s"));
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
@@ -59,7 +60,7 @@ class FallPage {
     if (one) {
       this.frame = one.frame;
       const { time, force } = one.curve;
-      this.chart.show({ until: time[time.length - 1], now: { time, force }, computed: null, bar: 0, at: null });
+      this.chart.show({ until: time[time.length - 1], now: { time, force }, computed: null, bar: one.bar, at: null });
       find("told").textContent = `Impact ${k + 1} at ${engineering(one.time, "s")}, on ${one.at}: impulse `
         + `${engineering(one.impulse, "N s")}, ${engineering(one.speed_before, "m/s")} before, `
         + `${engineering(one.speed_after, "m/s")} after, ${engineering(one.lost, "J")} lost.`;

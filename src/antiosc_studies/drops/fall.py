@@ -17,7 +17,7 @@ from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
-from antiosc.base.texts import Result
+from antiosc.base.texts import Result, percent
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
 from antiosc_studies.drops.flight import Flight, ringing, turned
 from antiosc_studies.drops.floor import Setting, SoftLayer
@@ -26,11 +26,11 @@ from antiosc_studies.drops.lines import STATIONS
 from antiosc_studies.drops.trajectory import (
     NO_IMPACT,
     Peak,
-    PointContact,
     Trajectory,
     contact_yield,
     initial_state,
-    point_contacts,
+    largest_contact,
+    law_error,
     strained,
     trajectory,
     yielding_zones,
@@ -389,24 +389,12 @@ class Fall(Trajectory, Result):
         It contains the range of the yield strength and large strains. None: unknown, or the floor
         has a layer or a given law.
         """
-        largest = self._largest
-        if largest is None:
-            return None
-        return largest.error(self.body, self.setting.floor)
-
-    @cached_property
-    def _largest(self) -> PointContact | None:
-        """The contact at a point with the largest force, if its law follows from materials."""
-        floor = self.setting.floor
-        if floor.law is not None or floor.layer is not None:
-            return None
-        contacts = point_contacts(self.body, floor, self.episodes)
-        return max(contacts, key=lambda contact: contact.force, default=None)
+        return law_error(self.body, self.setting.floor, self.episodes)
 
     @property
     def _strained(self) -> str:
         """Sentence on the largest force if its elastic contact has large strains; else ""."""
-        largest = self._largest
+        largest = largest_contact(self.body, self.setting.floor, self.episodes)
         if largest is None:
             return ""
         return strained(largest, self.body, self.setting.floor)
@@ -493,8 +481,9 @@ class Fall(Trajectory, Result):
         return film(self, path, checks.positive("seconds", seconds, "s"))
 
     def _facts(self) -> list[tuple[str, str]]:
+        bar = f" ± {percent(self.law_error)}" if self.law_error else ""
         return [
-            ("impacts", f"{len(self.impacts)}, the strongest {self.peak_force:.4g} N"),
+            ("impacts", f"{len(self.impacts)}, the strongest {self.peak_force:.4g} N{bar}"),
             ("end", f"{self.message} at {self.end.time:.4g} s"),
         ]
 

@@ -474,6 +474,22 @@ def point_contacts(
             yield PointContact(i, place, law, curvature, force, depths[k], end - start, dent)
 
 
+def largest_contact(
+    body: FreeBody, floor: Floor, episodes: Sequence[Episode]
+) -> PointContact | None:
+    """The contact at a point with the largest force, if its law follows from materials."""
+    if floor.law is not None or floor.layer is not None:
+        return None
+    contacts = point_contacts(body, floor, episodes)
+    return max(contacts, key=lambda contact: contact.force, default=None)
+
+
+def law_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> float | None:
+    """Relative error of the largest force at a point by its law; None if unknown."""
+    largest = largest_contact(body, floor, episodes)
+    return None if largest is None else largest.error(body, floor)
+
+
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
     """Name of the unknown property on which the error of a law depends; empty if all are known."""
     E = float(body.materials[which][0])
