@@ -62,6 +62,11 @@ def at(xi: Array, curvature: float) -> Array:
     return np.column_stack([R * np.sin(x / R), y, R * (np.cos(x / R) - 1)])
 
 
+def sensors_on(kind: str) -> list[ao.Sensor]:
+    """The accelerometers normal to the structure of this kind."""
+    return [ao.Sensor(tuple(point), (0, 0, 1)) for point in at(SENSORS, KINDS[kind])]
+
+
 def part(kind: str, cells: tuple[int, int], stiffness: float, springs: float) -> ao.Structure:
     """The structure on a mesh of so many cells along its sides."""
     n, m = cells
@@ -107,7 +112,8 @@ def case(
     size = noise * np.sqrt(np.mean(signals**2, axis=0))
     signals = signals + size * random.standard_normal(signals.shape)
     started = time.process_time()
-    data = recording(signals, len(SENSORS), RATE, None, None, float(model.seen.omega[-1]) / ABOVE)
+    most = float(model.seen.omega[-1]) / ABOVE
+    data = recording(signals, sensors_on(kind), RATE, None, None, most)
     names = ("place", "mass", "velocity", "stiffness")
     found = found_in(model, data, names, None, None, None, (0.01, 0.03))
     seconds, hit = time.process_time() - started, true["hit"]
@@ -127,9 +133,8 @@ def case(
 def many(cells: tuple[int, int]) -> str:
     """The CPU seconds of a search among the sites of so many cells."""
     started = time.process_time()
-    sensors = [ao.Sensor(tuple(point), (0, 0, 1)) for point in at(SENSORS, 0.0)]
-    own = part("plate", cells, 1.0, 1.0)
-    model = prepared(own, sensors, None, (0, 0, -1), None, None, None)
+    structure = part("plate", cells, 1.0, 1.0)
+    model = prepared(structure, sensors_on("plate"), None, (0, 0, -1), None, None, None)
     mapped, truth = time.process_time() - started, part("plate", (31, 23), 1.01, 1.05)
     found = [case("plate", model, blow("plate", truth, seed), 0.04, seed) for seed in range(2)]
     return MANY.format(
@@ -176,9 +181,8 @@ def main(
     known = Path(log).read_text().splitlines() if log and Path(log).exists() else []
     cases = [json.loads(line) for line in known]
     for kind in KINDS if blows else ():
-        own, truth = part(kind, (24, 18), 1.0, 1.0), part(kind, (31, 23), 1.01, 1.05)
-        sensors = [ao.Sensor(tuple(point), (0, 0, 1)) for point in at(SENSORS, KINDS[kind])]
-        model = prepared(own, sensors, None, (0, 0, -1), None, None, None)
+        structure, truth = part(kind, (24, 18), 1.0, 1.0), part(kind, (31, 23), 1.01, 1.05)
+        model = prepared(structure, sensors_on(kind), None, (0, 0, -1), None, None, None)
         for seed in range(first, first + blows):
             true = blow(kind, truth, seed)
             for noise in (0.03, 0.05):

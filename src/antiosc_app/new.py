@@ -424,7 +424,7 @@ def _flat(
 def _outside_hollows(
     mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """Sites of a solid; those in hollows that the ball does not fit into come last."""
+    """Yield the sites of a solid; those in hollows into which the ball does not fit come last."""
     from antiosc.extension import curvature
 
     hollow = []

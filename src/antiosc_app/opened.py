@@ -102,7 +102,9 @@ class Dropped(NamedTuple):
 
     @property
     def worst(self) -> WorstField | None:
-        """The largest stress by the criterion that is nearest to its limit."""
+        """The largest stress by the criterion nearest to its limit; None if no strength is
+        known.
+        """
         if self.fall.body.structure is None:
             return None
         return worst_by_strengths(self.fall)

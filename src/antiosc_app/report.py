@@ -353,5 +353,5 @@ def rendered(template: Path, **content: object) -> str:
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:
-    """Rows from columns."""
+    """Yield rows from columns."""
     return zip(*columns, strict=True)

@@ -472,7 +472,7 @@ def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
 
 
 def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
-    """Equations that keep nodes in one plane, for small motions."""
+    """Yield the equations that keep nodes in one plane, for small motions."""
 
     def normal(c: Sequence[int]) -> Array:
         return np.asarray(np.cross(x[c[1]] - x[c[0]], x[c[2]] - x[c[0]]))
@@ -492,7 +492,7 @@ def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]
 
 
 def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
-    """Equations that keep nodes on one straight line, for small motions."""
+    """Yield the equations that keep nodes on one straight line, for small motions."""
     end = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
     axis = x[end] - x[0]
     length = float(np.linalg.norm(axis))

@@ -86,7 +86,9 @@ class Orientations:
         }
 
     def find(self, name: str, by: Card) -> Card | None:
-        """The orientation named `name` in the scope of the card `by`, or else in the assembly."""
+        """The card of the orientation `name` in the scope of the card `by`, or in the assembly;
+        else None.
+        """
         card = self._cards.get((by.within.prefix + name).upper())
         return card or self._cards.get(name.upper())
 

@@ -220,7 +220,7 @@ class ModelBuilder:
     def grouped(
         self, elements: IntArray, values: Array
     ) -> Iterator[tuple[str, GroupSection, float, IntArray]]:
-        """Group elements by section and value: yields (name, section, value, elements)."""
+        """Yield (name, section, value, elements) of elements grouped by section and value."""
         numbers = self.of_element[elements]
         for number in np.unique(numbers[numbers >= 0]):
             in_section = numbers == number

@@ -328,7 +328,7 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
 
 
 def through(words: list[str], place: DeckPlace) -> Iterator[tuple[int, int]]:
-    """(first, last) of the ranges in a list with THRU; a single number is a range of one."""
+    """Yield (first, last) of the ranges in a list with THRU; a single number is a range of one."""
     words = [word for word in words if word]
     k = 0
     while k < len(words):

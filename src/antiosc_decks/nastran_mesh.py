@@ -228,7 +228,7 @@ class NastranDeck:
         return [entry for entry in self.bulk.entries if entry.name in names]
 
     def parameter(self, name: str) -> Entry | None:
-        """The PARAM entry of this name."""
+        """The PARAM entry of this name; None if there is none."""
         return next((e for e in self.named("PARAM") if e.text(0).upper() == name), None)
 
     def used_sets(self, what: str) -> set[int]:

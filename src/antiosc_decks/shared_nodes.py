@@ -110,7 +110,7 @@ class NumberedMesh:
         return neighbours
 
     def cell_with(self, numbers: Sequence[int], follower_dim: int) -> int | None:
-        """A cell with all these vertices; two vertices of a line must be an edge of it."""
+        """A cell with all these vertices, or None; two vertices of a line must be an edge of it."""
         if len(numbers) == 2 and follower_dim == 1:
             first, second = sorted(numbers)
             if (first, second) not in self.edges:

@@ -109,7 +109,7 @@ def _seconds(left: float) -> str:
 
 
 def _write(rank: int) -> None:
-    """The innermost work on the line; nothing if there is none."""
+    """Write the innermost work on the line, or clear the line if there is none."""
     if _lines.told is not None:
         _lines.told(_lines.texts[-1] if _lines.texts else "")
     stream = sys.stderr

@@ -241,7 +241,7 @@ class StackedModes:
         self.free = sum(w.size for w, *_ in self.parts)
 
     def _spans(self) -> Iterator[tuple[slice, slice, Array, FirstOrder | None]]:
-        """Free modes, integrated modes, decays and first-order modes of each body."""
+        """Yield (free modes, integrated modes, decays, first-order modes) of each body."""
         j = i = 0
         for w, d, first, _ in self.parts:
             size = w.size if first is None else first.omega.size

@@ -396,8 +396,8 @@ def mesh_error(
     times: Array,
     body: str,
 ) -> Array | None:
-    """Estimated mesh errors [Pa] of the von Mises stress at all points, at the time of each (P,);
-    on rank 0.
+    """Estimated mesh errors (P,) [Pa] of the von Mises stress at each point's time, on rank 0; else
+    None.
     """
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 

@@ -166,7 +166,7 @@ class Sphere(FieldsRepr, Body):
         return self.rho * 4 / 3 * pi * self.radius**3
 
     def surface(self, site: str = "") -> Surface | None:
-        """Its surface."""
+        """The surface of the sphere; None if its material is unknown."""
         if isinstance(self.material, Matter):
             return ball(self.material, self.radius)
         return None
@@ -240,7 +240,7 @@ class Impactor(FieldsRepr, Body):
         return checked_body("body", self.body).patch_radius
 
     def surface(self, site: str = "") -> Surface | None:
-        """The surface at the site of the body."""
+        """The surface at the site of the body; None if it is unknown."""
         return checked_body("body", self.body).surface(site)
 
     def modal(self) -> ModalBody:

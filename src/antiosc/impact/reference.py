@@ -163,7 +163,9 @@ class SceneStep(SceneMethod):
     def _release(
         self, node: Step, t: float, h: float, last: Step, closed: list[int]
     ) -> tuple[float, Step, StepLoads]:
-        """Shorten the step to the time at which the last closed contact reaches its origin."""
+        """As `_step`, for a step shortened to the time at which the last closed contact reaches its
+        origin.
+        """
         from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def over(delta: Array) -> float:

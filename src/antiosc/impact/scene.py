@@ -194,7 +194,7 @@ def integrate(
 def _integrate(
     kind: Callable[..., H], assembly: Assembly, duration: float, settings: Settings
 ) -> tuple[H, CheckResult]:
-    """Integrate an assembly without a test for stretching."""
+    """(history, check result) of an assembly, without a test for stretching."""
     step = settings.step
     tol = settings.tol
     limits = settings.limits

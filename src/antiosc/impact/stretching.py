@@ -114,7 +114,8 @@ def check_body(body: SceneBody) -> None:
 
 
 def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
-    """The run with second-order forces; the `linear` one itself if they are negligible.
+    """(run with second-order forces, warning or ""); the `linear` run itself if they are
+    negligible.
 
     again : integrates another assembly.
     """

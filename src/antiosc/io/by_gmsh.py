@@ -242,7 +242,8 @@ class SizeField:
         return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
     def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
-        """Make it a size field of the current gmsh model, whose unit is `scale` m; returns its tag.
+        """Add the sizes to the current gmsh model as a size field; return its tag. The unit is
+        `scale` m.
 
         `flat`: the cells have flat faces, so that curved surfaces need more of them.
         """

@@ -44,7 +44,9 @@ class Attempt:
         return bool(AROUND.keys() & self.options.keys())
 
     def suits(self, drawn: bool) -> bool:
-        """Whether the attempt is for CAD files (`drawn`), or for triangulated surfaces."""
+        """Whether the attempt is for CAD files (`drawn` true) or for triangulated surfaces
+        (false).
+        """
         if drawn:
             return self.options != PATCHES
         return not self.curved
@@ -177,7 +179,7 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
 
 
 def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
-    """Remove all solids but the `piece`-th largest; returns the names of that one."""
+    """Remove all solids but the `piece`-th largest; return the names of the remaining one."""
     solids = gmsh.model.getEntities(3)
     if not solids:  # of sheets: their pieces are those of the mesh
         return names

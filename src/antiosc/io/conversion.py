@@ -70,11 +70,11 @@ class NodeTable:
         return np.arange(self.count - len(points), self.count)
 
     def give(self, ends: IntArray, nodes: IntArray) -> None:
-        """Enter `nodes` (n,) of the file as middle nodes of `ends` (n, 2)."""
+        """Store `nodes` (n,) of the file as the middle nodes of the pairs `ends` (n, 2)."""
         self._pairs.add(ends, nodes)
 
     def place(self, ends: IntArray, points: Array, around: IntArray) -> None:
-        """Set the coordinates that middle nodes of `ends` (n, 2) get if needed, with nearby nodes
+        """Set the coordinates at which middle nodes of `ends` (n, 2) are made if needed, with nodes
         `around`.
         """
         self._placed.append(points)
@@ -124,7 +124,7 @@ class NodeTable:
         return nodes[np.ravel(which)]
 
     def grown(self, nodes: IntArray) -> IntArray:
-        """`nodes` of the file with the new nodes whose parents are all among them."""
+        """The `nodes` of the file, and the new nodes whose parents are all among them."""
         inside = np.zeros(self.count + 1, dtype=bool)
         inside[nodes] = True
         inside[-1] = True  # the entry of index -1, which stands for no node
@@ -231,7 +231,7 @@ class FixedEntities:
             self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
 
     def of(self, rows: IntArray) -> dict[int, IntArray]:
-        """{dimension: entities by their vertices} that are fixed if the nodes `rows` are fixed."""
+        """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True
@@ -465,7 +465,7 @@ def _collapsed(block: Block) -> bool:
 
 
 def _folded(block: Block) -> BoolArray:
-    """The elements that repeat a node."""
+    """Mask of the elements that repeat a node."""
     ordered = np.sort(block.corners, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
@@ -502,7 +502,7 @@ def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
-    """Two straight lines for each line with a middle node."""
+    """(two straight lines for each line with a middle node, the element of each)."""
     if not block.mids.shape[1] or (block.mids < 0).any():
         return block, elements
     ends = np.column_stack([block.corners[:, 0], block.mids[:, 0], block.corners[:, 1]])

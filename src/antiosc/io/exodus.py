@@ -198,7 +198,7 @@ def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: lis
 def _corners(
     file: str, name: str, cells: list[tuple[Block, int]], sides: list[int]
 ) -> Iterator[IntArray]:
-    """Corners of element sides; the first two sides of a shell are the element itself."""
+    """Yield the corners of element sides; the first two sides of a shell are the element itself."""
     for (block, row), side in zip(cells, sides, strict=True):
         shell = "SHELL" in block.type
         if shell and side < 2:

@@ -403,7 +403,7 @@ def _first_triangles(gmsh: ModuleType, skin: FacetSkin, surfaces: list[int]) -> 
 
 
 def _bodies(skin: FacetSkin, name: str, alone: bool = False) -> list[list[int]]:
-    """The surfaces of each body: the outer surface, then its cavities.
+    """The surfaces of each body: its outer surface first, then those of its cavities.
 
     `alone`: only one body is to be filled, so that bodies may intersect.
     """

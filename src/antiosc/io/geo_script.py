@@ -190,7 +190,7 @@ def _is_beside(token: Token, endings: tuple[str, ...]) -> bool:
 
 
 def _behind(tokens: list[Token], k: int) -> str:
-    """Index of the token after the bracket that closes the one at k."""
+    """Text of the token after the bracket that closes the one at k; empty if there is none."""
     depth = 0
     for j in range(k, len(tokens)):
         depth += (tokens[j].text in ("(", "[")) - (tokens[j].text in (")", "]"))

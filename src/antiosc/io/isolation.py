@@ -108,7 +108,7 @@ def _memory(size: int | None) -> int:
 
 
 def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
-    """The error for a reader process that was ended; `again`: other attempts may follow."""
+    """The error for a reader process that ended early; `again`: other attempts may follow."""
     if -code in OVERTIME:
         late = UnmeshableError if again else MeshError
         return late(

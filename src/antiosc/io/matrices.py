@@ -146,7 +146,9 @@ class Entries:
         return scipy.sparse.coo_matrix((value, (row, column)), (self.size, self.size)).tocsr()
 
     def renumbered(self, position: IntArray, size: int) -> Entries:
-        """The entries with row i moved to `position[i]` of `size` rows, without labels."""
+        """The entries of a matrix of `size` rows with row i moved to row `position[i]`; without
+        labels.
+        """
         return Entries(
             self.source, position[self.row], position[self.column], self.value, size, self.triangle
         )
@@ -372,7 +374,7 @@ def read_pair(
 
 
 def _on(K: Entries, M: Entries) -> Entries:
-    """M with the rows of K, matched by node and component."""
+    """M with its rows in the order of K's, matched by node and component."""
     assert K.labels is not None
     assert M.labels is not None
     both, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)

@@ -61,7 +61,7 @@ GMSH_FACES = {
 
 
 def known(label: str, name: str) -> str:
-    """The label of cells; MeshError if such cells can neither be used nor divided."""
+    """`label` itself; MeshError for cells that can neither be used nor divided."""
     if label not in CELLS:
         raise MeshError(
             f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
@@ -72,7 +72,7 @@ def known(label: str, name: str) -> str:
 
 
 def as_carried(mesh: FileMesh, name: str) -> FileMesh:
-    """The mesh with cells of one supported kind for each dimension; others are divided."""
+    """The mesh with one supported kind of cells for each dimension; other cells are divided."""
     if not _is_mixed(mesh):
         return mesh
     deck = Deck(name, mesh.points, labels=mesh.labels)
@@ -129,7 +129,7 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 
 def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
-    """For each of our edges or faces, its index among theirs."""
+    """For each of `ours` (edges or faces), its index in `theirs`."""
     listed = [frozenset(entity) for entity in theirs]
     return np.array([listed.index(frozenset(entity)) for entity in ours])
 
@@ -257,7 +257,9 @@ CONVERTERS = {
 
 
 def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
-    """(group name, block, rows) from every way in which meshio's formats carry cell groups."""
+    """Yield (group name, block, rows) from every way in which meshio's formats store cell
+    groups.
+    """
     physical = dict(_named(mesh))
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
     for key, blocks in mesh.cell_data.items():
@@ -283,7 +285,9 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
 
 
 def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
-    """((tag, dimension), name) of groups; fields of MED and VTK with other values are skipped."""
+    """Yield ((tag, dimension), name) of groups; fields of MED and VTK with other values are
+    skipped.
+    """
     for name, value in mesh.field_data.items():
         pair = np.asarray(value)
         if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):
@@ -291,7 +295,7 @@ def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
 
 
 def _by_value(values: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """(value, rows with this value), ascending, by one sort."""
+    """Yield (value, rows with this value), ascending, by one sort."""
     order = np.argsort(values, kind="stable")
     distinct, first = np.unique(values[order], return_index=True)
     for value, rows in zip(distinct, np.split(order, first[1:]), strict=True):
@@ -386,7 +390,7 @@ Lines = list[tuple[str, DeckPlace]]
 
 
 def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
-    """(number, lines) of the data sets, which are delimited by lines of -1."""
+    """Yield (number, lines) of the data sets, which are delimited by lines of -1."""
     rows: Lines | None = None
     known = False
     for k, line in enumerate(lines):

@@ -115,7 +115,9 @@ def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
 
 
 def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
-    """Polygons in text, triangles in binary; None if meshio is to read the file."""
+    """(points, triangles) of a PLY file with polygons in text or triangles in binary; None for
+    others.
+    """
     content = content.replace(b"end_header\r\n", b"end_header\n", 1)
     head, _, data = content.partition(b"end_header\n")
     header = [line.split() for line in head.decode("latin-1").splitlines()]

@@ -173,7 +173,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
 
 
 def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
-    """Mask of `rows` that are, in any order of their entries, rows of `others`."""
+    """Mask of the `rows` that equal a row of `others` in any order of the entries."""
     if rows.shape[1] != others.shape[1]:
         return np.zeros(len(rows), dtype=bool)
     return np.isin(keys(rows), keys(others))
@@ -475,7 +475,9 @@ def read_parts(
 
 
 def _alone(content: FileMesh, label: str) -> FileMesh:
-    """The cells of one kind, with their groups and the supports on them."""
+    """The content of a file with the cells of one kind only, their groups and the supports on
+    them.
+    """
     mark = of_kind("", label)
     groups = {n: {label: parts[label]} for n, parts in content.groups.items() if label in parts}
     fixed = {n.removesuffix(mark): e for n, e in content.fixed.items() if n.endswith(mark)}

@@ -101,7 +101,9 @@ class Request:
             signal.setitimer(signal.ITIMER_REAL, left)
 
     def seal(self) -> None:
-        """Limit files written from now on to a megabyte, unless the input is trusted."""
+        """Limit the size of files that are written from now on to 1 MB, unless the input is
+        trusted.
+        """
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             with contextlib.suppress(ValueError):  # a lower limit is in force

@@ -342,7 +342,9 @@ class Body:
 
     @property
     def patch_radius(self) -> float | None:
-        """Radius (m) of the patch over which the contact point's displacement is averaged."""
+        """Radius [m] of the patch over which the contact point's displacement is averaged; None: a
+        point.
+        """
         return None
 
     def surface(self, site: str = "") -> Surface | None:

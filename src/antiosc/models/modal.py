@@ -163,7 +163,7 @@ class FreeModes(ReprMixin):
 
     @cached_property
     def first_order(self) -> FirstOrder | None:
-        """The body in first-order modes, if its damping couples its free modes."""
+        """The body in first-order modes if its damping couples its free modes; otherwise None."""
         if self.damping is None:
             return None
         return first_order(self.omega, self.damping)
@@ -364,7 +364,7 @@ class ModalBody(FreeModes):
 
     @property
     def axes(self) -> Array | None:
-        """The direction of the contact point, (1, 3)."""
+        """The direction of the contact point (1, 3); None if unknown."""
         if self.direction is None:
             return None
         return self.direction[None]
@@ -512,7 +512,7 @@ class SiteModes(FreeModes):
 
     @property
     def axes(self) -> Array | None:
-        """The directions, (P, 3)."""
+        """The directions (P, 3) of the columns; None if unknown."""
         return self.directions
 
 

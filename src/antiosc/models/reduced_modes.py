@@ -196,7 +196,9 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
 def damping_of(
     model: Parameters, omega: Array, shape: Array | None
 ) -> tuple[Array | None, DampingMatrix | None]:
-    """The decays, or the damping matrix, of the modes (size, J) in u, eta and hidden motions."""
+    """(decays, damping matrix) of the modes (size, J) in u, eta and hidden motions; one at most is
+    known.
+    """
     damping = model.damping
     if isinstance(damping, DampingMatrix):
         return None, None if shape is None else in_coordinates(damping, shape)

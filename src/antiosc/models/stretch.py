@@ -120,7 +120,9 @@ class Stretch(ReprMixin):
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def shapes_in(self, modes: Array) -> Array | None:
-        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of combined modes (J, k)."""
+        """Second-order displacements (n_dofs, k (k + 1)/2) of pairs of combined modes (J, k), or
+        None.
+        """
         if self.shapes is None:
             return None
         turn = self.modes.T @ modes

@@ -310,7 +310,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
 
 
 def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
-    """A thin line at the force from which the contact yields, if it does."""
+    """Draw a thin line at the force from which the contact yields, if it does."""
     force = getattr(getattr(hit, "law", None), "yield_force", np.inf)
     if force < hit.peak_force:
         text = f"the contact yields from {engineering(force, 'N')} on"

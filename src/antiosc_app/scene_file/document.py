@@ -156,7 +156,7 @@ def _syntax(name: str, text: str, error: str) -> str:
 
 
 def _inner(place: Place, value: object, problems: Problems) -> Iterator[tuple[Place, object]]:
-    """Entries of a table or list; notes keys and texts that contain control characters."""
+    """Yield the entries of a table or list; note keys and texts that contain control characters."""
     if isinstance(value, dict):
         for key in filter(_CONTROL.search, value):
             problems.add(place, f"a name holds a control character: {checks.shown(key)}.")

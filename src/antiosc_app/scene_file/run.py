@@ -70,7 +70,9 @@ def results(compiled: CompiledScene, wanted: Sequence[str]) -> SceneResults:
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Collect warnings, each once; after an error they are printed, as they may explain it."""
+    """Context that collects warnings, each once; after an error they are printed, as they may
+    explain it.
+    """
 
     def keep(message: str) -> None:
         text = " ".join(message.split())
@@ -120,7 +122,9 @@ _SINGULAR = {"models": "model", "impactors": "impactor", "contacts": "contact"}
 
 
 def leaves(table: Table, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """(place, value) of each value in nested tables; a table with a `kind` counts as a value."""
+    """Yield (place, value) of each value in nested tables; a table with a `kind` counts as a
+    value.
+    """
     for key, value in table.items():
         if isinstance(value, dict) and KIND not in value:
             yield from leaves(value, (*place, key))

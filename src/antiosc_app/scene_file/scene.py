@@ -97,7 +97,7 @@ class CompiledScene(Objects[Call | None]):
 
     @property
     def simulation(self) -> Call | None:
-        """The call whose result `antiosc run` computes."""
+        """The call whose result `antiosc run` computes; None if there is none."""
         return self.history or self.fall or self.found
 
     @property

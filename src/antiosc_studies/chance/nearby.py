@@ -41,9 +41,9 @@ TRIED = (0.9, 0.8, 0.7)
 IN_A_ROW = 3
 #: Probability that a draw of a distribution lies within the range of the models.
 COVERED = 0.998
-#: Growth rates s at which models are compared: the smallest over the lowest frequency; their
-#: number.
+#: Least growth rate s at which models are compared, over the lowest frequency.
 FROM = 0.1
+#: Number of growth rates.
 RATES = 40
 
 

@@ -20,8 +20,9 @@ from antiosc.plot.charts import figure_or_path, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Number of bootstrap samples, and the share of them within a confidence interval.
+#: Number of bootstrap samples: the ends of a 95 % interval are the 5th from either end.
 RESAMPLES = 200
+#: Share of the samples within a confidence interval.
 CONFIDENCE = 0.95
 #: Least number of runs for indices of sensitivity.
 LEAST = 50

@@ -173,9 +173,9 @@ UNKNOWN = ("place", "mass", "velocity", "stiffness", "E")
 MODES = 60
 #: Initial stiffness of Hertz's law, if no law is given.
 STIFFNESS = 1e9
-#: Largest standard deviation of an unknown that counts as determined: of a logarithm; of the place
-#: over the extent of the sites.
+#: Largest standard deviation of the logarithm of an unknown that counts as determined.
 DETERMINED = 0.3
+#: Largest standard deviation of a determined place over the extent of the sites.
 DETERMINED_PLACE = 0.05
 #: Half-width of a 95 % interval in standard deviations, by the dimension of the unknown.
 BAR = {0: 1.96, 1: 1.96, 2: 2.45}

@@ -114,8 +114,9 @@ STRAINS = {
     **{"-": 1.0, "1": 1.0, "m/m": 1.0, "%": 0.01},
     **dict.fromkeys(("µm/m", "μm/m", "um/m", "µε", "με", "microstrain"), 1e-6),
 }
-#: Least number of samples; largest number of values of all signals.
+#: Least number of samples.
 FEWEST = 32
+#: Largest number of values of all signals.
 MOST = 200_000
 #: Share of a signal's power above the noise that its band contains.
 IN_BAND = 0.995
@@ -123,8 +124,9 @@ IN_BAND = 0.995
 UNEVEN = 0.01
 #: Least highest frequency of the band over the inverse of the record's length.
 LINES = 4
-#: Width of the filter's transition over its band; attenuation [dB].
+#: Width of the filter's transition over its band.
 TRANSITION = 0.3
+#: Attenuation of the filter [dB]: to 0.1 %, the least noise of a signal.
 ATTENUATION = 60.0
 #: Least noise of a signal over its root mean square.
 LEAST_NOISE = 1e-3

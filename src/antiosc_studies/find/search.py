@@ -22,10 +22,11 @@ from antiosc.base.progress import counting
 from antiosc_studies.find.forward import Blow, Chart, Seen, Struck
 from antiosc_studies.measured.fit import covariance, lowered
 
-#: Durations of pulses: the shortest over the period of the band's top, the longest over the
-#: record; how many.
+#: Shortest duration of a trial pulse over the period of the band's top.
 SHORTEST_PULSE = 0.4
+#: Longest duration of a trial pulse over the record.
 LONGEST_PULSE = 0.3
+#: Number of durations.
 PULSES = 9
 #: Windows at which the energy of signals that the record's end cuts is known.
 WINDOWS = 9
@@ -126,17 +127,21 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     return [np.asarray(q), np.asarray(v), np.asarray(a)]
 
 
-#: Difference steps: of logarithms, and of the start over the contact time; of frequencies, whose
-#: phase errors grow with time; of the place over the spacing of sites.
+#: Step of logarithms in differences, and of the start over the contact time.
 CHANGE = 2e-3
+#: Relative step of frequencies: small, since phase errors grow with time.
 CHANGE_FREQUENCY = 1e-5
+#: Step of the place over the spacing of sites.
 CHANGE_PLACE = 0.02
-#: Longest steps: of the place over the spacing, of logarithms, of the start over the contact time.
+#: Longest change of the place in one iteration over the spacing, …
 LONGEST_PLACE = 1.5
+#: … of logarithms: a factor of two, …
 LONGEST = 0.7
+#: … and of the start over the contact time.
 LONGEST_START = 0.3
-#: Decrease of chi² below which a search ends: absolute; relative to chi².
+#: Decrease of chi² below which a search ends: far below the 1 of a standard deviation.
 CONVERGED = 0.01
+#: Relative decrease of chi² below which a search ends.
 ENOUGH = 1e-6
 
 
@@ -344,23 +349,28 @@ def strength(hit: History) -> Array:
     return np.log(np.maximum([hit.peak_force, hit.impulse], np.finfo(float).tiny))
 
 
-#: Number of places at which searches start; their least distance over the spacing of sites.
+#: Number of places at which searches start.
 PLACES = 8
+#: Their least distance over the spacing of sites.
 APART = 2.5
 #: Initial masses of the impactor, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
-#: Number of searches that begin, and that are continued.
+#: Number of searches that begin, …
 BEGUN = 4
+#: … and that are continued.
 KEPT = 2
 FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 #: A second search is not continued if its cost exceeds this times the first's.
 HOPELESS = 10.0
-#: chi² above which the best blow does not explain the signals; mass factors of heavier impactors
-#: that are tried then: they may touch a second time, which no small step from a lighter one does.
+#: chi² above which the best blow does not explain the signals.
 POOR = 2.0
+#: Factors on the mass of the impactor that are tried then: heavier ones may touch a second time,
+#: which no small step from a lighter one does.
 HEAVIER = (1.3, 2.0)
-#: Impact on a rigid wall: contact time × velocity/approach; impulse over mass × velocity.
+#: Contact time × velocity/approach of an impact on a rigid wall by Hertz's law:
+#: 2 ∫₀¹ dx/√(1 − x^(5/2)).
 HERTZ_TIME = 2.943
+#: Impulse over mass × velocity of the first guess, between 1 (no rebound) and 2 (a rigid wall).
 REBOUND = 1.6
 
 

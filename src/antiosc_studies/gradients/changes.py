@@ -50,8 +50,9 @@ from antiosc.impact.states import integrated_states
 from antiosc_studies.gradients.goals import Recorded, Seeds
 
 Values = dict[str, Any]
-#: Error tolerance of the comparison runs over that of the run; least relative tolerance.
+#: Error tolerance of the comparison runs over that of the run.
 FINER = 0.1
+#: Least relative tolerance of these runs.
 LEAST = 1e-7
 #: Share of the anti-oscillators that the comparison run for the truncation error omits.
 FEWER = 0.25

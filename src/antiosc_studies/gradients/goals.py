@@ -171,7 +171,7 @@ def _empty_seeds(record: Recorded) -> Seeds:
 
 
 def _read_force(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
-    """The goal "force": the contact force at a time."""
+    """Fill `to` for the goal "force": the contact force at a time."""
     to.value = float(forces(record.run, np.array([step]), np.array([time_in_step]))[0, c])
     u = time_in_step / float(record.edges[step + 1] - record.edges[step])
     _add_force_reading(record, c, to, step, u, stays=False)
@@ -187,7 +187,7 @@ def _add_force_reading(
 
 
 def _peak_force(record: Recorded, c: int, to: Seeds) -> None:
-    """The goal "peak_force"."""
+    """Fill `to` for the goal "peak_force"."""
     tops = _tops(record, c)
     if not tops.max(initial=0.0) > 0:
         raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
@@ -243,7 +243,7 @@ def _is_local_peak(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _impulse(record: Recorded, c: int, to: Seeds) -> None:
-    """The goal "impulse"."""
+    """Fill `to` for the goal "impulse"."""
     f = record.run.force[:, c]
     h = np.diff(record.edges)
     means = (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6
@@ -284,7 +284,7 @@ def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
 
 
 def _contact_time(record: Recorded, c: int, to: Seeds) -> None:
-    """The goal "contact_time"."""
+    """Fill `to` for the goal "contact_time"."""
     spans, _ = _touches(record, c)
     f = record.run.force[:, c]
     edges = record.edges
@@ -302,7 +302,7 @@ def _contact_time(record: Recorded, c: int, to: Seeds) -> None:
 
 
 def _restitution(record: Recorded, c: int, to: Seeds) -> None:
-    """The goal "restitution"."""
+    """Fill `to` for the goal "restitution"."""
     spans, parted = _touches(record, c)
     s = record.system
     rigid = np.where(s.omega == 0, s.beta[c], 0.0)
@@ -339,7 +339,7 @@ def _side(record: Recorded, c: int, end: int = 0) -> Array:
 
 
 def _read_displacement(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
-    """The goal "displacement": that of the first end at a time."""
+    """Fill `to` for the goal "displacement": that of the first end at a time."""
     s = record.system
     columns = _side(record, c)
     place = np.array([step]), np.array([time_in_step])
@@ -356,7 +356,7 @@ def _read_displacement(record: Recorded, c: int, to: Seeds, step: int, time_in_s
 
 
 def _peak_displacement(record: Recorded, c: int, to: Seeds) -> None:
-    """The goal "peak_displacement"."""
+    """Fill `to` for the goal "peak_displacement"."""
     edges = record.edges
     columns = _side(record, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))

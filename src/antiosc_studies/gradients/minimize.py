@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 #: Relative step of an input in differences of the bodies.
 CHANGE = 1e-4
-#: Error tolerance of the runs; relative change of the goal at which the search ends.
+#: Error tolerance of the runs.
 TOL = 1e-5
+#: Relative change of the goal at which the search ends.
 ENOUGH = 1e-7
 MOST_STEPS = 100  # the quick tests need 7 at most
 #: The values that `build` returns, in this order.

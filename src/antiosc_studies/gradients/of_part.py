@@ -44,11 +44,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Relative step of a parameter; step of an angle in degrees; relative step where a model is
-#: extracted again: frequencies of close modes are curved functions of it, and extractions round at
-#: some 1e-8.
+#: Relative step of a parameter.
 CHANGE = 1e-3
+#: Step of an angle in degrees.
 TURN = 0.05
+#: Relative step where a model is extracted again: small, as frequencies of close modes are curved
+#: functions of it, but far above the 1e-8 at which extractions round.
 SMALL = 1e-4
 #: Largest ratios of stiffness and of mass of a part and a model that belong to each other.
 SAME_PART = 1 + 1e-4, 1 + 1e-4
@@ -65,9 +66,9 @@ IDLE = {"loss", "yield_strength", "yield_range", "rate", "outline"}
 #: Numbers of a laminate's layers that are design parameters; the others belong to its materials.
 OF_LAYERS = {"thickness", "angle"}
 
-#: Step of the models over `CHANGE` (an extraction in few shapes has small rounding errors);
-#: tolerance of an extraction that keeps all modes.
+#: Step of the models over `CHANGE`: an extraction in few shapes has small rounding errors.
 SHRUNK = 0.1
+#: Tolerance `tol` of an extraction that keeps all modes.
 EVERY = 1e-30
 
 #: A function that gives the models of two parts.

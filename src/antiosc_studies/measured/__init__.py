@@ -28,31 +28,36 @@ from antiosc_studies.measured.frf import FRF, POWER, FittedModes, Pairs, Tail
 DampingForm = Literal["viscous", "hysteretic"]
 #: Largest number of values in a fit.
 MOST_FITTED = 100_000
-#: chi^2 over the degrees of freedom above which a poor fit is reported, unless its median error is
-#: below SLIGHT: for data without noise the noise level is unknown.
+#: chi^2 over the degrees of freedom above which a poor fit is reported, …
 POOR = 2.0
+#: … unless its median error is below this: for data without noise the noise level is unknown.
 SLIGHT = 0.005
-#: Median |H - fit| over |H| above which a measurement is refused, and above which it is reported.
+#: Median |H - fit| over |H| above which a measurement is refused, …
 UNFITTED = 0.5
+#: … and above which it is reported.
 ROUGH = 0.15
 #: Rigid-body modes that move the sites by less than this share of the largest are dropped.
 LEAST_RIGID = 0.05
-#: Least eigenvalue of a residual compliance over the largest; shift over the lowest omega^2.
+#: Least eigenvalue of a residual compliance over the largest.
 LEAST_RESIDUAL = 1e-7
+#: Shift over the lowest omega^2.
 SHIFT = 0.1
-#: Largest number of a mesh's modes above the band; relative standard deviations of their
-#: frequencies and squared displacements.
+#: Largest number of a mesh's modes above the band.
 MOST_GIVEN = 30
+#: Relative standard deviation of the frequencies of a mesh's modes, …
 GIVEN_SPREAD = 0.03
+#: … and of their squared displacements.
 GIVEN_DOUBT = 0.3
-#: Share of the power at the driving points that flows out of the part: above TURNED the sign is
-#: reversed, above BESIDE the sensor is not at the driving point.
+#: Share of the power at the driving points that leaves the part, above which the sign of the
+#: measurement is reversed, …
 TURNED = 0.8
+#: … and above which the sensor is not at the driving point.
 BESIDE = 0.2
-#: Report of modes with outflow: height of their peaks over the largest, lines on either side over
-#: which the power is summed, largest number of modes listed.
+#: Modes with outflow are reported if their peaks exceed this share of the largest.
 SHOWN = 0.03
+#: Lines on either side of a peak over which the power is summed.
 BESIDE_PEAK = 5
+#: Largest number of these modes that are listed.
 MOST_SHOWN = 6
 
 

@@ -23,8 +23,9 @@ from antiosc_studies.measured.tables import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Number of shifts that are tried first; number of samples of the computed force.
+#: Number of shifts in time that are tried first.
 SHIFTS = 801
+#: Number of samples of the computed force.
 SAMPLES = 4001
 #: Fewest samples of a measured force.
 FEWEST = 8

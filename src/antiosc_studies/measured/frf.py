@@ -29,16 +29,19 @@ from antiosc.base.texts import ReprMixin
 Pairs = list[tuple[int, int]]
 #: The lowest mode above the band lies above the band's top by at least this share.
 BEYOND = 0.02
-#: Damping ratio if no mode is seen; least squared displacement over the expected one.
+#: Damping ratio of the tail if no mode is seen.
 TYPICAL = 0.01
+#: Least squared displacement of a mode of the tail over the expected one.
 LEAST_SQUARE = 1e-3
-#: Modes above the band: highest frequency over the band's top; least spacing over the frequency;
-#: number of modes in the band whose mean spacing and mean square they continue.
+#: Highest frequency of the modes above the band over the band's top.
 TAIL_END = 5.0
+#: Least spacing of these modes over their frequency.
 TAIL_STEP = 0.15
+#: Number of modes in the band whose mean spacing and mean square they continue.
 GOING_ON = 6
-#: Standard deviations: of a frequency over the spacing; of a squared displacement over its mean.
+#: Standard deviation of the frequency of such a mode over the spacing.
 SPREAD = 0.5
+#: Standard deviation of its squared displacement over the mean.
 DOUBT = 1.0
 #: Variance of the relative mean square times the number of averaged modes.
 FEW = 2.0
@@ -282,11 +285,13 @@ def drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
 Quantity = Literal["receptance", "mobility", "accelerance"]
 #: Power of iw between the receptance and what was measured.
 POWER: dict[str, int] = {name: power for power, name in enumerate(get_args(Quantity))}
-#: Least number of frequencies of a measurement; largest number of values.
+#: Least number of frequencies of a measurement.
 FEWEST_LINES = 16
+#: Largest number of values of a measurement: 0.3 GB of complex numbers.
 MOST_VALUES = 20_000_000
-#: Excess of a coherence above 1 that counts as rounding; least coherence that is used.
+#: Excess of a coherence above 1 that counts as rounding.
 COHERENCE_ROUNDING = 1e-6
+#: Least coherence that is used.
 LEAST_COHERENCE = 1e-4
 #: Default number of averaged blows.
 AVERAGES = 5

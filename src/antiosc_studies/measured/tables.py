@@ -115,7 +115,7 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
 
 
 def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
-    """The factor of a unit; upper and lower case count only if ambiguous."""
+    """The factor of a unit, or None; upper and lower case count only if they are ambiguous."""
     plain = re.sub(r"\s", "", unit)
     fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
     if len(fits) == 1:

@@ -175,7 +175,7 @@ def _elastic_share(
 
 
 def _angle(one: Surface, other: Surface) -> float:
-    """Angle between the first principal directions of both surfaces [degree]; 0 if unknown."""
+    """Angle in degrees between the first principal directions of both surfaces; 0 if unknown."""
     if one.along is None or other.along is None:
         return 0.0
     cosine = abs(sum(a * b for a, b in zip(one.along, other.along, strict=True)))
@@ -183,7 +183,9 @@ def _angle(one: Surface, other: Surface) -> float:
 
 
 def _doubt(one: Surface, other: Surface) -> str:
-    """The unknown properties on which the error of a law depends, in words."""
+    """The unknown properties on which the error of a law depends, as text; empty if there are
+    none.
+    """
     for surface in (one, other):
         if surface.kind in SHARP:
             radius = engineering(1 / surface.curvatures[1], "m")

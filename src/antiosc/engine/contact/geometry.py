@@ -72,7 +72,9 @@ def hertz_stiffness(E_star: float, A: float, B: float) -> float:
 
 
 class Circle(NamedTuple):
-    """A circular contact equivalent to an elliptic one; `error`: relative, of its force."""
+    """The circular contact that is equivalent to an elliptic one; `error`: relative error of its
+    force.
+    """
 
     modulus: float
     radius: float

@@ -150,7 +150,8 @@ def conjugate_gradients(
     inner: Callable[[Array, Array], Array],
     most: int,
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Preconditioned conjugate gradients for the columns of R (rows, k), the zeroth step included.
+    """Yield the steps of preconditioned conjugate gradients for the columns of R (rows, k), from
+    step 0.
 
     `product` and `inverse` are A x and the preconditioner, `inner` (x, y) -> xᵀy of each column.
     Yields (X, rᵀA⁻¹r by the preconditioner (k,), xᵀA x (k,)) at most `most` + 1 times.

@@ -262,7 +262,9 @@ class MeshedStructure(StructureMatrices):
         return support.motions(self.form, self.K)
 
     def coarser(self) -> PETSc.Mat | None:
-        """For quadratic solids the interpolation from linear elements, zero at fixed dofs."""
+        """Interpolation from linear elements to quadratic solids, zero at fixed dofs; None for
+        other parts.
+        """
         if self.kind.name != "solid" or self.form.degree != 2:
             return None
         rows = compat.local_size(self.form.space)

@@ -395,7 +395,9 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
 
 
 def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
-    """(is rigid, function s -> (displacement (3, n), rotation (3, n))): rigid motions first."""
+    """Yield (is rigid, function s -> (displacement (3, n), rotation (3, n))), rigid motions
+    first.
+    """
     axes = range(dim)
     for i in axes:
         yield True, _field(i, ())

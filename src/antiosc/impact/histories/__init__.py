@@ -155,7 +155,7 @@ class History(RunHistory, Results):
 
     @property
     def verdict(self) -> str:
-        """Whether contacts yield, and the permanent indentations, in words."""
+        """Sentences on contacts that yield and their permanent indentations."""
         contacts = self.contact_histories
         sentences = [(_contact_label(contact), verdict.sentence(contact)) for contact in contacts]
         if not self.named:

@@ -71,7 +71,9 @@ def stretch_in(history: AnyHistory, body: str) -> Stretch | None:
 
 
 def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
-    """Second-order displacements (n_dofs, P) of pairs of the modes in which a body stretches."""
+    """Second-order displacements (n_dofs, P) of the pairs of modes in which a body stretches, or
+    None.
+    """
     forces = stretch_in(history, body)
     of_body = history.placed.body if isinstance(history, BodyHistory) else history.of(body)[0]
     stretch = stretch_of(of_body)

@@ -84,7 +84,7 @@ def contact_zone(point: ArrayLike, radius: float) -> Array:
 
 
 def sentence(contact: OneContact) -> str:
-    """Whether the contact yields, with its permanent indentation; "" if unknown."""
+    """Sentence on whether the contact yields, with its permanent indentation; empty if unknown."""
     if not contact.peak_force > 0:
         return ""
     choice = choice_at(contact)

@@ -42,7 +42,7 @@ def inelasticity(
 
 @checks.within_range
 def time_unit(mass: float, velocity: float, stiffness: float) -> float:
-    """(mv²/k)^{2/5}/v in s: with λ = 0 contact lasts 3.218 of it."""
+    """Unit of time (mv²/k)^{2/5}/v in s; without the plate (λ = 0) a contact lasts 3.218 units."""
     mass = checks.positive("mass", mass, "kg")
     velocity = checks.positive("velocity", velocity)
     stiffness = checks.positive("stiffness", stiffness, "N m^-3/2")

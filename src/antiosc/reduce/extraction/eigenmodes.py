@@ -93,7 +93,7 @@ def lowest(search: ModeSearch) -> tuple[Array, Array]:
 
 
 def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
-    """The search by ARPACK, for SciPy matrices."""
+    """(ω², shapes) of the search by ARPACK, for SciPy matrices."""
     structure = search.structure
     known = search.known
     known_loads = multiply(structure.M, known)
@@ -122,7 +122,7 @@ def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
 
 
 def _by_slepc(search: ModeSearch) -> tuple[Array, Array]:
-    """The search by SLEPc's Krylov–Schur method."""
+    """(ω², shapes) of the search by SLEPc's Krylov–Schur method."""
     from petsc4py import PETSc
     from slepc4py import SLEPc
 

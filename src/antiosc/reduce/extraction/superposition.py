@@ -80,7 +80,9 @@ class StructureModes(ReprMixin):
 
     @property
     def effective_mass(self) -> Array | None:
-        """(n, 3) effective masses along x, y, z: the squares of the participation, kg."""
+        """Effective masses (n, 3) along x, y, z, kg: squares of the participation; None if it is
+        unknown.
+        """
         if self.participation is None:
             return None
         return self.participation**2
