@@ -13,7 +13,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, point_text
 from antiosc_app.live import Data, Headline
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.results import ended
+from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
 from antiosc_studies.drops.trajectory import law_error
@@ -125,7 +125,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         for (name, _), value in zip(NUMBERS[:3], values, strict=True)
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    return Headline(about, numbers, [*_verdict(fall, worst), ended(fall.message)])
+    return Headline(about, numbers, [*_verdict(fall, worst), how_it_ended(fall.message)])
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:

@@ -70,10 +70,9 @@ class KeptModes:
         return bool(self.left) and not modes.complete
 
     def model(self, key: str, site: Site) -> AntiOscillators | None:
-        """The model of a site for balls, without shapes and error bars; None before the first
-        round.
+        """The model of a site, without mode shapes and error bars; None before the first round.
 
-        `key`: the text of its inputs.
+        `key`: the text of the inputs that determine the site.
         """
         if self._known is None:
             return None

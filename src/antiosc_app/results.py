@@ -669,7 +669,7 @@ def _fall(results: SceneResults) -> Presentation:
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
-            "Fall": [narrow_table(fall) if is_single else table, rows, ended(fall.message)],
+            "Fall": [narrow_table(fall) if is_single else table, rows, how_it_ended(fall.message)],
         },
         pictures=pictures,
     )
@@ -690,7 +690,7 @@ def narrow_table(fall: Fall) -> Columns:
     }
 
 
-def ended(message: str) -> str:
+def how_it_ended(message: str) -> str:
     """Sentence on how a fall ended."""
     return f"The fall ended: {message}."
 

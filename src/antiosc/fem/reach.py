@@ -53,7 +53,10 @@ class Reach:
 
 
 def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
-    """`Reach.check` of nodes (P, 3); an element is the distance from one to the next."""
+    """`Reach.check` for the node `nearest` of `points` (P, 3).
+
+    The size of an element there is the distance to the next node.
+    """
     x = points[nearest]
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     reach.check(

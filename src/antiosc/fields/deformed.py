@@ -45,8 +45,8 @@ def plot_deformed(
     path : str or Path, optional
         As for `plot_history`.
     time : float, optional
-        In s; default: where the displacement of the site is largest, of a scene where the largest
-        contact force is.
+        In s; default: the time of the largest displacement of the site, for a scene that of the
+        largest contact force.
     point, direction : sequence of 3 floats, optional
         An arrow that ends at `point` (m) shows the impact.
     view : (elevation, azimuth), optional

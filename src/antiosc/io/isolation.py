@@ -44,7 +44,7 @@ READER_MEMORY_SHARE = 0.9
 def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | None) -> FileMesh:
     """The content of the file `path`, by the reader of its file type (`table`).
 
-    `geometry`: it is meshed; the size of the mesh does not follow from the size of the file.
+    `geometry`: whether the file is a geometry; its mesh may be much larger than the file.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from antiosc_app.scene_file.scene import (
     CompiledScene,
     model,
     pair,
-    requested,
     search,
+    set_requested,
     several,
     single,
     source,
@@ -110,7 +110,7 @@ def compiled(document: Document) -> CompiledScene:
     elif {"impactor", "contact", *_ONE.split()} & set(build.data):
         scene.impactor, scene.contact = pair(build)
         single(build, scene)
-    requested(build, scene)
+    set_requested(build, scene)
     if "drop" in build.data:
         scene.fall = build.table("drop", given={"part": scene.structure})
         arguments = {"self": scene.fall}

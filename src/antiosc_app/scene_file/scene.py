@@ -490,7 +490,7 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def requested(build: Builder, found: CompiledScene) -> None:
+def set_requested(build: Builder, found: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
     part: Call | None = found.structure
     if found.striking and part is None:

@@ -179,7 +179,7 @@ def monte_carlo(
     n : int
         Number of runs.
     seed : int
-        Seed of the draws; more runs of the same seed begin with those of fewer.
+        Seed of the draws. With the same seed and a larger n, the first runs stay the same.
     executor : concurrent.futures.Executor, optional
         Computes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
         `Client.get_executor()`. Runs that it loses count as failed.

@@ -300,9 +300,10 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
 def _varied(
     item: Any, wanted: Container[str] = ()
 ) -> Iterator[tuple[str, float, Callable[[int], Any]]]:
-    """For each parameter of a material: (name, distance of the varied values, function of ±1).
+    """Yields (name, difference of the two values, function) for each parameter of a material.
 
-    `wanted`: only these names, if given.
+    The function of +1 or -1 returns the material with the larger or smaller value. `wanted`: only
+    these names, if given.
     """
     for name, value in values_of(item).items():
         if wanted and name not in wanted:

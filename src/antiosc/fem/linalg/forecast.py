@@ -72,16 +72,12 @@ class Cost:
 
 
 def of_factor(entries: float, columns: float) -> Cost:
-    """Cost of a factor with `entries` entries and of a model with `columns` right-hand sides at
-    once.
-    """
+    """Cost of a factor of `entries` entries and the solves of a model, `columns` at once."""
     return Cost(BYTES * entries, seconds_of_factor(entries, columns))
 
 
 def seconds_of_factor(entries: float, columns: float) -> float:
-    """Seconds for a factor of `entries` entries and a model with `columns` right-hand sides at
-    once.
-    """
+    """Seconds for a factor of `entries` entries and the solves of a model, `columns` at once."""
     return _factored(entries) + SOLVES * SUBSTITUTED * entries * columns**AT_ONCE
 
 

@@ -234,7 +234,7 @@ def _root(matrix: Array) -> Array:
     return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
 
 
-def ends(terms: Sequence[Dissipation]) -> Array | None:
+def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
     """Force patterns Gᵀ (rows of this rank, k) of all dashpots and Maxwell branches; None without
     any.
     """
@@ -523,7 +523,7 @@ class StructureMatrices:
     def uniform_inertia(self, direction: Array) -> Array | None:
         """M e on the rows of this rank, for a uniform unit motion e along `direction` (3,).
 
-        None for matrices, which do not tell where e points.
+        None: matrices alone do not tell the direction of each row.
         """
         floats("direction", direction, (3,))
         return None

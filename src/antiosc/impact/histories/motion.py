@@ -218,7 +218,8 @@ class RunHistory(OneContact):
     def _record(self) -> SceneRun:  # type: ignore[override]
         """The record that its contacts share, without a reference to the history itself.
 
-        A single impact has few flights, which get nodes for pictures; a scene may have many.
+        Between the contacts of a single impact there are additional nodes for smooth curves; in a
+        scene there may be too many intervals for that.
         """
         return SceneRun(self.assembly, self.run, not self.named)
 

@@ -186,7 +186,7 @@ class ContactHistory(OneContact, ReprMixin):
         return self._record.nodes.force[:, self._record.assembly.system.sides[self._row]]
 
     def pulses(self) -> tuple[Array, Array]:
-        """Nodes [s] and forces [N] of all touches, concatenated."""
+        """Times [s] (n,) of the nodes of all touches, and forces [N] (n,) there."""
         run = self._record.run
         nodes = [np.zeros(0, dtype=int)]
         steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)

@@ -56,8 +56,8 @@ class BeamModes(Body):
     shapes : deflections of the modes at x in kg^-1/2, shape (n, len(x)).
     residual : deflection at x per unit force in m/N that goes with r, shape (len(x),).
     hidden : deflections at x of the h rigid-body motions that leave the site at rest, (h, len(x)).
-    inertia : momentum (h + n, 6) of those and of the modes, in axes with the beam on x from 0 and
-        the impact along y; None without rigid-body motions.
+    inertia : momentum (h + n, 6) of the h rigid-body motions and the n modes; the beam lies on the
+        x axis from 0, the impact is along y. None without rigid-body motions.
     """
 
     omega: Array

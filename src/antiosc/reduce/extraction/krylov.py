@@ -53,7 +53,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
 from antiosc.engine.damping import DampingMatrix, from_factors
 from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.structure import Dissipation, ends, projected
+from antiosc.fem.structure import Dissipation, dashpot_patterns, projected
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.driving_point import samples
@@ -244,7 +244,7 @@ class Lanczos:
         self.load = static.m_phi
         #: how many of the loads are inertia, the others those of damping
         self._inertial = static.m_phi.shape[1]
-        forces = ends(terms)
+        forces = dashpot_patterns(terms)
         if forces is not None:
             self.load = np.hstack([self.load, forces])
 
