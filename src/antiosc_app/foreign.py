@@ -107,8 +107,8 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     if suffix in GEOMETRIES or suffix in SURFACES:
         file_outline = outline(path)
         length = float(np.ptp(file_outline.points, axis=0).max())
-        if unit is None and length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
-            read["unit"] = "mm"
+        if unit is None and suffix not in STATES_UNIT:
+            read["unit"] = _unit_of_length(length)
         length *= UnitSystem.of(read.get("unit", "m")).length
         size = float(f"{length / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
@@ -134,10 +134,11 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         mesh = antiosc.read_mesh(str(path), **read)
     if "size" not in read and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
-        if length >= LONGEST_IN_METRES and suffix not in STATES_UNIT:
-            read["unit"] = "mm"
+        if suffix not in STATES_UNIT:
+            read["unit"] = _unit_of_length(length)
+            factor = UnitSystem.of(read["unit"]).length
             pieces = [
-                piece._replace(low=1e-3 * piece.low, high=1e-3 * piece.high) for piece in pieces
+                piece._replace(low=factor * piece.low, high=factor * piece.high) for piece in pieces
             ]
     if "piece" in options:
         notes += _described(pieces)
@@ -148,6 +149,11 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     if file_outline is not None and suffix in GEOMETRIES:
         pieces = _solids(file_outline)
     return ForeignPart(mesh, read, None, [*notes, *_option_notes(read)], pieces)
+
+
+def _unit_of_length(length: float) -> str:
+    """The unit of a file that states none, by the length of its part in this unit."""
+    return "mm" if length >= LONGEST_IN_METRES else "m"
 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:

@@ -27,6 +27,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, SiteError, warnings_to
+from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
@@ -232,12 +233,27 @@ class Inspection:
         ]
         return [*sentences, *aligned(self.taken(drop))]
 
+    def unit_text(self) -> str:
+        """The unit of the file; of a mesh, which states none, with the size in others."""
+        from antiosc.io.neutral import UnitSystem
+
+        unit = str(self.read["unit"])
+        if self.of_deck:
+            return unit
+        longest = float((self.high - self.low).max()) / UnitSystem.of(unit).length
+        others = [
+            f"{engineering(longest * UnitSystem.of(other).length, 'm')} in {other}"
+            for other in ("mm", "in", "m")
+            if other != unit
+        ]
+        return f"{unit}, not stated there (it would measure {' or '.join(others)})"
+
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
         rows = []
         if "unit" in self.read:
-            rows.append(("unit of the file", str(self.read["unit"]), f"{section} unit"))
+            rows.append(("unit of the file", self.unit_text(), f"{section} unit"))
         if "size" in self.read:
             finer = f", {self.finest:g} m at the site" if self.finest and not drop else ""
             key = f"{section} size, refine" if finer else f"{section} size"

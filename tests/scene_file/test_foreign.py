@@ -378,6 +378,10 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     found = inspect_part(cube, unit="in")
     assert found.length == pytest.approx(0.0508)
     assert found.read["size"] == pytest.approx(0.0508 / 20, rel=0.3)
+    scene, told = new.write_scene(tmp_path / "cube.toml", str(cube), unit="in")
+    assert tomllib.loads(scene.read_text())["geometry"]["unit"] == "in"
+    row = next(line for line in told if "unit of the file" in line)
+    assert "in, not stated there (it would measure 2.00 mm in mm or 2.00 m in m)" in row
     with pytest.raises(ao.InputError, match="unit must be"):
         inspect_part(path, unit="ell")
 
