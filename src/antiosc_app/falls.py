@@ -18,10 +18,11 @@ from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
 from antiosc_studies.drops.trajectory import law_error
 
-#: Number of times at which the page shows the part: of a flight at most, of all; samples of a
-#: force.
+#: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
+#: Number of times at which the page shows the part in all.
 FRAMES = 300
+#: Number of samples of a force.
 CURVE = 800
 #: Numbers of an impact, and their units.
 NUMBERS = (

@@ -125,8 +125,9 @@ def _packed(values: Array) -> Data:
     return {"$": KINDS[values_in_order.dtype.str], "of": text}
 
 
-#: Relative force error of the runs on the page; of those that colour a map.
+#: Relative force error of the runs on the page.
 TOL = 1e-6
+#: Relative force error of the runs that colour a map.
 COARSE = 1e-3
 #: Number of points of the computed curve on the page.
 CURVE = 2000

@@ -32,8 +32,9 @@ from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
 from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
-#: Largest number of fields of the motion and of the stress; their error over the largest value.
+#: Largest number of fields of the motion and of the stress.
 MOST_FIELDS = (12, 8)
+#: Error of these fields over the largest value.
 FIELD_ERROR = 0.01
 #: Number of times of the run from which the fields are chosen.
 TIMES = 120

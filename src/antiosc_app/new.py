@@ -56,15 +56,17 @@ SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", 
 SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: A supporting plane contains at most this share of the nodes.
 LARGEST_PLANE = 0.6
-#: Radius of a site over the distance to the edge of its face; largest radius over the longest side.
+#: Radius of a site over the distance to the edge of its face.
 RADIUS = 0.4
+#: Largest radius of a site over the longest side of the part.
 LARGEST_RADIUS = 0.02
 #: Default material of a part.
 MATERIAL = "steel S235"
-#: Largest radius of the ball of a new scene [m], and over that of the patch (False: known material,
-#: True: a deck's). At 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11,
-#: and the patch must be 1.7 times as wide.
+#: Largest radius of the ball of a new scene [m].
 LARGEST_BALL = 0.01
+#: Largest radius of the ball over that of the patch (False: known material, True: a deck's). At
+#: 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11, and the patch must
+#: be 1.7 times as wide.
 BALL_OVER_PATCH = {False: 10.0, True: 5.0}
 #: Largest radius of the ball over the longest side of a sheet or a bar.
 BALL_OVER_LENGTH = 0.1
@@ -81,24 +83,28 @@ ROOM = 0.1
 #: partly held patch.
 MOST_TRIED = 40
 PARTLY_HELD = "supports fix"
-#: Largest number of groups that are named for a plane; of those that are named on the terminal;
-#: width of the comment of a scene that lists all.
+#: Largest number of groups that are named for a plane.
 MOST_NAMED = 4
+#: Largest number of groups that are named on the terminal.
 MOST_NAMES = 12
+#: Width of the comment of a scene that lists all groups.
 WIDTH = 96
 #: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
-#: Guessed thickness of a sheet and diameter of a bar, over the longest side.
+#: Guessed thickness of a sheet over the longest side.
 THICKNESS_RATIO = 0.005
+#: Guessed diameter of a bar over the longest side.
 DIAMETER_RATIO = 0.03
 #: Anti-oscillators of a new scene, by family.
 COUNTS = {"Beam": 20, "Shell": 150, "Solid": 20}
-#: A part of at most so many nodes is struck for this time [s] before its scene is written.
+#: A part of at most so many nodes is struck before its scene is written.
 MOST_NODES = 4000
+#: Duration [s] of that impact.
 MOMENT = 2e-4
-#: Number of other sites that are tried where the first is a hollow or held; each so many places
-#: further on in the list of sites, because the next ones lie beside the first.
+#: Number of other sites that are tried where the first is in a hollow or supported.
 OTHERS = 3
+#: Each other site is so many places further on in the list, because the next ones lie beside the
+#: first.
 APART = 12
 #: Least number of dofs for one anti-oscillator.
 DOFS_FOR_EACH = 4
@@ -106,11 +112,13 @@ DOFS_FOR_EACH = 4
 #: at most 40 000 times, 13 in a period. With 2 s for a sheet of 6 m the largest stress was 297 %
 #: off.
 LONGEST_RUN = 3000
-#: A fall of a new scene and of the page: height [m], tilt [degree] so that not all vertices of a
-#: face touch at once, number of impacts, and the floor.
+#: Height [m] of a fall of a new scene and of the page.
 FALL_HEIGHT = 1.0
+#: Tilt [degree] of the part, so that not all vertices of a face touch at once.
 TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
+#: Number of impacts of the fall.
 IMPACTS = 3
+#: Coefficient of friction of the floor.
 FRICTION = 0.3
 FLOOR_MATERIAL = "concrete C30/37"
 #: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².

@@ -70,10 +70,11 @@ if TYPE_CHECKING:
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
-#: Number of structures and of falls in the cache; number of browser tabs whose latest call is
-#: known.
+#: Number of structures in the cache.
 STRUCTURES = 2
+#: Number of falls in the cache.
 FALLS = 10
+#: Number of browser tabs whose latest call is known.
 TABS = 100
 #: Largest number of runs, each twice as long, until striker and part no longer touch at the end.
 LONGER = 5

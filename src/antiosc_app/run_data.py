@@ -40,10 +40,11 @@ OF_CONTACT = {
     3: ("impulse", "N.s"),
 }
 OF_SITE = {4: ("displacement", "m"), 5: ("velocity", "m/s")}
-#: Duration for which the step is chosen, in expected contact times; number of doublings until the
-#: bodies part; longest run over that duration.
+#: Duration for which the step is chosen, in expected contact times.
 CONTACT_TIMES = 20
+#: Number of doublings of that duration until the bodies part.
 MOST_DOUBLINGS = 6
+#: Longest run over that duration.
 LONGEST_RUN = 1024
 _MAX = 10_000, 1_000_000  # contacts and steps of the run that chooses the step
 

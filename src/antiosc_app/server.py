@@ -29,11 +29,13 @@ from antiosc_app.live import embedded
 HOST = "127.0.0.1"
 #: Header of calls with the token of the page's address.
 TOKEN = "X-Antiosc-Token"
-#: Largest body of a call and of its headers [bytes]; largest number of simultaneous requests; time
-#: limit [s] for a request to arrive.
+#: Largest body of a call [bytes].
 LARGEST_BODY = 65_536
+#: Largest headers of a call [bytes].
 LARGEST_HEADERS = 16_384
+#: Largest number of simultaneous requests.
 MOST_REQUESTS = 32
+#: Time limit [s] for a request to arrive.
 PATIENCE = 10.0
 #: Interval [s] at which the server checks whether it is closed.
 POLL = 0.1

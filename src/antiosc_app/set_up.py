@@ -23,15 +23,17 @@ FLOOR = "floor"
 STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
 HAMMERS = tuple(name for name, one in IMPACTORS.items() if name[:2] == "IK" and one.steel)
-#: Radius of a patch over the size of the faces there; refinement factor of a finer mesh; number of
-#: neighbouring faces from which the size is taken.
+#: Radius of a patch over the size of the faces there.
 RESOLVED = 1.05
+#: Refinement factor of a finer mesh.
 FINER = 3.0
+#: Number of neighbouring faces from which the size is taken.
 NEIGHBOURS = 12
 #: Largest number of held faces.
 MOST_HELD = 200
-#: Anti-oscillators of a solid or a bar, and of a sheet.
+#: Anti-oscillators of a solid or a bar.
 COUNT = 20
+#: Anti-oscillators of a sheet.
 COUNT_OF_SHEET = 100
 #: Names of isotropic materials; default of a part and of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)

@@ -31,9 +31,10 @@ OF_SANDWICHES = (
     *((135e9, 1550.0), (55e9, 1550.0), (40e9, 1900.0)),
     *((7e7, 52.0), (1.6e8, 110.0), (3e9, 150.0)),
 )
-#: A decade of a modulus counts as this many of a density; a density that is further off than this
-#: many decades is no real one (of 87 decks by others 5 state 1.0, or 1e-4, as a density).
+#: A decade of a modulus counts as this many of a density.
 DECADES_OF_MODULUS = 5.0
+#: A density that is further off than this many decades is no real one (of 87 decks by others 5
+#: state 1.0, or 1e-4, as a density).
 DUMMY = 2.0
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.

@@ -192,23 +192,27 @@ def warn_low_band(hit: History) -> None:
         warn(sentence, AccuracyWarning)
 
 
-#: Factor of safety of the mesh error, and the larger factor for a coarse mesh: if the strain errors
-#: exceed the share COARSE of the energy, or the faces under the patch exceed RESOLVED times its
-#: radius (the factor then grows in proportion).
+#: Factor of safety of the mesh error.
 SAFETY = 2.0
+#: The factor for a coarse mesh.
 SAFETY_COARSE = 3.0
+#: A mesh is coarse if the strain errors exceed this share of the energy,
 COARSE = 0.1
+#: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
 RESOLVED = 1.2
-#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py). Impacts that are too
-#: short for the cells of a shell cause errors that neither the raw nor the corrected model shows:
-#: if the strain errors exceed the share COARSE_SHELL of the energy, a bar is at least this share.
+#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py).
 SHELL = 1.5
+#: Impacts that are too short for the cells of a shell cause errors that neither the raw nor the
+#: corrected model shows: if the strain errors exceed this share of the energy, a bar is at least
+#: this share.
 COARSE_SHELL = 0.05
 #: Factor of safety for a site inside a beam element, which does not resolve the kink there.
 SAFETY_INSIDE = 5.0
-#: Time integration error of the compared runs over that of the history; its limits.
+#: Time integration error of the compared runs over that of the history.
 FINER = 0.1
+#: Least time integration error of the compared runs.
 LEAST = 1e-6
+#: Largest time integration error of the compared runs.
 MOST = 1e-4
 #: Instants of the contact at which the amplitudes of the shapes are taken.
 INSTANTS = 200

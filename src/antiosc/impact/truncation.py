@@ -182,8 +182,9 @@ def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begi
 #: simulates the impact on a model with a given time integration error
 Run = Callable[[AntiOscillators, float], History]
 
-#: Safety of the estimate, and of that between the two extremes of the Krylov method.
+#: Factor of safety of the estimate.
 TRUNCATION_SAFETY = 2.0
+#: Factor of safety of the estimate between the two extremes of the Krylov method.
 TRUNCATION_SAFETY_RITZ = 4.0
 #: The lowest 1/omega^2 of a Gauss rule lies above this share of the one above it, but for rounding.
 SMALL_GAUSS_SHARE = 1e-6

@@ -211,9 +211,10 @@ def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: R
 EDGE_OVER_SIZE = 1.1
 #: Measured ratio of gmsh's cells to regular ones with the requested edges, by dimension.
 CELLS_MADE = {2: 1.35, 3: 0.95}
-#: Least number of flat faces, and of curved faces, around a full turn of a curved surface; with
-#: fewer, elements cut off parts of a cylinder.
+#: Least number of flat faces around a full turn of a curved surface; with fewer, elements cut off
+#: parts of a cylinder.
 AROUND_FLAT = 12
+#: The same number of curved faces.
 AROUND_CURVED = 6
 #: Gmsh's names of scalars on triangles and on tetrahedra.
 LISTS = {3: "ST", 4: "SS"}

@@ -25,9 +25,9 @@ from antiosc.engine.stretch import stretch_energy, stretch_forces
 
 Count = int | Literal["auto"]
 
-#: Modes that an impact takes, at most, those to compare with included; of a map that has many sites
-#: there may be more.
+#: Most second-order modes of an impact, those to compare with included.
 MOST = 12
+#: Most second-order modes of a map, which has many sites.
 MOST_OF_MAP = 24
 #: Asymmetry of the tensors over their size.
 ASYMMETRY = 1e-6

@@ -30,12 +30,13 @@ from antiosc.strikes.unreduced import Blow, Curve, Outcome, entries_of
 PROGRAM = "ccx"
 #: Words of its log when it has come to the end.
 FINISHED = "Job finished"
-#: Nodes of a tetrahedron of dolfinx in CalculiX's order, and with two corners swapped.
+#: Nodes of a tetrahedron of dolfinx in CalculiX's order.
 ORDER = (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)
+#: The same with two corners swapped.
 MIRRORED = (0, 2, 1, 3, 8, 6, 9, 7, 4, 5)
-#: Points of the table of the law (CalculiX takes at most 200), and its end over the indentation
-#: that is expected.
+#: Points of the table of the law (CalculiX takes at most 200).
 POINTS = 190
+#: Last indentation of the table over the expected one.
 DEEPEST = 1.5
 #: Least entry of b in the equation over the largest.
 LEAST = 1e-12

@@ -91,9 +91,9 @@ WITHIN = 0.5
 MOST_MODES = 100
 #: Numbers of anti-oscillators that are tried if `n` is not given.
 COUNTS = (12, 25, 50, 100)
-#: A site is doubtful if its force exceeds that on a rigid wall by this share; tolerance of the
-#: impact on the wall.
+#: A site is doubtful if its force exceeds that on a rigid wall by this share.
 BEYOND = 0.003
+#: Tolerance of the impact on the wall.
 COARSE = 1e-3
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32

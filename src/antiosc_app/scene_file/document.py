@@ -25,8 +25,9 @@ Table: TypeAlias = Mapping[str, Any]
 LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
-#: Most sentences of one report, and number of mistakes after which no further ones are looked for.
+#: Most sentences of one report.
 MOST_SHOWN = 100
+#: Number of mistakes after which no further ones are looked for.
 MOST_FOUND = 1000
 #: Control characters, line ends among them.
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")

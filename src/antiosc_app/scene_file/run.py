@@ -110,8 +110,9 @@ def on_first(work: Callable[[], T]) -> T:
     return on_root(comm, work)  # type: ignore[no-any-return]
 
 
-#: Largest number of impacts of a sweep, and of structures.
+#: Largest number of impacts of a sweep.
 MOST_IMPACTS = 100_000
+#: Largest number of structures of a sweep.
 MOST_MODELS = 1000
 #: Arguments of a batch that come from other sections.
 _GIVEN = ("models", "impactors", "contacts")

@@ -28,8 +28,9 @@ from antiosc_studies.measured.tables import (
     unknown_unit,
 )
 
-#: Function types of data set 58.
+#: Function type of a frequency response in data set 58.
 RESPONSE = 4
+#: Function type of a coherence there.
 COHERENCE = 6
 #: Data types of the ordinate -> measured quantity; data types of a force in the denominator.
 MOTIONS: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}

@@ -30,11 +30,11 @@ from antiosc.fem.platform import compat
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-#: K is integrated from strains if the ratio of a cell's edges exceeds THIN_CELL and the ratio of
-#: the part's size to its shortest edge exceeds THIN_PART. Up to MOST_THIN_CELLS cells the strains
-#: take little memory.
+#: K is integrated from strains if the ratio of a cell's edges exceeds this
 THIN_CELL = 8.0
+#: and the ratio of the part's size to its shortest edge exceeds this.
 THIN_PART = 100.0
+#: Up to so many cells the strains take little memory.
 MOST_THIN_CELLS = 1000
 #: Corners of the edges of cells, dolfinx's numbers.
 SOLID_EDGES = {

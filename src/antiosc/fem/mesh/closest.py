@@ -12,9 +12,9 @@ from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
-#: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them; the
-#: remaining error is the square of this step.
+#: Most Gauss–Newton steps onto a curved cell.
 FOOT_STEPS = 12
+#: Step (reference lengths) that ends them; the remaining error is the square of this step.
 FOOT_SETTLED = 1e-8
 #: The iteration ends for a foot that leaves its cell by more than this (reference lengths).
 FOOT_BEYOND = 1.0

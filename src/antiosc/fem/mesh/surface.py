@@ -198,8 +198,9 @@ def centre(mesh: Mesh, group: str) -> Array:
 SAME_FACE = 0.5
 #: A site closer to the edge of a face than this share of the face's size lies on the edge.
 AT_EDGE = 0.25
-#: Faces touch a point within this share of their size; normals that differ by less are equal.
+#: Share of their size within which faces touch a point.
 TOUCH = 1e-6
+#: Difference below which unit normals count as equal.
 LEVEL = 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
 OUTSIDE_FACE = 1e-8

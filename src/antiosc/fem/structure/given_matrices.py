@@ -39,14 +39,16 @@ BACKENDS = get_args(Backend)
 MIRRORED = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
 ENTRY_ROUNDING = 1e-15
-#: A diagonal entry that holds a dof: over the sum of the row's other entries, and over the typical
-#: one of all rows. The dof moves 1e-14 of what its neighbours do.
+#: A diagonal entry that holds a dof, over the sum of the row's other entries: the dof moves 1e-14
+#: of what its neighbours do.
 PENALTY_OVER_ROW = 1e14
+#: The same entry over the typical one of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DROWNS = 1e12
-#: A negative eigenvalue over the largest, of M scaled to a unit diagonal, and the steps to find it.
+#: A negative eigenvalue over the largest, of M scaled to a unit diagonal.
 NEGATIVE = 1e-8
+#: Number of steps to find that eigenvalue.
 NEGATIVE_STEPS = 30
 
 

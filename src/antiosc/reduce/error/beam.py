@@ -145,9 +145,9 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
 
 #: A site closer to a node than this share of the element is at the node.
 AT_NODE = 1e-3
-#: Range of angles in degrees between two cells of a polygon that approximates a curve: above
-#: rounding, and at most that of a circle of 16 cells.
+#: Least angle in degrees between two cells of a polygon that approximates a curve: above rounding.
 LEAST_ANGLE = 0.2
+#: Largest such angle: that of a circle of 16 cells (22.5 degrees).
 MOST_ANGLE = 23.0
 
 

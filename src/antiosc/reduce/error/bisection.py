@@ -25,9 +25,10 @@ from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.io.reading import keys
 
-#: Least and largest ratio of sizes in one step: coarse cells do not become much coarser, since
-#: their errors would grow by more than expected.
+#: Least ratio of sizes in one step.
 FINEST = 0.15
+#: Largest ratio of sizes in one step: coarse cells do not become much coarser, since their errors
+#: would grow by more than expected.
 COARSEST = 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
 POWER = {1: 4.0, 2: 2.0, 3: 1.0}
@@ -82,8 +83,9 @@ def edge_lengths(mesh: Mesh) -> Array:
     return np.asarray(np.linalg.norm(corners[:, first] - corners[:, second], axis=2).mean(axis=1))
 
 
-#: A cell is divided if the ratio of its sizes is below DIVIDED; most rounds of division.
+#: A cell is divided if the ratio of its sizes is below this.
 DIVIDED = 0.75
+#: Most rounds of division.
 ROUNDS = 3
 #: Kinds of cells that can be divided, by dolfinx's names.
 KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}

@@ -19,9 +19,9 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Range of angles in degrees between neighbouring faces of a curved surface: above rounding, and at
-#: most that of seven faces around a hole, the fewest that gmsh makes.
+#: Least angle in degrees between neighbouring faces of a curved surface: above rounding.
 LEAST_ANGLE = 0.2
+#: Largest such angle: that of seven faces around a hole (51.4 degrees), the fewest that gmsh makes.
 MOST_ANGLE = 52.0
 #: Sides of an exterior facet as positions of its corners.
 FACET_SIDES: dict[int, list[tuple[int, ...]]] = {

@@ -42,9 +42,9 @@ MOST_FIRST = 6000
 MOST_DIVISIONS = 6
 #: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
 ANY = 1e6
-#: Growth and reach of the small sizes at the site in the first mesh of a geometry, and in all
-#: further ones, where they only keep the patch resolved.
+#: Growth and reach of the small sizes at the site in the first mesh of a geometry.
 FIRST_GRADING = (0.5, 1.5)
+#: Those in all further meshes, where they only keep the patch resolved.
 GRADING = (0.7, 1.5)
 #: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
 LINES = 8

@@ -58,9 +58,9 @@ from antiosc.recovery.tensors import PointsInCells, SheetAxes, gauss_points
 from antiosc.reduce.error.scheme import Estimate, StrainErrors, shapes_of
 from antiosc.reduce.site import Functional
 
-#: Angles in degrees between neighbouring cells: from FOLD on there is a fold; above FLAT the cells
-#: approximate a curved surface.
+#: Angle in degrees between neighbouring cells from which on there is a fold.
 FOLD = 20.0
+#: Angle in degrees above which the cells approximate a curved surface.
 FLAT = 0.2
 #: Edges of a triangle, and their corners.
 EDGES = 3

@@ -38,8 +38,9 @@ from antiosc.reduce.site import Functional
 #: vanish at the points of the lower rule (effectivities of 0.2 to 0.5 in place of 0.6 to 1.2).
 RULE_DEGREE = 2
 PRODUCT_DEGREE = 4
-#: Numbers of a block of arrays that are held at once, which stay in a cache; most blocks.
+#: Numbers in a block of arrays in memory at once (2 MB), which stay in a cache.
 BLOCK_NUMBERS = 250_000
+#: Most blocks.
 MOST_BLOCKS = 32
 #: Places of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
 STRAIN_PLACES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
@@ -126,8 +127,9 @@ class CellStrains:
         return strains, self.quadrature.weights[cells].ravel()
 
 
-#: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
+#: Relative residual at which the solve ends (the energies lose the square of it).
 CG_RESIDUAL = 1e-5
+#: Most steps of the solve.
 CG_STEPS = 200
 
 
@@ -227,11 +229,12 @@ class Projection:
         return np.asarray(self._comm.allreduce(np.einsum("if,if->f", x, y)))
 
 
-#: Poisson's ratio from which the bars of linear elements are too narrow at times, by up to a half,
-#: and from which by a factor of 2 and more: they lock, and the strains that they lack are smooth in
-#: their place, so that recovery sees nothing. Clamped bars of 16 to 64 elements, in plane strain
+#: Poisson's ratio from which the bars of linear elements are too narrow at times, by up to a half:
+#: the elements lock, and the strains that they lack are smooth, so that recovery sees nothing.
+#: Clamped bars of 16 to 64 elements, in plane strain
 #: (true errors at 0.45, 0.49, 0.499, 0.4999: 2.6, 5.1, 9.9, 11 %; bars: 3.0, 4.4, 3.7, 2.2 %).
 LOCKING = 0.4
+#: Poisson's ratio from which they are too narrow by a factor of 2 and more.
 LOCKED = 0.48
 
 

@@ -40,12 +40,14 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-#: Relative error in energy of the static solve beside rigid-body modes: the goal, and the largest
-#: accepted if rounding allows no less (the error of the compliance is its square).
+#: Relative error in energy of the static solve beside rigid-body modes that is aimed at.
 STATIC_TOL = 1e-13
+#: The largest such error accepted if rounding allows no less (the error of the compliance is its
+#: square).
 STATIC_SOUND = 1e-8
-#: Most steps of that solve, and steps without progress after which only rounding is left.
+#: Most steps of that solve.
 STATIC_STEPS = 200
+#: Number of steps without progress after which only rounding is left.
 STATIC_IDLE = 5
 #: Rounding of the terms of RᵀB: those of R, and their sum.
 SUM_ROUNDING = 4 * float(np.finfo(float).eps)

@@ -203,8 +203,9 @@ FEWEST_MORE = 8
 NO_MASS = 1e-12
 #: Modes are not orthogonalised further if their ω² differ by less than this, relative.
 CLOSE_MODES = 1e-8
-#: Residuals (of forces, relative) above which natural and constraint modes are searched again.
+#: Relative residual of forces above which natural modes are searched again.
 LOST_NATURAL = 1e-6
+#: Relative residual of forces above which constraint modes are searched again.
 LOST_CONSTRAINT = 1e-3
 
 

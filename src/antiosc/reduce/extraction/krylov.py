@@ -190,10 +190,10 @@ NOISE = 1e-18
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
-#: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
-#: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
-#: again).
+#: Largest number of steps over the number of anti-oscillators wanted: some pairs may have no share
+#: in Z (at a site of symmetry rounding introduces as many again).
 STEPS_PER_ONE = 3
+#: Steps in addition to those.
 MORE = 20
 
 log = logging.getLogger(__name__)

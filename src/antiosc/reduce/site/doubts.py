@@ -16,15 +16,15 @@ from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.reduce.site.sites import Sites
 
-#: A patch counts as whole if at least the first share of its load is on the face, and as partly
-#: supported if supports carry more than the second share.
+#: A patch counts as whole if at least this share of its load is on the face,
 WHOLE_PATCH = 0.9
+#: and as partly supported if supports carry more than this share.
 PARTLY = 0.1
 #: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
 SIZE_ROUNDING = 1e-6
-#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low. If
-#: cells exceed the second number times the thickness, bending hides this error.
+#: Largest cell of a sheet over the patch radius, at which the compliance is up to 3 % too low.
 COARSE_SHEET = 8.0
+#: Size of the cells over the thickness above which bending hides this error.
 THIN = 4.0
 #: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1

@@ -58,8 +58,9 @@ def algebraic(structure: StructureMatrices, site: Site) -> Functional:
 AT_NODE = 1e-6
 #: Radius, over that of the patch, within which nodes may take load from its edge.
 NEIGHBOURHOOD = 2.0
-#: Rings of points on the circle of a patch, and points per ring.
+#: Rings of points on the circle of a patch.
 CIRCLE_RINGS = 64
+#: Points per ring.
 SPOKES = 128
 #: A node covers another if the cosine between their connection and the direction exceeds this.
 COVERS = 0.75

@@ -20,13 +20,14 @@ from antiosc.fem.mesh.surface import Faces, SurfaceAtSites
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Rings of a disc's quadrature in addition to those that the size of the cells requires, and most
-#: rings by the dimension of the faces. With too few rings, cells would be loaded by single forces.
+#: Rings of a disc's quadrature in addition to those that the size of the cells requires. With too
+#: few rings, cells would be loaded by single forces.
 RINGS = 4
+#: Most rings, by the dimension of the faces.
 MOST_RINGS = {1: 500, 2: 60}
-#: A surface is flat if it rises by less than the first share of the radius; a patch may rise by the
-#: second.
+#: A surface is flat if it rises by less than this share of the radius.
 FLAT_RISE = 1e-6
+#: A patch may rise by this share of its radius.
 MOST_RISE = 0.5
 #: Points of patches that are processed at once.
 POINTS_AT_ONCE = 200_000
