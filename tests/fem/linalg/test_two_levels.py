@@ -5,7 +5,9 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import meshio
 import numpy as np
 import pytest
 
@@ -34,11 +36,30 @@ def products_from_the_cells(monkeypatch):
     monkeypatch.setattr(products, "FEWEST_DOFS", 0)
 
 
+def mixed() -> ao.Mesh:
+    """Hexahedra and wedges, which a reader cuts into tetrahedra."""
+    steps = [
+        np.linspace(0, size, n + 1) for size, n in zip((0.2, 0.05, 0.04), (6, 3, 2), strict=True)
+    ]
+    points = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)
+    number = np.arange(points[..., 0].size).reshape(points.shape[:3])
+    corners = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    a, b, c, d = (np.stack([one[..., :-1], one[..., 1:]], axis=-1) for one in corners)
+    bricks = np.stack([a, b, c, d], axis=-1)[:3].reshape(-1, 8)
+    wedges = [np.stack(base, axis=-1)[3:].reshape(-1, 6) for base in ((a, b, c), (a, c, d))]
+    cells = [("hexahedron", bricks), ("wedge", np.vstack(wedges))]
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "mixed.vtu"
+        meshio.Mesh(points.reshape(-1, 3), cells).write(file)
+        return ao.read_mesh(file)
+
+
 def made(solver: str, **given) -> ao.Structure:
     cell = given.pop("cell", "tetrahedron")
     material = given.pop("material", ao.Solid(**{**parts.STEEL, "nu": given.pop("nu", 0.3)}))
-    held = [ao.Support(name) for name in given.pop("supports", ["left"])]
-    mesh = parts.box((6, 3, 2), cell=cell)
+    left = ao.Support(lambda x: np.isclose(x[0], 0.0))
+    held = [left] if given.pop("supports", ["left"]) else []
+    mesh = mixed() if cell == "hexahedra and wedges" else parts.box((6, 3, 2), cell=cell)
     return ao.Structure(mesh, material, held, solver=solver, **given)
 
 
@@ -82,11 +103,17 @@ def test_thin_incompressible_parts_are_told():
         {"cell": "hexahedron"},
         {"supports": []},
         {"nu": 0.499},
+        {"cell": "hexahedron", "nu": 0.45},
+        {"cell": "hexahedron", "nu": 0.499},
+        {"cell": "hexahedra and wedges"},
         {"material": ORTHOTROPIC},
         {"attached": [SPRING, MASS]},
         {"attached": [SPRING], "supports": []},
     ],
-    ids=["tetrahedra", "hexahedra", "free", "nu", "orthotropic", "attached", "on a spring"],
+    ids=[
+        *("tetrahedra", "hexahedra", "free", "nu", "hexahedra 0.45", "hexahedra 0.499", "mixed"),
+        *("orthotropic", "attached", "on a spring"),
+    ],
 )
 @pytest.mark.filterwarnings("ignore::antiosc.base.errors.AccuracyWarning")
 def test_models_are_those_of_a_factor(given):
