@@ -27,25 +27,27 @@ from antiosc.base.texts import ReprMixin
 
 #: Columns of a measurement: (response, excitation) as numbers of sites.
 Pairs = list[tuple[int, int]]
-#: The lowest mode above the band lies above the band's top by at least this share.
+# In parentheses: largest relative change of |Z| in the band for half and twice the value, models
+# from 500 values of a supported and of a free part with four modes and 2 % noise.
+#: The lowest mode above the band lies above the band's top by at least this share (8e-4, 1e-4).
 BEYOND = 0.02
-#: Damping ratio of the tail if no mode is seen.
+#: Damping ratio of the tail if no mode is seen (none here).
 TYPICAL = 0.01
 #: Least squared displacement of a mode of the tail over the expected one.
 LEAST_SQUARE = 1e-3
-#: Highest frequency of the modes above the band over the band's top.
+#: Highest frequency of the modes above the band over the band's top (5e-4, 4e-3).
 TAIL_END = 5.0
-#: Least spacing of these modes over their frequency.
+#: Least spacing of these modes over their frequency (3e-4, 1e-3).
 TAIL_STEP = 0.15
-#: Number of modes in the band whose mean spacing and mean square they continue.
+#: Number of modes in the band whose mean spacing and mean square they continue (5e-4, 1e-6).
 GOING_ON = 6
-#: Standard deviation of the frequency of such a mode over the spacing.
+#: Standard deviation of the frequency of such a mode over the spacing (8e-4, 3e-4).
 SPREAD = 0.5
-#: Standard deviation of its squared displacement over the mean.
+#: Standard deviation of its squared displacement over the mean (1e-4, 5e-5).
 DOUBT = 1.0
 #: Variance of the relative mean square times the number of averaged modes.
 FEW = 2.0
-#: Standard deviation of the logarithm of a common factor on all spacings.
+#: Standard deviation of the logarithm of a common factor on all spacings (2e-4, 2e-3).
 STRETCH = 0.3
 
 
