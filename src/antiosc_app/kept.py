@@ -11,6 +11,7 @@ import numpy as np
 
 from antiosc import AntiOscillators, from_free_modes
 from antiosc.base._types import Array
+from antiosc.base.errors import warn, warnings_to
 from antiosc.models.body import ModelInfo
 from antiosc_app.set_up import COUNT
 
@@ -31,14 +32,21 @@ class Kept(OrderedDict[str, T]):
     def __init__(self, most: int) -> None:
         super().__init__()
         self._most = most
+        self._messages: dict[str, list[str]] = {}
 
     def of(self, key: str, make: Callable[[], T]) -> T:
-        """The result for a key, computed if it is not known."""
+        """The result for a key, computed if it is not known; its warnings are given each time."""
         if key not in self:
-            self[key] = make()
+            messages: list[str] = []
+            with warnings_to(messages.append):
+                self[key] = make()
+            self._messages[key] = messages
             while len(self) > self._most:
-                self.popitem(last=False)
+                oldest, _ = self.popitem(last=False)
+                self._messages.pop(oldest, None)
         self.move_to_end(key)
+        for message in self._messages.get(key, ()):
+            warn(message)
         return self[key]
 
 

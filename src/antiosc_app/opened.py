@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import antiosc
 from antiosc import AntiOscillators, History
 from antiosc.base import checks, progress
-from antiosc.base.errors import AntioscError, InputError, RangeError, warnings_to
+from antiosc.base.errors import AntioscError, InputError, RangeError, warn, warnings_to
 from antiosc.base.texts import capitalised
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
@@ -318,22 +318,31 @@ class Opened:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
         duration = source.look.duration if source.look.family == "Shell" else DURATION
         for _ in range(LONGER):
-            sections = scene_of(source, set_up, duration)
-            scene = self._compiled(sections)
-            structure = self._structure(scene)
-            approximate = self._from_modes(scene) if quickly else None
-            model = approximate or self._extracted(scene)
-            try:
-                evaluate = _evaluation(scene, structure=structure, model=model)
-                hit: History = evaluate(scene.history)
-            except RangeError as error:
-                set_up = _with_larger_patch(set_up, error)
-                continue
-            if not hit.contacts or hit.contacts[-1][1] < hit.time[-1]:
+            messages: list[str] = []  # of the run that is shown
+            with warnings_to(messages.append):
+                try:
+                    blow = self._run(scene_of(source, set_up, duration), quickly)
+                except RangeError as error:
+                    set_up = _with_larger_patch(set_up, error)
+                    continue
+            contacts = blow.hit.contacts
+            if not contacts or contacts[-1][1] < blow.hit.time[-1]:
                 break
             duration *= 2
-        assert scene.model is not None
-        self.site = scene.model.arguments["site"].made
+        for message in messages:
+            warn(message)
+        assert blow.scene.model is not None
+        self.site = blow.scene.model.arguments["site"].made
+        return blow
+
+    def _run(self, sections: Table, quickly: bool) -> PageImpact:
+        """The impact of a scene; `quickly` as in `_struck`."""
+        scene = self._compiled(sections)
+        structure = self._structure(scene)
+        approximate = self._from_modes(scene) if quickly else None
+        model = approximate or self._extracted(scene)
+        evaluate = _evaluation(scene, structure=structure, model=model)
+        hit: History = evaluate(scene.history)
         return PageImpact(sections, scene, structure, model, hit, approximate is None)
 
     def _opened(self) -> InspectedFile:
@@ -416,7 +425,9 @@ class Opened:
         if self._given is not None or values.get("agreed") != names:
             raise InputError("the files to be written are not those that were agreed to.")
         is_fall = set_up.striker.kind == FLOOR
-        result = self._dropped(set_up) if is_fall else self._struck(set_up)
+        messages: list[str] = []
+        with warnings_to(messages.append):
+            result = self._dropped(set_up) if is_fall else self._struck(set_up)
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
@@ -424,7 +435,9 @@ class Opened:
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
         page_results = run.SceneResults(
-            compiled=compiled(read_document(scene)), title=result.sections["title"]
+            compiled=compiled(read_document(scene)),
+            title=result.sections["title"],
+            warnings=list(dict.fromkeys(messages)),
         )
         if isinstance(result, Dropped):
             page_results.structure = result.fall.body.structure

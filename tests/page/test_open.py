@@ -45,7 +45,9 @@ view.dispatchEvent(new PointerEvent("pointerup", at(30)));
 READ = """
 return {data: {...document.documentElement.dataset}, setup: bench.setup,
   peak: page.hit && page.hit.peak_force, bar: page.bar, settled: page.data.part !== undefined,
-  width: document.documentElement.scrollWidth, about: document.getElementById("about").textContent,
+  width: document.documentElement.scrollWidth,
+  written: document.getElementById("written").textContent,
+  wrong: document.getElementById("wrong").textContent,
   verdict: document.getElementById("verdict").textContent};
 """
 
@@ -126,6 +128,23 @@ def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
     assert opened.calls["save"]({})["names"] == ["angle_2.toml", "angle_2.html"]
     for path in (scene, page):
         path.unlink()
+
+
+def test_warnings_stay_with_the_set_up_that_they_concern(opened):
+    setup = asked(opened, point=[0.03, 0.001, 0.015], direction=[0, 0, -1], radius=4e-3)
+    for step in ("blow", "settle", "fields", "verdict"):  # later steps take the model of the first
+        assert "edge cuts" in " ".join(call(opened, step, setup)["warnings"]), step
+    away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
+    assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
+
+
+def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
+    setup = asked(opened)
+    setup["striker"] |= {"kind": "mass", "mass": 0.5, "material": "PE-HD", "speed": 1.0}
+    told = call(opened, "settle", setup)
+    contact_time = told["blow"]["computed"]["contact_time"]
+    assert set_up.DURATION < contact_time < told["blow"]["duration"]
+    assert "duration" not in " ".join(told["warnings"])
 
 
 def found_in(table, name):
@@ -372,9 +391,15 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         time.sleep(1)
         browser.run("document.getElementById('yes').click()")
         for _ in range(600):
-            if "Written" in browser.run(READ)["about"]:
+            if "Written" in browser.run(READ)["written"]:
                 break
             time.sleep(0.1)
+        browser.run(
+            "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
+        )
+        at_edge = reached(browser, "complete", 6)
+        assert at_edge["written"] == ""  # what was written is another set-up
+        assert "edge cuts the patch" in at_edge["wrong"]
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()

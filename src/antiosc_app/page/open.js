@@ -13,6 +13,8 @@ const SIZES = { mm: 1e-3 }; // of units of the fields that are not those of the 
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
+const LASTS = 2; // s from which on a stage tells its time
+const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 
 class Bench {
@@ -21,7 +23,7 @@ class Bench {
     this.tab = String(Math.random());
     this.turn = 0;
     this.pending = 0;
-    [this.past, this.future] = [[], []];
+    [this.past, this.future, this.warned] = [[], [], []];
     this.look();
   }
 
@@ -45,6 +47,7 @@ class Bench {
     this.pending += change;
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
     if (!this.pending) clearTimeout(this.asking);
+    if (!this.pending) this.stage = "";
     find("busy").style.visibility = this.pending ? "visible" : "hidden";
   }
 
@@ -55,10 +58,12 @@ class Bench {
     if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
   }
 
-  // What the server does, and how much of it is done where it counts.
+  // What the server does, for how long if it lasts, and how much of it is done where it counts.
   tell_progress(doing) {
-    const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar");
-    find("doing").textContent = doing;
+    const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
+    if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
+    const seconds = Math.floor((performance.now() - this.began) / 1e3);
+    find("doing").textContent = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
   }
@@ -69,7 +74,8 @@ class Bench {
     try {
       const found = await this.call(name, { tab, turn, setup, ...more });
       if (turn !== this.turn || found.stale) return null;
-      this.wrong(found.warnings.join(" "), false);
+      this.warned = [...new Set([...(ADDING.includes(name) ? this.warned : []), ...found.warnings])];
+      this.wrong("", false);
       return found;
     } catch (error) {
       if (turn === this.turn) this.wrong(error.message, true);
@@ -77,8 +83,10 @@ class Bench {
     }
   }
 
+  // An error or a hint before the warnings of what is shown.
   wrong(text, failed) {
-    Object.assign(find("wrong"), { textContent: text, hidden: !text });
+    const said = [text, ...this.warned].filter(Boolean).join(" ");
+    Object.assign(find("wrong"), { textContent: said, hidden: !said });
     if (failed) document.documentElement.dataset.failed = text;
   }
 
@@ -307,7 +315,9 @@ class Bench {
     const turn = ++this.turn;
     clearTimeout(this.later);
     delete document.documentElement.dataset.failed;
+    this.warned = [];
     this.wrong("", false);
+    this.wrote("");
     if (this.page && this.page.sites) this.page = null;
     const found = await this.step("blow");
     if (!found) return;
@@ -387,6 +397,8 @@ class Bench {
     this.heads("computed", "Back to the blow");
   }
 
+  wrote(text) { Object.assign(find("written"), { textContent: text, hidden: !text }); }
+
   heads(compared, map) { [find("compared").textContent, find("map").textContent] = [compared, map]; }
 
   async save() {
@@ -395,7 +407,7 @@ class Bench {
     find("yes").onclick = async () => {
       find("ask").close();
       const found = await this.step("write", { agreed: names });
-      if (found) find("about").textContent = `Written: ${found.written.join(", ")}. Again: antiosc run ${found.written[0]}`;
+      if (found) this.wrote(`Written: ${found.written.join(", ")}. Again: antiosc run ${found.written[0]}`);
     };
     find("no").onclick = () => find("ask").close();
     find("ask").showModal();
