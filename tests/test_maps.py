@@ -267,9 +267,12 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     rows = dict(presentations(SceneResults(map=hard))[1].sections["Map"][0])
     assert "1 doubtful" in rows["sites"]
     assert rows["peak force"] == "1.000 N to 1.000 N"
-    assert headline_of_map(dataclasses.replace(hard, contact_time=hard.peak_force)).numbers[1:] == [
+    timed = dataclasses.replace(hard, contact_time=hard.peak_force)
+    assert headline_of_map(timed).numbers[1:] == [
         ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
     ]  # fmt: skip
+    softest = f"k0 of {engineering(found.models.k0[0], 'N/m')}, is at (60, 40, 30) mm"
+    assert softest in headline_of_map(timed).sentences[1]
     stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)
     assert "largest stress 1.00 Pa at (60, 40, 30) mm" in stressed.summary()
     assert "and the largest stress" in stressed.summary()

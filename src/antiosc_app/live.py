@@ -315,7 +315,7 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
     "stretch": "extract with a larger number of motions (stretch=)",
-    "law": "give the yield strength of your material, and what it may be off by (yield_range)",
+    "law": "give the yield strength of your own material and its range (in a scene: yield_range)",
 }
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
@@ -380,6 +380,7 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
         bar = None if structure is None else map_bar(impact_map, structure)
         shown = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
         sentences.append(f"The largest force, {shown}, arises at {where}.")
+        sentences.append(_softest(impact_map))
         if impact_map.doubtful.any():
             sentences.append(f"Left out of these: {doubts_text(impact_map)}.")
     if impact_map.peak_stress is not None:
@@ -396,6 +397,15 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
         f"{_named(impact_map.info.get('structure', 'a part'))}."
     )
     return Headline(about if impact_map.impactor else "Models over a surface", numbers, sentences)
+
+
+def _softest(impact_map: ImpactMap) -> str:
+    """Sentence on the site that gives way most to a static force."""
+    k0 = impact_map.models.k0
+    i = min(trusted(impact_map), key=lambda site: k0[site])
+    stiffness = engineering(float(k0[i]), "N/m")
+    where = point_text(impact_map.points[i])
+    return f"The softest place, of a static stiffness k0 of {stiffness}, is at {where}."
 
 
 def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
@@ -468,6 +478,8 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     for peak in fields.values():
         if peak.exposure is not None:
             sentences.append(f"{capitalised(peak.margin().sentence)}.")
+        if note := mesh_note(peak):
+            sentences.append(f"{capitalised(note)}.")
         if peak.doubt:
             sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
     if not fields and worst is not None:
@@ -480,15 +492,37 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     return sentences
 
 
+def stress_bar(peak: PeakField) -> float | None:
+    """Mesh error of the judged stress, over this stress; None without an estimate."""
+    value = float(peak.values[peak.judged])
+    if not peak.largest_mesh_error or not value:
+        return None
+    return peak.largest_mesh_error / value
+
+
+def mesh_note(peak: PeakField) -> str:
+    """The judged stress with its error by the mesh, and beyond yield that it is not reached."""
+    share = stress_bar(peak)
+    if share is None:
+        return ""
+    value = engineering(float(peak.values[peak.judged]), peak.unit)
+    text = f"with its error by the mesh this stress is {value} ± {percent(share)}"
+    if peak.exposure is not None and peak.margin().reached:
+        return f"{text}; it is elastic and not reached, because the material yields first"
+    return text
+
+
 def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
-    `beyond` [m]: the distance from a contact that yields, from which on it is judged.
+    `beyond` [m]: the distance from a contact that yields, from which on it is judged; `stress_bar`:
+    its error by the mesh, over it.
     """
-    margins = [field.margin() for field in fields.values() if field.exposure is not None]
-    for margin in margins:
-        if margin.criterion == "yield":
+    for peak in fields.values():
+        margin = None if peak.exposure is None else peak.margin()
+        if margin is not None and margin.criterion == "yield":
             judged: Data = {"stress": margin.value, "strength": margin.strength}
+            judged["stress_bar"] = stress_bar(peak)
             judged["beyond"] = float(margin.beyond[:, 3].max(initial=0.0))
             judged["stress_time"] = margin.time
             return judged
@@ -529,7 +563,7 @@ def _accuracy(budget: ErrorBudget | None, structure: Structure | None) -> str:
         reason = "There is no error bar, for the mesh's error is not estimated"
         if structure is None or not has_bars(structure):
             return f"{reason}."
-        return f'{reason}: error="estimate" of extract gives one.'
+        return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     largest = (
@@ -549,19 +583,29 @@ def caption(data: Data) -> str:
         return "Drag to turn; red: the impacts, click one."
     text = "Drag to turn; dark: held by supports; the arrow is the direction of impact."
     place = data.get("place")
-    if place and place["radius"] and not data["blow"]["radius"]:
-        text += " The striker is drawn as a steel ball of its mass."
-    return text
+    return f"{text} {place['told']}".rstrip() if place else text
 
 
 def striker_place(hit: History, blow: Data) -> Data | None:
-    """The striker's place in the picture; None for a site without coordinates."""
+    """The striker's place in the picture, and what is drawn of it; None for a site without
+    coordinates.
+    """
     points = list(site_points(hit.model).values())
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
-    radius = blow["radius"]
-    mass = blow["mass"]
-    if radius is None and mass is not None:
-        radius = (mass / (STEEL * 4 / 3 * pi)) ** (1 / 3)
-    return {"point": list(points[0]), "direction": list(direction), "radius": radius}
+    radius, told = _drawn_striker(hit.impactor, blow)
+    return {"point": list(points[0]), "direction": list(direction), "radius": radius, "told": told}
+
+
+def _drawn_striker(striker: LinearBody, blow: Data) -> tuple[float | None, str]:
+    """(radius [m] of the ball that is drawn for the striker, sentence on it)."""
+    if blow["radius"] is not None:
+        return blow["radius"], ""
+    tip = getattr(striker, "tip_radius", None)
+    if tip is not None:
+        return tip, "Of the striker only its round tip is drawn."
+    if blow["mass"] is None:
+        return None, ""
+    radius = (blow["mass"] / (STEEL * 4 / 3 * pi)) ** (1 / 3)
+    return radius, "The striker is drawn as a steel ball of its mass."

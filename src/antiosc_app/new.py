@@ -74,6 +74,10 @@ BALL_OVER_LENGTH = 0.1
 HOLLOW = 0.5
 #: Radius of the ball of a new scene over that of the largest one that touches the site alone.
 BALL_OVER_ROOM = 0.9
+#: Sites nearer to held nodes than this share of the longest side are tried last.
+AWAY = 0.2
+#: Distance over the size of the part below which two nodes are one.
+SAME_PLACE = 1e-6
 #: Upward direction of a sheet in any plane.
 UP = np.array([0.1, 0.2, 1.0])
 #: Distance from the edge of a face, over the size of the part, beyond which sites rate almost
@@ -352,6 +356,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         supported[_nodes_of(mesh, where)] = True
     elif structure is None:
         supported, plane = _plane(x, low, high, size)
+    else:
+        supported = _held_nodes(structure, x, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
     outer = Faces(mesh, mesh.tdim < 3)
     faces = _around(outer)
@@ -369,6 +375,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
             for point, direction, inside, edge in candidates
         )
     sites = _spread(sites)
+    if not len(struck):
+        sites = _far_from(x[supported], AWAY * float(np.ptp(x, axis=0).max()), sites)
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites)
     if family != "Beam" and mesh.gdim == 3:
@@ -443,6 +451,40 @@ def _flat(
             return E, nu
         return STEEL["E"], STEEL["nu"]
     return None
+
+
+def _held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
+    """Mask of the nodes x (N, 3) that do not move where all free dofs of a structure do."""
+    from antiosc.extension import source
+
+    try:
+        motion = np.ones((structure.rows, 1))
+        motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
+        nodes, _, moved = source(structure).at_nodes(structure, motion)
+    except AntioscError:  # matrices alone have no nodes
+        return np.zeros(len(x), dtype=bool)
+    still = ~np.any(moved, axis=(1, 2))
+    if not still.any():
+        return np.zeros(len(x), dtype=bool)
+    distance = cKDTree(nodes[still]).query(x)[0]
+    return np.asarray(distance < SAME_PLACE * size)
+
+
+def _far_from(
+    held: Array, least: float, sites: Iterator[tuple[Array, Array, float | None]]
+) -> Iterator[tuple[Array, Array, float | None]]:
+    """The sites; those nearer than `least` [m] to held points (n, 3) come last."""
+    if not len(held):
+        yield from sites
+        return
+    tree = cKDTree(held)
+    near = []
+    for site in sites:
+        if tree.query(site[0])[0] < least:
+            near.append(site)
+        else:
+            yield site
+    yield from near
 
 
 def _outside_hollows(

@@ -516,11 +516,17 @@ def _told(blow: PageImpact) -> Data:
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
         "about": head.about,
-        "verdict": head.sentences,
+        "verdict": _said(head, blow.settled),
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},
         "python": repr(site),
     }
+
+
+def _said(head: live.Headline, settled: bool) -> list[str]:
+    """The sentences of a headline; those on the error bars once these are computed."""
+    pairs = zip(head.kinds, head.sentences, strict=True)
+    return [sentence for kind, sentence in pairs if settled or kind != "accuracy"]
 
 
 def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:

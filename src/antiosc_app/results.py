@@ -42,6 +42,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
+from antiosc_app.live import mesh_note
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import SceneResults, varied
@@ -202,7 +203,9 @@ def with_prefixes(table: Columns) -> dict[str, list[object]]:
 def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
     """(name, values) of a column named as "contact time (s)", scaled to "(µs)" if that fits."""
     title, _, unit = name.partition(" (")
-    if unit in ("", "%)") or not all(isinstance(v, float | np.floating) for v in values):
+    if unit == "%)":  # error bars: their further digits mean nothing
+        return name, [float(f"{value:.2g}") for value in values]
+    if not unit or not all(isinstance(v, float | np.floating) for v in values):
         return name, values
     numbers = np.array(values, dtype=float)
     largest = max(np.abs(numbers[np.isfinite(numbers)]), default=0.0)
@@ -456,21 +459,11 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
     for name, peak in peaks.items():
         sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
         rows.append((_words(name), sentence))
-        if note := _mesh_note(peak):
+        if note := mesh_note(peak):
             rows.append(("", note))
         if peak.doubt:
             rows.append(("", peak.doubt))
     return rows
-
-
-def _mesh_note(peak: PeakField) -> str:
-    """The error of the judged stress by the mesh; beyond yield that this stress is not reached."""
-    value = peak.values[peak.judged]
-    if not peak.largest_mesh_error or not value:
-        return ""
-    if peak.exposure is not None and peak.margin().reached:
-        return "the elastic stress is not reached, because the material yields first"
-    return f"estimated error by the mesh: {percent(peak.largest_mesh_error / value)} of it"
 
 
 def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:

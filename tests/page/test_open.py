@@ -16,6 +16,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering, percent
 from antiosc_app import new, set_up
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
@@ -48,6 +49,7 @@ return {data: {...document.documentElement.dataset}, setup: bench.setup,
   width: document.documentElement.scrollWidth,
   written: document.getElementById("written").textContent,
   wrong: document.getElementById("wrong").textContent,
+  stress: page.cells.stress ? page.cells.stress[0].textContent : "",
   verdict: document.getElementById("verdict").textContent};
 """
 
@@ -138,6 +140,17 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
 
 
+def test_the_stress_has_its_error_by_the_mesh(opened):
+    setup = asked(opened)
+    found = call(opened, "verdict", setup)
+    blow = opened._struck(set_up.read(setup))
+    peak = ao.peak_field(blow.structure, blow.hit)
+    share = peak.largest_mesh_error / peak.values[peak.judged]
+    assert found["judged"]["stress_bar"] == pytest.approx(share)
+    told = f"{engineering(found['judged']['stress'], 'Pa')} ± {percent(share)}"
+    assert any(told in sentence for sentence in found["verdict"])
+
+
 def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
     setup = asked(opened)
     setup["striker"] |= {"kind": "mass", "mass": 0.5, "material": "PE-HD", "speed": 1.0}
@@ -145,6 +158,7 @@ def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
     contact_time = told["blow"]["computed"]["contact_time"]
     assert set_up.DURATION < contact_time < told["blow"]["duration"]
     assert "duration" not in " ".join(told["warnings"])
+    assert told["place"]["radius"] == setup["striker"]["radius"]  # the tip, not a ball of its mass
 
 
 def found_in(table, name):
@@ -172,6 +186,7 @@ def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
     one, other = (each["blow"]["computed"]["peak_force"] for each in (quick, settled))
     assert one == pytest.approx(other, rel=0.01)
     assert quick["blow"]["bars"]["shares"] == {}
+    assert not any("error bar" in sentence for sentence in quick["verdict"])  # it follows
     assert settled["blow"]["bars"]["shares"]["peak_force"]["mesh"] > 0
 
 
@@ -387,6 +402,12 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         assert undone["setup"] == held["setup"]
         assert undone["peak"] == pytest.approx(held["peak"], rel=1e-9)
         assert "ield" in undone["verdict"]
+        browser.run(
+            "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
+        )
+        at_edge = reached(browser, "complete", 6)
+        assert "±" in at_edge["stress"]
+        assert "edge cuts the patch" in at_edge["wrong"]
         browser.run("document.getElementById('save').click()")
         time.sleep(1)
         browser.run("document.getElementById('yes').click()")
@@ -394,12 +415,8 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             if "Written" in browser.run(READ)["written"]:
                 break
             time.sleep(0.1)
-        browser.run(
-            "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
-        )
-        at_edge = reached(browser, "complete", 6)
-        assert at_edge["written"] == ""  # what was written is another set-up
-        assert "edge cuts the patch" in at_edge["wrong"]
+        browser.run("document.getElementById('undo').click()")
+        assert browser.run(READ)["written"] == ""  # what was written is another set-up
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()

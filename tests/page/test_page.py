@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import antiosc as ao
@@ -178,6 +179,11 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
         )
         field = ao.peak_field(part, hit, quantity, times=[browser.run("return page.until / 2")])
         assert largest == pytest.approx(field.values.max(), rel=rel)
+    # the stress below the striker is seen through it; the set-up shows it as it is
+    cover = """page.kind = arguments[0];
+        page.picture();
+        return page.part.view.meshes.get("ball").cover;"""
+    assert [browser.run(cover, kind) for kind in ("", "stress")] == [1, pytest.approx(0.15)]
     # its bar follows: at the computed case it is that of the budget
     bar = browser.run("return page.bar")
     assert bar == pytest.approx(hit.error_budget["peak_force"].total, rel=1e-9)
@@ -227,6 +233,18 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     assert "yield strength" in browser.run("return document.getElementById('what').textContent")
     high = browser.run("return document.getElementById('high').textContent")
     assert float(high) == pytest.approx(found.exposure.max(), rel=5e-3)
+    told = browser.run(
+        """const {quantities} = page.data.sites;
+        quantities.k0 = quantities.k0.map((_, i) => 10 ** (i / 5));
+        page.data.sites.doubtful.fill(false);
+        const kind = document.getElementById("kind");
+        kind.value = "k0";
+        kind.dispatchEvent(new Event("change"));
+        const colours = page.sites.view.meshes.get("dots").values;
+        return [document.getElementById("what").textContent, Array.from(new Set(colours))];"""
+    )
+    assert "logarithmic: in the middle 12.6 N/m" in told[0]  # of 1 to 158
+    assert np.diff(told[1][:12]) == pytest.approx(1 / 11, rel=1e-4)
 
 
 @pytest.mark.slow

@@ -45,6 +45,14 @@ def test_a_new_scene_runs(part, tmp_path, monkeypatch):
     assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
 
 
+def test_a_structure_is_struck_away_from_what_holds_it():
+    mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
+    below = [0.05, 0.04, 0.0]  # the middle of the face that is not struck
+    part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support(near=(below, 0.012))])
+    point = template.inspect_structure(part).point
+    assert np.linalg.norm(np.subtract(point, below)) > 0.03
+
+
 @pytest.mark.parametrize("side", [0.0, 0.1])
 def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(side, tmp_path):
     """The largest free side, near its middle, from outside."""

@@ -146,6 +146,12 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     assert two == ("c", "Not drawn: no colours.", "")
 
 
+def test_bars_are_printed_with_two_digits():
+    text = shown.format_columns({"peak force (N)": [490.12, 1050.0], "± (%)": [5.2968, np.nan]})
+    assert text.splitlines()[1].split() == ["0.49012", "5.3"]
+    assert text.splitlines()[2].split() == ["1.05", "–"]
+
+
 def test_names_in_pictures_are_no_formulas():
     assert shown.escaped("$a$\n") == r"\$a\$?"
     assert shown.escaped("x" * 61) == "x" * 57 + "…"

@@ -420,8 +420,9 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
     if poor:
         warn(
             f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
-            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): raise n or"
-            " modes, lower the band, or extract those sites (see .error).",
+            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): more"
+            " modes, more anti-oscillators (n) or a lower band reduce it; an impact at one site"
+            " alone does without these modes.",
             AccuracyWarning,
         )
 

@@ -1,5 +1,7 @@
 // The sites of a map, each with its own model: struck all at once for the colours, one for a click.
 
+const WIDE = 20; // largest over least value from which a scale is logarithmic
+
 class Sites {
   constructor(data, view) {
     Object.assign(this, { data, view, count: data.start.length - 1, values: {} });
@@ -38,9 +40,16 @@ class Sites {
     return [Math.min(...known), Math.max(...known)];
   }
 
+  // Whether colours follow the logarithm: on a linear scale most values would have one colour.
+  logarithmic(kind) {
+    const [low, high] = this.range(kind);
+    return low > 0 && high > WIDE * low;
+  }
+
   show(kind, chosen) {
-    const { data, view } = this, [low, high] = this.range(kind), values = this.quantity(kind);
-    const shade = Float32Array.from(values, (v, i) => (data.doubtful[i] ? DOUBTFUL : Number.isFinite(v) ? (v - low) / (high - low || 1) : PLAIN));
+    const { data, view } = this, values = this.quantity(kind), scale = this.logarithmic(kind) ? Math.log : Number;
+    const [low, high] = this.range(kind).map((end) => scale(end));
+    const shade = Float32Array.from(values, (v, i) => (data.doubtful[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
     if (data.faces.length) this.surface(shade);
     const dots = { points: [], faces: [], values: [] };
     data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));

@@ -378,6 +378,7 @@ class Bench {
     if (this.view) this.page.picture();
     if (!this.fitted && this.view) { this.view.fit(); this.view.draw(); this.fitted = true; }
     find("about").textContent = about;
+    find("held").textContent = place ? place.told : "";
     find("python").value = python;
     find("case").textContent = settled ? "" : "bars follow …";
     this.heads("before", "Map");

@@ -194,7 +194,8 @@ class Page {
     for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
-      now.textContent = name in bars && Number.isFinite(bars[name]) ? this.with_bar(plain, bars[name]) : plain;
+      const bar = name === "stress" ? this.data.stress_bar : bars[name];
+      now.textContent = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : plain;
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
@@ -299,7 +300,8 @@ class Page {
     find("low").textContent = engineering(low, unit);
     find("high").textContent = engineering(high, unit);
     const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.last(), "s")}` : "";
-    find("what").textContent = label + drawn;
+    const wide = this.sites && this.sites.logarithmic(this.kind);
+    find("what").textContent = label + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
   }
 
   play(on) {

@@ -1,6 +1,7 @@
 // The part of the report: its points, its motion and stress from a few fields, the striker.
 
 const ENLARGED = 0.08, FRAMES = 60; // of the size of the part; of a run
+const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const ARROW = 0.5; // length of the arrow over half the size of the part
 const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
@@ -109,7 +110,7 @@ class Part {
     const { point, direction, radius } = this.place, d = unit(direction);
     const to = point.map((x, i) => x + way[i]), into = this.outside.map((x) => -x);
     const mesh = radius ? ball(to, into, radius) : { points: new Float32Array(3), faces: new Uint32Array(3) };
-    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces);
+    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces, resting ? 1 : GLASS);
     // the arrow begins behind the ball, whose surface is left along d at twice its cosine
     const tip = point.map((x, i) => x - 1.05 * this.through() * d[i]);
     const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };

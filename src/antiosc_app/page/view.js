@@ -4,7 +4,7 @@ const VERTEX = `#version 300 es
 uniform mat4 camera; in vec3 at; in float value; out vec3 seen; out float shade;
 void main() { vec4 p = camera * vec4(at, 1.0); seen = at; shade = value; gl_Position = p; }`;
 const FRAGMENT = `#version 300 es
-precision highp float; uniform vec3 light; uniform float plain; in vec3 seen; in float shade; out vec4 colour;
+precision highp float; uniform vec3 light; uniform float plain; uniform float cover; in vec3 seen; in float shade; out vec4 colour;
 vec3 viridis(float t) { // a polynomial of degree 6 through the colours of viridis
   const vec3 c0 = vec3(.2777, .0054, .3341), c1 = vec3(.1051, 1.4046, 1.3846),
     c2 = vec3(-.3309, .2148, .0951), c3 = vec3(-4.6342, -5.7991, -19.3324),
@@ -19,7 +19,7 @@ void main() {
   vec3 own = shade < -4.5 ? vec3(.93, .93, .94) * plain : shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
     : shade < -1.5 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82) * plain
     : viridis(clamp(shade, 0., 1.));
-  colour = vec4(own * lit, 1.0);
+  colour = vec4(own * lit, cover);
 }`;
 
 class View {
@@ -45,6 +45,7 @@ class View {
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
     gl.polygonOffset(1, 2);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE);
     this.by_hand();
     this.by_keys();
     new ResizeObserver(() => this.draw()).observe(canvas);
@@ -63,15 +64,16 @@ class View {
     }
   }
 
-  // A mesh by name: points (3 n), values (n), and faces where they change.
-  put(name, points, values, faces) {
+  // A mesh by name: points (3 n), values (n), and faces where they change; below a cover of 1 what is
+  // behind is seen through it.
+  put(name, points, values, faces, cover = 1) {
     const gl = this.gl;
     let mesh = this.meshes.get(name);
     if (!mesh) {
       mesh = { array: gl.createVertexArray(), at: gl.createBuffer(), value: gl.createBuffer(), of: gl.createBuffer() };
       this.meshes.set(name, mesh);
     }
-    mesh.points = points;
+    Object.assign(mesh, { points, values, cover });
     gl.bindVertexArray(mesh.array);
     [["at", points, 3], ["value", values, 1]].forEach(([attribute, content, size]) => {
       const place = gl.getAttribLocation(this.program, attribute);
@@ -150,12 +152,18 @@ class View {
     gl.uniformMatrix4fv(gl.getUniformLocation(this.program, "camera"), false, this.camera());
     const [right, up, out] = this.axes(), light = right.map((x, i) => 0.3 * x + 0.45 * up[i] + 0.84 * out[i]);
     gl.uniform3fv(gl.getUniformLocation(this.program, "light"), light);
-    for (const [name, mesh] of this.meshes) {
+    const clear = ([, mesh]) => Number(mesh.cover < 1), cover = gl.getUniformLocation(this.program, "cover");
+    for (const [name, mesh] of [...this.meshes].sort((a, b) => clear(a) - clear(b))) {
+      if (mesh.cover < 1) gl.enable(gl.BLEND);
+      else gl.disable(gl.BLEND);
+      gl.depthMask(mesh.cover === 1);
+      gl.uniform1f(cover, mesh.cover);
       if (name === "skin") gl.enable(gl.POLYGON_OFFSET_FILL); // it lies behind the map on it
       else gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.bindVertexArray(mesh.array);
       gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
     }
+    gl.depthMask(true); // else nothing clears the depths
   }
 
   // Where points are seen: in pixels of the page, and how far towards the viewer.
