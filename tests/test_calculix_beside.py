@@ -72,7 +72,7 @@ def test_its_error_is_told(monkeypatch):
     [
         ("tetrahedra", {"cell": "hexahedron"}),
         ("quadratic", {"order": 1}),
-        ("no memory", {"law": ao.Gonthier(1e9, 0.6)}),
+        ("has memory or damping", {"law": ao.Gonthier(1e9, 0.6)}),
         ("impactor vibrates", {"ball": "model"}),
     ],
 )

@@ -132,9 +132,11 @@ def test_other_methods_stand_beside_the_table(tried):
     last = found.table[-1]
     apart = abs(other.peak_force / last.peak_force - 1)
     assert apart * (1 - apart) <= other.difference
-    assert len(found.summary().splitlines()) == 1 + len(found.table) + len(found.others)
+    lines = [*found.table, *found.others, *found.notes]
+    assert len(found.summary().splitlines()) == 1 + len(lines)
     assert "unreduced" in [line.get_label() for line in found.plot().axes[0].lines]
     assert found.best(tol=TOL) in found.table
+    assert found.numbers()["others"][0]["bar"] is None
 
 
 def test_a_method_that_does_not_fit_is_told():
@@ -244,10 +246,14 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     (tmp_path / "scene.toml").write_text(text)
     chart = tmp_path / "chart.png"
     given = ["tradeoff", str(tmp_path / "scene.toml"), "--tol", "0.9", "--chart", str(chart)]
+    given += ["--compare", "1e-9"]
     assert main([*given, "--report", str(tmp_path / "page.html")]) == 0
     assert chart.exists()
     assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
-    assert "to finest" in capsys.readouterr().out
+    assert "unreduced: not run" in (tmp_path / "page.html").read_text()
+    printed = capsys.readouterr().out
+    assert "to finest" in printed
+    assert "unreduced: not run" in printed
 
 
 def test_a_scene_without_one_impact_is_refused(tmp_path, capsys):

@@ -81,7 +81,8 @@ def _check(blow: Blow) -> None:
         "the part carries masses or springs": attached,
         "the part is prestressed": matrices.preload is not None,
         "the impactor vibrates": len(ball.omega) != 1 or bool(ball.omega.any()),
-        "a spring has no memory": blow.law.has_memory or blow.law.rate_dependent,
+        "the contact law has memory or damping, and a spring has none": blow.law.has_memory
+        or blow.law.rate_dependent,
     }
     for reason, holds in reasons.items():
         if holds:

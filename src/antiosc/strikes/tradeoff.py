@@ -203,7 +203,7 @@ class Tradeoff(Result):
         """The tables, status, message and notes: name -> JSON value."""
         return {
             "table": [asdict(one) for one in self.table],
-            "others": [asdict(one) for one in self.others],
+            "others": [{**asdict(one), "bar": None} for one in self.others],
             "notes": list(self.notes),
             "tol": self.tol,
             "status": self.status,
