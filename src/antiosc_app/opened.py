@@ -25,7 +25,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import antiosc
 from antiosc import AntiOscillators, History
 from antiosc.base import checks, progress
-from antiosc.base.errors import AntioscError, InputError, RangeError, warn, warnings_to
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    RangeError,
+    warn,
+    warnings_to,
+    without_warnings,
+)
 from antiosc.base.texts import capitalised
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
@@ -78,6 +85,9 @@ FALLS = 10
 TABS = 100
 #: Largest number of runs, each twice as long, until striker and part no longer touch at the end.
 LONGER = 5
+#: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
+#: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
+LONGER_OF_MAP = 2.0
 #: Sections of a scene on which the structure depends; on which its model depends.
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
@@ -394,7 +404,8 @@ class Opened:
 
     def _map(self, set_up: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""
-        blow = self._struck(set_up)
+        with without_warnings():  # those of one site
+            blow = self._struck(set_up)
         source = self._opened()
         where = values.get("where")
         if where is not None:
@@ -404,7 +415,7 @@ class Opened:
             where,
             blow.hit.impactor,
             AUTO,
-            float(blow.hit.run.time[-1]),
+            LONGER_OF_MAP * float(blow.hit.run.time[-1]),
             direction=None if source.look.family == "Solid" else set_up.direction,
             radius=blow.model.patch_radius,
         )

@@ -136,6 +136,10 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     setup = asked(opened, point=[0.03, 0.001, 0.015], direction=[0, 0, -1], radius=4e-3)
     for step in ("blow", "settle", "fields", "verdict"):  # later steps take the model of the first
         assert "edge cuts" in " ".join(call(opened, step, setup)["warnings"]), step
+    faces = opened.calls["look"]({})["faces"]
+    free = next(name for name in faces if name not in setup["held"])
+    of_map = call(opened, "map", setup, where=free)["warnings"]
+    assert not any(sentence.startswith("An edge cuts") for sentence in of_map)
     away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
     assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
 

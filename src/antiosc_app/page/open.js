@@ -13,6 +13,9 @@ const SIZES = { mm: 1e-3 }; // of units of the fields that are not those of the 
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
+// What a call of the server computes, where it does not say it more closely.
+const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
+  verdict: "the largest stress", map: "striking all sites", write: "writing" };
 const LASTS = 2; // s from which on a stage tells its time
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
@@ -30,6 +33,7 @@ class Bench {
   // -- the server
 
   async call(name, content = {}) {
+    this.called = name;
     this.busy(1);
     try {
       const answer = await fetch(`/${name}`, { method: "POST", body: JSON.stringify(content),
@@ -54,7 +58,7 @@ class Bench {
   async ask_progress() {
     const answer = await fetch("/progress", { method: "POST", body: "{}",
       headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } }).catch(() => null);
-    if (answer && answer.ok) this.tell_progress((await answer.json()).answer.doing || "computing");
+    if (answer && answer.ok) this.tell_progress((await answer.json()).answer.doing || STAGES[this.called] || "computing");
     if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
   }
 
