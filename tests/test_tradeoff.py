@@ -77,6 +77,11 @@ def test_the_best_and_the_front():
     assert found.best(tol=0.05).seconds == 3.0
     assert found.best(seconds=3.5).bar == 0.04
     assert [one.seconds for one in found.front] == [1.0, 3.0, 4.0]
+    assert (found.status, found.message.partition(";")[0]) == (
+        0,
+        "The cheapest within 1 %: N = 20, 100 dofs, 4.00 s",
+    )
+    assert replace(found, tol=0.005).message == "The least bar is 1 %, tol 0.5 %."
     with pytest.raises(ao.InputError, match="no member has a bar"):
         found.best(tol=0.001)
     with pytest.raises(ao.InputError, match="no member takes"):

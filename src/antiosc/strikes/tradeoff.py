@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, cast
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.base.texts import Completed, Result, engineering
+from antiosc.base.texts import Completed, Result, engineering, percent
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
@@ -83,7 +83,7 @@ class TradeoffMember:
     bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
     difference : largest of the three to the finest member, relative.
     impulse, contact_time : of the corrected model [N s], [s].
-    method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (NaN), no
+    method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
     """
 
@@ -108,7 +108,7 @@ class TradeoffMember:
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
             *(f"{self.seconds:.3g}", f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
-            "–" if math.isnan(self.bar) else f"{100 * self.bar:.2g}",
+            "–" if math.isinf(self.bar) else f"{100 * self.bar:.2g}",
             f"{100 * self.difference:.2g}",
         )
 
@@ -195,9 +195,16 @@ class Tradeoff(Result):
 
     @property
     def message(self) -> str:
-        """The smallest error bar compared with `tol`."""
-        least = min(one.bar for one in self.table)
-        return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
+        """The cheapest method within `tol`, or the smallest error bar if none is."""
+        if self.status:
+            least = min(one.bar for one in self.table)
+            return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
+        best = self.best(tol=self.tol)
+        return (
+            f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
+            f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
+            " of the contact law."
+        )
 
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
@@ -354,7 +361,7 @@ class Made:
             step=float(outcome.curve.time[1]),
             seconds=outcome.seconds,
             gigabytes=(kept + outcome.bytes) / 1e9,
-            bar=math.nan,
+            bar=math.inf,
             difference=max(differences(finest, found).values()),
             **asdict(found),
         )
