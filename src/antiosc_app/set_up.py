@@ -31,10 +31,8 @@ FINER = 3.0
 NEIGHBOURS = 12
 #: Largest number of held faces.
 MOST_HELD = 200
-#: Anti-oscillators of a solid or a bar.
+#: Anti-oscillators of the first numbers, from free modes.
 COUNT = 20
-#: Anti-oscillators of a sheet.
-COUNT_OF_SHEET = 100
 #: Names of isotropic materials; default of a part and of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST = "steel S235"
@@ -195,7 +193,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         site["radius"] = set_up.radius or rounded_up(
             RESOLVED * source.size_at(set_up.point) / finer
         )
-    extract: Table = {"n": COUNT_OF_SHEET if look.family == "Shell" else COUNT}
+    extract: Table = {"n": look.count}
     if set_up.damping:
         extract["damping"] = set_up.damping
     if look.bars:

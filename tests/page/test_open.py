@@ -421,6 +421,18 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             time.sleep(0.1)
         browser.run("document.getElementById('undo').click()")
         assert browser.run(READ)["written"] == ""  # what was written is another set-up
+        reached(browser, "complete", 7)
+        dimmed = "return [document.body.classList.contains('outdated'), save.disabled]"
+        assert browser.run(dimmed) == [False, False]
+        browser.run("bench.change({point: [9, 9, 9]})")  # no place of the part
+        for _ in range(600):
+            if browser.run("return 'failed' in document.documentElement.dataset"):
+                break
+            time.sleep(0.1)
+        assert browser.run(dimmed) == [True, True]
+        browser.run("delete document.documentElement.dataset.failed; undo.click()")
+        reached(browser, "complete", 9)
+        assert browser.run(dimmed) == [False, False]
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()

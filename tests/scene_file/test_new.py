@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("jinja2")
 
 import antiosc as ao
+from antiosc.extension import Faces
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
 from paths import DEMOS, MESHES
@@ -158,6 +159,22 @@ def test_a_geometry_of_three_units_or_more_is_taken_in_millimetres(side, unit, t
     length = {"mm": 1e-3, "m": 1.0}[unit] * side
     assert found.length == pytest.approx(length)
     assert found.read["size"] == pytest.approx(length / 20, rel=0.34)
+
+
+@pytest.mark.parametrize(
+    ("thickness", "count"), [(20.0, template.COUNTS["Solid"]), (1.0, template.COUNTS["Shell"])]
+)
+def test_a_solid_as_thin_as_a_plate_has_the_anti_oscillators_of_a_shell(thickness, count, tmp_path):
+    """Mean thickness 2 V/A: of a plate a b t it is t/(1 + t/a + t/b)."""
+    script = tmp_path / "plate.geo"
+    script.write_text(f'SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, 100, 80, {thickness}}};')
+    found = inspect_part(script)
+    assert (found.family, found.count) == ("Solid", count)
+    mesh = ao.read_mesh(script, unit="mm", size=0.02)
+    outer = Faces(mesh, False)
+    corners = mesh.dolfinx.geometry.x[template._around(outer)]
+    mean = thickness / (1 + thickness / 100 + thickness / 80)
+    assert template._mean_thickness(corners, outer.normals) == pytest.approx(1e-3 * mean, rel=1e-9)
 
 
 @pytest.mark.parametrize("given", [["{n}"], ["{n}.toml"], ["{n}.msh"], ["x.toml", "{n}.msh"]])

@@ -80,11 +80,21 @@ class Bench {
       if (turn !== this.turn || found.stale) return null;
       this.warned = [...new Set([...(ADDING.includes(name) ? this.warned : []), ...found.warnings])];
       this.wrong("", false);
+      if (name === "blow") this.outdated(false);
       return found;
     } catch (error) {
-      if (turn === this.turn) this.wrong(error.message, true);
+      if (turn === this.turn) {
+        this.wrong(error.message, true);
+        if (name === "blow") this.outdated(true);
+      }
       return null;
     }
+  }
+
+  // Whether the numbers shown are of an earlier set-up, because the present one has no answer.
+  outdated(are) {
+    document.body.classList.toggle("outdated", are);
+    find("save").disabled = are;
   }
 
   // An error or a hint before the warnings of what is shown.
