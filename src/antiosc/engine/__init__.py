@@ -1,1 +1,1 @@
-"""The march in C from Python: its systems, laws, steps and their control."""
+"""The C library of the march from Python: systems, contact laws, time steps and error control."""

@@ -17,7 +17,7 @@ from antiosc.engine.system import System, side_by_side
 
 @dataclass(eq=False)
 class Slopes:
-    """Derivatives of a goal by the numbers of a `System`, each of the shape of its numbers.
+    """Derivatives of a goal by the numbers of a `System`, with the shapes of these numbers.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Slopes:
     laws : (p, LAW_SLOPES) by the first parameters of the laws.
     friction : (p, 2) by the coefficient of friction and the tangential stiffness.
     pressed : (p,) by the forces at the start, taken as independent of the other numbers.
-    gamma : as `System.gamma`; of size 0 without it.
+    gamma : by `System.gamma`; empty if the system has none.
     """
 
     square: Array

@@ -29,7 +29,7 @@ negative Y'JY, are one mode of real numbers (a, b),
 that has the frequency w = sqrt(l1 l2) and the decay 2 d = -(l1 + l2) of an oscillator, so that its
 responses are those of an oscillator; c_b = 0 for an undamped one. With T = [[2 d, 1], [1, 0]] of
 all modes and S the shapes (c_a, c_b) of all states, S'JS = T, y = S (a, b), (a, b) = T^-1 S'J y. A
-real pole without a partner has one without a share.
+real pole without a partner is paired with a pole of zero share.
 
 P. Lancaster, *Lambda-Matrices and Vibrating Systems*, 1966; A. Veletsos, C. Ventura, *Earthquake
 Eng. Struct. Dyn.* 14 (1986) 217.

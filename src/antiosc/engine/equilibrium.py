@@ -5,7 +5,7 @@ With F(delta) the forces of the laws at rest, the equilibrium is the minimum of 
     sum omega^2 q^2/2 - load q + W(beta q - gap),
 
 W convex: the contacts' potentials in series with the residual compliance. Newton's method with a
-regularisation that vanishes (Levenberg) finds it, or moves off without end where there is none.
+regularisation that vanishes (Levenberg) finds it, or diverges where there is none.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
 
 
 def closed(system: System, laws: list[ContactLaw]) -> Array:
-    """Contact forces (p,) at the start while the masses do not move."""
+    """Contact forces (p,) [N] at the start, with all masses at rest in their initial positions."""
     p = len(laws)
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not (free > 0).any():

@@ -77,7 +77,7 @@ def _fields(declarations: str) -> list[tuple[str, _Scalar]]:
 
 
 class UserLaw(Structure):
-    """`aom_user_law`"""
+    """The C structure `aom_user_law`."""
 
     _fields_ = [
         *_fields("pointer context; int n_state, rated"),
@@ -86,13 +86,13 @@ class UserLaw(Structure):
 
 
 class CLaw(Structure):
-    """`aom_law`"""
+    """The C structure `aom_law`."""
 
     _fields_ = _fields("int kind, n_params; pointer params, user")
 
 
 class CContact(Structure):
-    """`aom_contact`"""
+    """The C structure `aom_contact`."""
 
     _fields_ = [
         ("law", CLaw),
@@ -103,7 +103,7 @@ class CContact(Structure):
 
 
 class CSystem(Structure):
-    """`aom_system`"""
+    """The C structure `aom_system`."""
 
     _fields_ = [
         *_fields("int n_modes, n_rows, n_contacts, n_breaks; pointer omega, decay, beta, residual"),
@@ -113,7 +113,7 @@ class CSystem(Structure):
 
 
 class COptions(Structure):
-    """`aom_options`"""
+    """The C structure `aom_options`."""
 
     _fields_ = [
         *_fields("double duration, rel_tol, force_scale, step, resolution"),
@@ -122,7 +122,7 @@ class COptions(Structure):
 
 
 class CRecord(Structure):
-    """`aom_record`"""
+    """The C structure `aom_record`."""
 
     _fields_ = [
         *_fields("int64 max_nodes, max_states, max_events, n_nodes, n_states, n_events, every"),
@@ -132,13 +132,13 @@ class CRecord(Structure):
 
 
 class CGoal(Structure):
-    """`aom_goal`"""
+    """The C structure `aom_goal`."""
 
     _fields_ = _fields("int64 n_readings; pointer readings, weights, force, time")
 
 
 class CSlopes(Structure):
-    """`aom_slopes`"""
+    """The C structure `aom_slopes`."""
 
     _fields_ = [
         *_fields("pointer square, decay, beta, residual, loads, offsets, laws, friction, q, v"),
@@ -147,7 +147,7 @@ class CSlopes(Structure):
 
 
 class CSummary(Structure):
-    """`aom_summary`"""
+    """The C structure `aom_summary`."""
 
     _fields_ = _fields(
         "double time, force_scale, highest, gained, work; int64 steps, attempts, touches, refused"
@@ -155,13 +155,13 @@ class CSummary(Structure):
 
 
 class CDifference(Structure):
-    """`aom_difference`"""
+    """The C structure `aom_difference`."""
 
     _fields_ = _fields("double force, peak, until")
 
 
 class CSolution(Structure):
-    """`aom_solution`"""
+    """The C structure `aom_solution`."""
 
     _fields_ = [
         *_fields("int best, answer; double force, peak, certain, share"),
@@ -172,13 +172,13 @@ class CSolution(Structure):
 
 
 class CNumbers(Structure):
-    """`aom_numbers`"""
+    """The C structure `aom_numbers`."""
 
     _fields_ = _fields("double peak, impulse, contact_time, restitution, closed; int64 steps")
 
 
 class CImpact(Structure):
-    """`aom_impact`"""
+    """The C structure `aom_impact`."""
 
     _fields_ = [
         *(("system", CSystem), ("options", COptions)),
@@ -187,13 +187,13 @@ class CImpact(Structure):
 
 
 class CExpected(Structure):
-    """`aom_expected`"""
+    """The C structure `aom_expected`."""
 
     _fields_ = _fields("double depth, speed, time")
 
 
 class COutcome(Structure):
-    """`aom_outcome`"""
+    """The C structure `aom_outcome`."""
 
     _fields_ = [
         *_fields("int64 status, contacts, touches, open, n_nodes, body"),
@@ -203,13 +203,13 @@ class COutcome(Structure):
 
 
 class CPulseNodes(Structure):
-    """`aom_pulse_nodes`"""
+    """The C structure `aom_pulse_nodes`."""
 
     _fields_ = _fields("int64 max_nodes, n_nodes; pointer time, force")
 
 
 class CModel(Structure):
-    """`axm_model` of `csrc/export/antiosc_model.h`"""
+    """The C structure `axm_model` of `csrc/export/antiosc_model.h`."""
 
     _fields_ = [
         *(("system", CSystem), ("options", COptions)),
@@ -219,7 +219,7 @@ class CModel(Structure):
 
 
 class CCells(Structure):
-    """`aom_cells`"""
+    """The C structure `aom_cells`."""
 
     _fields_ = [
         ("kernel", c_void_p),
@@ -230,13 +230,13 @@ class CCells(Structure):
 
 
 class CTetra(Structure):
-    """`aom_tetra`"""
+    """The C structure `aom_tetra`."""
 
     _fields_ = _fields("int64 n_groups; pointer nodes, data")
 
 
 class CSupernodes(Structure):
-    """`aom_supernodes`"""
+    """The C structure `aom_supernodes`."""
 
     _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values")
 

@@ -54,12 +54,13 @@ class System:
     slip : (p, 2) coefficient of friction, tangential stiffness [N/m].
     tangents : (p, 2) first tangential row and their number.
     q, v : (J,) initial state.
-    mass : (p,) inertia behind each contact [kg], roughly.
-    depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
+    mass : (p,) estimated inertia behind each contact [kg].
+    depth, speed : (p,) estimated indentation [m] and closing speed [m/s].
     pressed : (p,) forces [N] at the start: a contact with one is closed.
     contact_energy : energy [J] in the contacts at the start.
     least_speed : least closing speed [m/s] from which damped laws take their damping.
-    contact_states : of the p contacts, those that continue from an earlier run; None of others.
+    contact_states : states (p) of contacts that continue from an earlier run; None for other
+        contacts.
     first : first-order modes of all bodies, if damping couples the modes of a body.
     gamma : (m, J) contributions of the rates of first-order modes to the rows, as `beta`.
     quadratic, cubic : (s, s, s), (s, s, s, s) second-order forces of the last s rows.
@@ -386,7 +387,7 @@ class PackedSystem:
     def _continued(
         self, contact_states: Sequence[ContactState | None], laws: Sequence[ContactLaw]
     ) -> list[Array]:
-        """Let contacts continue from an earlier run; the states, whose memory must be held."""
+        """Set the contact states of an earlier run; returns the arrays that must stay in memory."""
         states = []
         for contact, earlier, law in zip(self.contacts, contact_states, laws, strict=True):
             if earlier is not None:

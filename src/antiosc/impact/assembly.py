@@ -1,4 +1,4 @@
-"""From a scene to the modes, rows and loads of the march, with estimates of its contacts.
+"""Assembly of a scene: modes, rows and loads of the march, and estimates for its contacts.
 
 The estimated depth, speed, duration and stiffness of contacts give the first step of the march. No
 result depends on them except the default tangential stiffness of friction, for which the depth is
@@ -35,9 +35,10 @@ DEPTH_TOL = 0.1  # relative error of a depth
 def largest_indentation(
     law: ContactLaw, speed: float, energy: float, push: float, high: float, close: float = DEPTH_TOL
 ) -> float:
-    """Largest indentation [m] of a new contact, at most `high`, to the relative error `close`.
+    """Largest indentation [m], at most `high` [m], of a new contact, to the relative error `close`.
 
-    The contact closes at `speed`; it absorbs an energy [J] and the work of a force `push` [N].
+    The contact closes at `speed` [m/s]; it absorbs an energy [J] and the work of a force `push`
+    [N].
     """
     kernel, memory = packed(law)
     depth = library.library.aom_law_deepest(byref(kernel), speed, energy, push, high, close)
@@ -134,8 +135,8 @@ def _without_patches(stiffness: float, local: float) -> float:
 
 
 def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
-    """Mean stiffness [N/m] of a law over a contact with the indentation `most` · sin, half a
-    period.
+    """Mean stiffness [N/m] of a law over a half-sine contact with the largest indentation `most`
+    [m].
     """
     phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
     return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
@@ -203,7 +204,7 @@ class Assembly:
 
     Attributes
     ----------
-    parts : makes the scene and its bodies.
+    parts : function that returns the scene and its bodies.
     G : (m, P) the rows: contacts, then the tangential rows of their friction.
     laws : contact laws, without the compliance of patches; `notes` say so.
     system : the system that the march integrates.
@@ -211,7 +212,7 @@ class Assembly:
     may_rotate : whether the rotation of a body is known and not 0.
     thin : whether a body consists of supported sheets.
     stretches : whether a body has second-order forces.
-    stretched : of bodies that stretch, the second-order forces that have rows in the march.
+    stretched : second-order forces of the bodies that stretch, which have rows in the march.
     """
 
     parts: Callable[[], Parts]

@@ -71,11 +71,11 @@ def sweep(
     make : callable
         A constructor, or any function of the keywords.
     executor : concurrent.futures.Executor, optional
-        What calls `make`, for instance a pool of processes. A call that fails then leaves its
-        error, an AntioscError, in its place and costs no other; a warning names it. So does a
-        worker that dies. Without an executor the first error is raised.
+        Pool that calls `make`, for instance in processes. If a call fails or its worker dies, its
+        result is an AntioscError, the other calls go on and a warning names it. Without an executor
+        the first error is raised.
     earlier : sequence, optional
-        What an earlier call with the same values returned: only the calls that failed are made.
+        Result of an earlier call with the same values: only the calls that failed are repeated.
     values
         Every keyword is one value for all or a sequence; all sequences must have the same length.
 
@@ -190,7 +190,7 @@ def rows_of(rows: Any, size: int) -> list[Any] | AntioscError:
 
 
 def check_earlier(length: int, size: int) -> None:
-    """InputError unless the earlier results have the same number."""
+    """InputError unless there are as many earlier results (`length`) as calls (`size`)."""
     if length != size:
         raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
@@ -311,10 +311,11 @@ def simulate_many(
     method, n, tol, max_contacts, max_steps
         As for `simulate`.
     executor : concurrent.futures.Executor, optional
-        What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's. A
-        chunk that it does not return, for instance because a process died, fails as a whole.
+        Pool that integrates the scenes in chunks: processes, threads, `mpi4py.futures`, Dask's. All
+        scenes of a chunk fail if the pool does not return it, for instance after a process died.
     earlier : Batch, optional
-        What an earlier call with the same scenes returned: only those of status 2 are integrated.
+        Result of an earlier call with the same scenes: only scenes of status 2 are integrated
+        again.
 
     Returns
     -------
@@ -487,7 +488,7 @@ def _solve_chunk(
     settings: Settings,
     done: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
-    """Rows of scenes: groups in one call of the C library, the others one by one.
+    """Results of scenes: those of a group in one call of the C library, the others one by one.
 
     Scenes whose linear run decides on second-order forces take part in the groups with that run.
     """

@@ -493,7 +493,7 @@ class SceneBody:
     modes : the body in its free modes.
     start : (J,) modal velocities; initial_displacements : (J,) modal
         displacements, default 0.
-    gap : distance [m] that belongs to the body (an `Obstacle`).
+    gap : distance [m] of an `Obstacle` from the structure at the start.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     patch_radius : radius [m] of the patch of its one site, if it has one.
     pushes : direction (3,) in which the contact pushes each site, if known.

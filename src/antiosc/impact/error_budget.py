@@ -101,9 +101,9 @@ def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 def _softer_and_stiffer(
     model: AntiOscillators, facts: BeamSection
 ) -> tuple[ModalModel, ModalModel]:
-    """The softest and the stiffest model that the facts of the beam's section allow.
+    """Softest and stiffest model of a solid bar within the errors of its beam theory.
 
-    The stiffest has a local compliance, which contact laws with a half-space leave out.
+    The stiffest has a local compliance, which is subtracted from laws that contain a half-space.
     """
     modes = model.modal()
     x = np.minimum(modes.omega / facts["omega"], 1.0)
@@ -368,8 +368,8 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """The safety factor of the mesh error, and a note if it is not the usual one.
 
     Faces as large as the patch spread its load, and the recovery of strains does not detect the
-    missing ones. As the compliance of a patch is inverse to its radius, this error grows with the
-    size of the faces over the radius.
+    strains that are missing then. As the compliance of a patch is inverse to its radius, this error
+    grows with the size of the faces over the radius.
     """
     safety = SAFETY
     doubts = []
@@ -431,8 +431,8 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
-    A second radius changed the compliance of the part by a little beyond that of the half-space;
-    the impact with this change in the contact gives the share.
+    A second patch radius changed the compliance of the part by more than that of the half-space.
+    The error is the change of the impact if the contact gets this additional compliance.
     """
     model = impact.model
     other = model.info.patch
@@ -453,8 +453,9 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
 def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
     """Errors due to flat faces in place of a curved surface, and notes.
 
-    Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
-    the contact, and their mass over the structure's, change all stiffnesses and masses of the run.
+    Between the faces and the surface lie layers that the mesh lacks or has in excess. Their strain
+    energy over that of the contact, and their mass over the structure's, change all stiffnesses and
+    masses of the run.
     """
     model = impact.model
     facts = model.info.geometry

@@ -91,7 +91,7 @@ def motions(
 
 
 def _at(times: Array, force: Force) -> Array:
-    """Values of a force at times [s]."""
+    """Values [N] of a force at times [s]."""
     known, values = force
     if not known.size:
         return np.zeros_like(times)

@@ -100,8 +100,8 @@ def _by_strain(law: ContactLaw, strain: float) -> list[ContactLaw]:
 
 
 def _by_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ContactLaw]:
-    """The law with forces changed by its measured error at a depth [m] and by that of an
-    ellipse.
+    """The law with all forces changed by its error at a depth [m] plus the error of an elliptic
+    contact.
     """
     return _scaled(law, min(GROWS * law.error_at(depth)[0] + elliptic, MOST))
 

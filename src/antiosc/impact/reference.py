@@ -173,7 +173,9 @@ class SceneStep(SceneMethod):
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
         def above(fraction: float) -> float:
-            """The same at the end of a fraction of the step."""
+            """Largest indentation of the closed contacts above their origins at a fraction of the
+            step.
+            """
             return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
         if over(node.delta) <= 0 or above(1e-9 * h) <= 0:

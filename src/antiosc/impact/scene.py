@@ -104,15 +104,16 @@ class Scene(SceneParts):
             [s].
         tol : float
             Relative error of the forces of each contact in the L2 norm, of its impulse and of its
-            peak. What pushes less than a thousandth of the heaviest contact counts as that much.
+            peak. The error of a contact with a small force is relative to at least a thousandth of
+            the force of the heaviest contact.
         method : str
             "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
             `scipy.integrate.solve_ivp` such as "DOP853", which runs once, to tol/100, and states
             no error. Flights are exact, unless loads or a base act: these are integrated too.
         step : float, optional
             Step [s] of one run, whose error is then not known; otherwise steps are refined until
-            `tol` is met. Of `solve_ivp` it is the largest. "exact" halves it where it does not
-            resolve the forces, and stops with a message where the contacts excite the modes at
+            `tol` is met. For `solve_ivp` it is the largest step. "exact" halves it where it does
+            not resolve the forces, and stops with a message where the contacts excite the modes at
             this step.
         max_contacts, max_steps : int
             Bounds on the work; a run that meets one stops and says so.

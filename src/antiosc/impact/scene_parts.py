@@ -1,4 +1,5 @@
-"""The parts of a scene: bodies, contacts and what acts on them, and how contacts see the motion.
+"""The parts of a scene: bodies, contacts, loads, and the rows that give the indentation from the
+motion.
 
 All bodies stand in one system of axes. A contact of the ends a and b has a direction d, that of
 a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
@@ -8,8 +9,8 @@ a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d an
 A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
 coordinate, which takes the place of the displacement along d: as b it moves toward a when its
 velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
-along -d takes it with the opposite sign, and one along another line is refused. Everything is
-measured relative to the ground, and a body that its supports hold at its sites from its own
+along -d takes it with the opposite sign, and one along another line is refused. All displacements
+are relative to the ground; those of a body that is supported at its sites are measured from its
 equilibrium under gravity.
 """
 
@@ -66,12 +67,11 @@ class Contact(Checked):
         k_t [N/m] of the spring in series with the slider that carries mu F at most; default
         2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
         times the mean normal stiffness of a contact as deep as expected. It is that of the contact
-        as a whole: what the patches of the sites give way is taken out, as from Hertz's law. A blow
-        that slides all
-        along does not depend on it. Beside spheres whose contact slips from its edge inward (N.
-        Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential speed of rebound
-        differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
-        by less than 0.1 mu times it where it begins to slide.
+        as a whole: the compliance of the patches is subtracted, as from Hertz's law. A blow that
+        slides throughout does not depend on it. Compared with spheres whose contact slips from its
+        edge inward (N. Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential
+        speed of rebound differs by up to 0.35 mu times the speed of approach where the contact
+        begins to stick, and by less than 0.1 mu times it where it begins to slide.
     """
 
     a: str

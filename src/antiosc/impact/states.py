@@ -132,8 +132,7 @@ def damping_states(
 
 
 def starts(run: Run, system: System, step: Index) -> tuple[Array, Array]:
-    """Modal displacements and velocities (n, J) at the starts of steps (n,); one more step is the
-    end.
+    """Modal displacements and velocities (n, J) at the starts of steps (n,) or the end of the run.
 
     Stored states are returned; those between are integrated from the stored state before them.
     """
@@ -212,7 +211,7 @@ def node_states(
     first: int = 0,
     last: int | None = None,
 ) -> tuple[Array, Array]:
-    """Modal states (n, J) at the nodes of the steps `first` to `last`; middles from a step's start.
+    """Modal states (n, J) at the nodes of the steps `first` to `last`.
 
     They are computed in blocks of steps: the responses need several times their memory.
     """

@@ -1,8 +1,8 @@
 """Impacts on parts whose sheets stretch: which modes take part, and their rows in the march.
 
-The linear run comes first. Its motion tells how much the second-order forces matter, and which
-modes move most. A row of the march is the displacement of the site in one of these modes, so that
-its force is one on the site.
+The linear run comes first. Its motion shows how large the second-order forces are, and which modes
+move most. A row of the march is the displacement of the site in one of these modes, so that its
+force acts on the site.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ At a complex s the force of a blow is v/(s C), C the compliance of both bodies a
 series. The difference of the two forces over the force, on a ray of s whose |s| are those of the
 contact, tells whether the truth is known. On thin and thick plates and a bracket with 3 to 120
 anti-oscillators, peak forces were wrong by less than the share where it was above `WARN_SHARE`, and
-by less than 8 % below. Of several sites both rules are of blocks: the difference of the compliances
-along the contact takes the place of that by D.
+by less than 8 % below. For several sites both are block rules: the difference of the compliances
+along the contact replaces that by D.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class TruncationError:
 
     @property
     def worst(self) -> float:
-        """Largest of the three."""
+        """Largest of the three errors."""
         return max(self.peak_force, self.impulse, self.contact_time)
 
 
@@ -292,7 +292,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice
 
 
 def softest_model(model: AntiOscillators, next_omega: float | None = None) -> AntiOscillators:
-    """The model with the softest springs for its residual mass that its moments permit.
+    """The model whose residual mass has the softest springs that the moments of the model permit.
 
     If Krylov anti-oscillators have not converged, it is the Gauss rule of the same moments
     (module); otherwise one spring with the first truncated frequency carries m0.

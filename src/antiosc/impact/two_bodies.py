@@ -360,7 +360,7 @@ class ImpactRows:
     ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each.
 
-        `done` is called with the number of solved impacts, now and then.
+        `done` is called with the number of impacts solved so far, after every few.
         """
         rows = self.rows
         size = self._held[0].omega.size

@@ -167,7 +167,7 @@ def _replaced(
 
 
 def _second_name(frame: Path, name: Path) -> None:
-    """Give a file a second name, or copy it where the file system has no links."""
+    """Hard-link a file under a second name, or copy it where the file system has no links."""
     name.unlink(missing_ok=True)
     try:
         os.link(frame, name)

@@ -46,14 +46,14 @@ ITERATIONS, SLOWER, LEAST_SECONDS = 2.0, 6.5, 0.01
 
 
 def forecast(blow: Blow) -> float:
-    """Seconds that `ccx` takes; InputError for what it cannot run."""
+    """Seconds that `ccx` is expected to take; InputError for an impact that it cannot run."""
     _check(blow)
     factor = SLOWER * seconds_of_steps(entries_of(blow.structure), 0)
     return ITERATIONS * blow.steps * (factor + LEAST_SECONDS)
 
 
 def run(blow: Blow, limit: float) -> Outcome:
-    """The force of CalculiX; it is ended after `limit` seconds of the processor."""
+    """Run CalculiX for at most `limit` seconds of processor time; returns its contact force."""
     with tempfile.TemporaryDirectory() as folder:
         deck = Path(folder, "impact.inp")
         with deck.open("w", encoding="ascii") as file:
@@ -95,7 +95,7 @@ def _quadratic(matrices: MeshedStructure) -> bool:
 
 
 def lines_of(blow: Blow) -> Iterator[str]:
-    """The lines of the deck, SI units."""
+    """Yield the lines of the deck, SI units."""
     matrices = cast("MeshedStructure", blow.structure.matrices)
     x = matrices.places.nodes
     patch, striker = len(x) + 1, len(x) + 2
@@ -113,7 +113,7 @@ def lines_of(blow: Blow) -> Iterator[str]:
 
 
 def _cells(matrices: MeshedStructure) -> Iterator[str]:
-    """Elements and materials."""
+    """Yield the lines of the elements and materials."""
     nodes = matrices.places.nodes
     for number, (material, cells) in enumerate(matrices.parts):
         dofs = compat.cell_dofs(matrices.form.space, (0,), cells) // matrices.block
@@ -142,7 +142,7 @@ def _places(dofs: IntArray, block: int) -> Iterator[tuple[int, int]]:
 
 
 def _mean(b: Array, block: int, patch: int) -> Iterator[str]:
-    """The equation bᵀu - u_patch = 0."""
+    """Yield the lines of the equation bᵀu - u_patch = 0."""
     dofs = np.flatnonzero(np.abs(b) > LEAST * np.abs(b).max())
     yield f"*EQUATION\n{len(dofs) + 1}\n{patch}, 1, -1.0"
     for (node, component), entry in zip(_places(dofs, block), b[dofs].tolist(), strict=True):
@@ -150,7 +150,7 @@ def _mean(b: Array, block: int, patch: int) -> Iterator[str]:
 
 
 def _contact(blow: Blow, patch: int, striker: int) -> Iterator[str]:
-    """The striker's mass, and the law between it and the patch."""
+    """Yield the lines of the striker's mass and of the contact law between it and the patch."""
     ball = blow.striker
     yield f"*ELEMENT, TYPE=MASS, ELSET=BALL\n{_first(blow)}, {striker}"
     yield f"*MASS, ELSET=BALL\n{1 / ball.beta[0] ** 2:.12g}"
@@ -164,7 +164,7 @@ def _contact(blow: Blow, patch: int, striker: int) -> Iterator[str]:
 
 
 def _step(blow: Blow, striker: int) -> Iterator[str]:
-    """Initial velocity, load, time steps and output."""
+    """Yield the lines of the initial velocity, load, time steps and output."""
     ball = blow.striker
     beta = float(ball.beta[0])
     yield f"*INITIAL CONDITIONS, TYPE=VELOCITY\n{striker}, 1, {beta * ball.start[0]:.12e}"
@@ -181,7 +181,9 @@ def _first(blow: Blow) -> int:
 
 
 def _finished(deck: Path, limit: float) -> resource.struct_rusage:
-    """What `ccx` used for a deck, on one thread; NotConvergedError if it fails or takes longer."""
+    """Resources that `ccx` used for a deck on one thread; NotConvergedError if it fails or exceeds
+    `limit`.
+    """
     log = deck.with_suffix(".log")
     limited = f"ulimit -t {math.ceil(limit)}; exec {PROGRAM} -i {deck.stem}"
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}

@@ -27,7 +27,8 @@ METHODS: Mapping[str, Method] = {
 def outcomes(
     made: Callable[[], Blow], seconds: float, told: Callable[[str], None]
 ) -> tuple[dict[str, Outcome], list[str]]:
-    """(outcome of each method that takes at most so many seconds, a sentence on each other)."""
+    """(outcome of each method that is expected to take at most `seconds`, sentences on the others).
+    """
     try:
         blow = made()
     except AntioscError as error:

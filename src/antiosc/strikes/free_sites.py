@@ -40,7 +40,7 @@ class FreeSites:
     omega, phi : (J,) [rad/s], shapes (rows of this rank, J) of unit modal mass.
     b : (P, J) displacement of each site in each mode [kg^-1/2].
     compliance, inertia : (P,) b'y [m/N] and y'My of y = (K + shift M)^-1 b.
-    seconds : step -> its time [s].
+    seconds : name of a step -> its time [s].
     """
 
     map_sites: MapSites

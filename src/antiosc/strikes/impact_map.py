@@ -137,15 +137,15 @@ def impact_map(
     radius : float, optional
         Radius of the patch, m, as for `Site`.
     n : int, optional
-        Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with a
-        blow 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
+        Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with an
+        impactor 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
     modes : int, optional
-        Number of free modes; default 20, or as many as reach 1.5 times the band, of a band that is
-        not given at most 100.
+        Number of free modes; default 20, or as many as reach 1.5 times the band, at most 100 if no
+        band is given.
     band : float, optional
-        Highest frequency of interest, Hz. Default: what the blow excites
-        (`impact_band`); without a blow, with `modes`, or where 100 modes end below it, as far as
-        the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
+        Highest frequency of interest, Hz. Default: the band that the impact excites
+        (`impact_band`); without an impactor, with `modes`, or where 100 modes end below it, as far
+        as the free modes are good: the last free frequency over 2 or, in the last case, 1.5.
     accuracy : float
         Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
         are extracted separately if they are at most 32; a warning states how many remain.
@@ -157,7 +157,7 @@ def impact_map(
         Second-order forces, as of `extract`: of a flat part once for all sites, in 24 combinations
         of 60 free modes; of a curved one at each site. "auto": blows that deflect a flat sheet by
         0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
-        stresses. Of held parts.
+        stresses. Only for supported parts.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw)
 def _laws(
     structure: Structure, impact_map: ImpactMap, impactor: LinearBody, plane: ContactLaw
 ) -> tuple[list[ContactLaw], dict[str, BoolArray]]:
-    """(laws of the P sites, reason -> mask (P,) of sites where the impact is another one)."""
+    """(laws of the P sites, reason -> mask (P,) of sites whose impact does not follow its law)."""
     laws = []
     sharp, hollow, pierced = (np.zeros(len(impact_map), dtype=bool) for _ in range(3))
     radii = impact_map.radius if impact_map.radius is not None else np.full(len(impact_map), np.nan)

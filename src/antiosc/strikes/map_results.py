@@ -56,7 +56,7 @@ class ImpactMap(Completed):
     doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports hold
         a part of it, so that its half-space compliance is not valid, the striker meets the part
         elsewhere, or the force exceeds that on a rigid wall. `summary` and `plot` omit them.
-    reasons : (P,) the first reason why a site is doubtful; "" of the others.
+    reasons : (P,) the first reason why a site is doubtful; "" for reliable sites.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
@@ -68,8 +68,9 @@ class ImpactMap(Completed):
     law_error : relative error of the largest peak force by the law of its contact: the range of the
         yield strength and large strains; None where that is not known, or the law was given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
-    impactor, contact, duration : of the impacts, or None; the law on a flat face.
-    laws : (P,) of the sites, where they differ from that; else None.
+    impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
+        face.
+    laws : (P,) laws of the sites; None if `contact` is the law of all.
     """
 
     points: Array
@@ -157,7 +158,7 @@ class ImpactMap(Completed):
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
 
-        InputError where the file cannot be written, or its ending tells meshio no format.
+        InputError where the file cannot be written, or its suffix belongs to no format of meshio.
         """
         import meshio  # takes a while to load
 

@@ -102,7 +102,7 @@ def _of_sites(
     span: slice,
     duration: float,
 ) -> list[tuple[float, Array, float]]:
-    """(largest stress, worst point, exposure there) for the impacts at some sites.
+    """(largest stress [Pa], worst point, exposure there) for the impacts at the sites in `span`.
 
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """

@@ -1,6 +1,6 @@
 """`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
 
-Each round meshes, extracts, simulates and computes the error budget. The answer is that of the
+Each round meshes, extracts, simulates and computes the error budget. The result is that of the
 corrected model. If the mesh error is too large and can be reduced, the next mesh has the cell sizes
 that reduce it with the fewest cells (`antiosc.reduce.error.bisection`). From the second mesh on,
 the change from one mesh to the next may reduce the error bar of the mesh; on lines it is the least
@@ -143,9 +143,9 @@ def strike(
         Of a solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
         as finely as the impact needs. A mesh of straight triangles or tetrahedra is divided where
         it is too coarse, one of lines everywhere, with a node at the site. Other meshes, and a
-        `Structure`, are used as they are: then the bar tells how good they are.
+        `Structure`, are used as they are: the error bar then shows their accuracy.
     site : Site
-        Its radius, if it has none, is chosen between those of the contact and of half the thickness
+        If it has no radius, one is chosen between those of the contact and of half the thickness
         of the part; beams are struck at a point, shells on a patch of their thickness.
     impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
     tol : float
@@ -154,18 +154,18 @@ def strike(
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
     limit : float, optional
-        Seconds that the whole may take. A further mesh is made only if it is expected to end
+        Largest total computing time [s]. A further mesh is made only if it is expected to end
         before; by default as many are made as the memory allows.
 
     Returns
     -------
     History
-        Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
-        those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
-        known, `model.info.strike` lists the meshes. Sheets whose deflection asks for it have
-        second-order forces, as of `extract(…, stretch="auto")`. Status 1 and a sentence in the
-        message if the budget exceeds `tol`, and what meeting it would cost, or that the share of
-        the beam model exceeds it.
+        The history on the last mesh and its corrected model, which is nearer to the truth: the bars
+        of the mesh are those of `simulate` minus the correction. For shells it is the raw model.
+        `error_budget` is known, `model.info.strike` lists the meshes. Sheets with a large
+        deflection have second-order forces, as of `extract(…, stretch="auto")`. Status 1 and a
+        sentence in the message if the budget exceeds `tol`, and what meeting it would cost, or that
+        the share of the beam model exceeds it.
 
     Raises
     ------

@@ -1,11 +1,11 @@
-"""`tradeoff`: error against seconds and memory for one's own part, and the cheapest that is enough.
+"""`tradeoff`: error of an impact against seconds and memory, and the cheapest sufficient method.
 
 Members are the meshes of `strike`, each with a few, more and enough anti-oscillators. Every member
 has the bar of its own error budget. The meshes end with the first whose bar is `BRACKET` of the
 tolerance: the tolerance then lies between members, and the difference of each member to the finest
-is an error that does not come from an estimate. Members with fewer anti-oscillators are made
-afterwards, those of the finest mesh first, as long as the whole takes at most `WHOLE` times the
-seconds of the finest member.
+is an error that does not come from an estimate. Members with fewer anti-oscillators are computed
+afterwards, those of the finest mesh first, as long as the total time is at most `WHOLE` times that
+of the finest member.
 """
 
 from __future__ import annotations
@@ -74,14 +74,16 @@ class TradeoffMember:
 
     Attributes
     ----------
-    family, order, dofs, n : of elements, their degree, dofs, number of anti-oscillators.
-    size : of the cells, the cube root (of its dimension) of their mean volume [m].
-    step : of the time integration, mean in contact [s].
-    seconds : assembly, factor, extraction with error estimates, and runs, measured.
-    gigabytes : of K and M as they are kept, and of the solver as it is forecast.
+    family, order, dofs, n : element family, degree of the elements, number of dofs, number of
+        anti-oscillators.
+    size : mean size of the cells [m], the root of their mean volume (area, length).
+    step : mean time step in contact [s].
+    seconds : measured time [s] of assembly, factorization, extraction with error estimates, and
+        runs.
+    gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : of the corrected model [N].
-    bar : of its own error budget, the largest of peak force, impulse and contact time, relative.
-    difference : largest of the three to the finest member, relative.
+    bar : largest relative error bar of peak force, impulse and contact time in its error budget.
+    difference : largest relative difference of the three quantities from the finest member.
     impulse, contact_time : of the corrected model [N s], [s].
     method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
@@ -139,7 +141,7 @@ class Tradeoff(Result):
     table : the members.
     tol : relative tolerance that was asked for.
     hit : the history of the last mesh, as of `strike`.
-    others : of `compare`: other methods on the mesh of `best(tol)`, or of the finest member.
+    others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
     notes : sentences on methods that were not run.
     """
 
@@ -347,7 +349,7 @@ class Made:
     member: TradeoffMember
 
     def beside(self, finest: History) -> TradeoffMember:
-        """The member with its difference to the finest."""
+        """The member with its difference from the finest."""
         return replace(self.member, difference=max(differences(finest, self.answer.hit).values()))
 
     def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
@@ -372,8 +374,8 @@ def _fewer(
 ) -> dict[Made, list[Made]]:
     """Members with fewer anti-oscillators of each mesh, those of the finest first.
 
-    None is opened that is expected to exceed `WHOLE`, at the cost of the mesh's own member after
-    the factor, which has more anti-oscillators.
+    A member is not computed if the total time is expected to exceed `WHOLE`. Its expected time is
+    that of the member with more anti-oscillators on the same mesh, after the factorization.
     """
     accuracy = accuracy_of_steps(tol)
     finest = meshes[-1].answer
@@ -397,7 +399,7 @@ def _fewer(
 
 
 def _of_few(structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int) -> Answer:
-    """The result with a given number of anti-oscillators, at any truncation error."""
+    """The result with a given number of anti-oscillators, whatever the truncation error is."""
     structure.factorize()
     started = time.perf_counter() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
@@ -406,7 +408,7 @@ def _of_few(structure: Structure, site: Site, run: RunFunction, accuracy: float,
 
 
 def _kept(structure: Structure) -> float:
-    """Bytes of K and M as they are kept."""
+    """Bytes of K and M as stored."""
     return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
 
 

@@ -62,7 +62,7 @@ class ContactLaw(ABC):
     def without(self, compliance: float) -> ContactLaw:
         """This law minus `compliance` [m/N]: F = f(delta + compliance F).
 
-        For a structure whose own compliance contains that of the half-space under its patch.
+        It is used for a structure whose compliance contains that of the half-space under its patch.
         """
         return Without(self, compliance)
 
@@ -125,7 +125,8 @@ class ContactLaw(ABC):
         """Radius [m] of a patch whose `valid_force` reaches a peak force; None without a patch or
         remedy.
 
-        The patch's compliance goes with 1/radius, the contact's at most with 1/F^growth.
+        The compliance of the patch is proportional to 1/radius, that of the contact at most to
+        1/F^growth.
         """
         if radius is None or not self.compliance:
             return None
@@ -143,7 +144,7 @@ class ContactLaw(ABC):
         """Work [J] of the rate-independent force from the origin, up to a constant of the state.
 
         Along a step that starts in `state` the work is the difference of two potentials, whether
-        or not the step ends on virgin ground.
+        or not the step ends on the virgin loading curve.
         """
         reached = self.advance(delta, 0.0, state)
         return self.energy(delta, reached) + self.lost(reached)
@@ -201,7 +202,7 @@ TAKEN = 0.7
 class Without(ContactLaw):
     """A law of the user minus the compliance [m/N] of a patch; the rate is that of delta.
 
-    Beyond `valid_force` the compliance takes less, so that a run can complete.
+    Beyond `valid_force` a smaller compliance is subtracted, so that a run can complete.
     """
 
     def __init__(self, law: ContactLaw, compliance: float) -> None:
@@ -232,7 +233,8 @@ class Without(ContactLaw):
         return min(law.valid_force, end)
 
     def _whole(self, delta: float, rate: float, state: State) -> float:
-        """The indentation of the law itself: delta and the indentation of the patch."""
+        """Indentation [m] of the law without subtraction: delta plus the indentation of the patch.
+        """
         law = self.law
         low = delta
         share = 2 / 3 * TAKEN  # of the depth beyond the origin

@@ -1,4 +1,4 @@
-"""Which law a contact needs, from both surfaces: one function with one decision.
+"""Choice of the contact law that two surfaces need.
 
 | surfaces | law | source |
 |---|---|---|
@@ -11,9 +11,9 @@
 
 K. L. Johnson, Contact Mechanics, Cambridge 1985. The law does not depend on the speed: it is valid
 below and above yield. Of two materials that yield, the law has the strength of the weaker one; the
-stronger one counts as elastic, the less so the nearer its strength is (`_elastic_share`). An
-elliptic contact yields as its `equivalent_circle`. The radius of an edge or a corner is an
-assumption, whose error no error bar covers.
+stronger one counts as elastic, with a share that falls as both strengths approach each other
+(`_elastic_share`). An elliptic contact yields as its `equivalent_circle`. The radius of an edge or
+a corner is an assumption, whose error no error bar covers.
 """
 
 from __future__ import annotations
@@ -220,6 +220,8 @@ def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
 
 
 def elastic_pressure(law: ElasticPlastic, depth: float) -> float:
-    """Largest pressure [Pa] of the elastic contact that takes the work of `law` up to `depth`."""
+    """Largest pressure [Pa] of the elastic contact that absorbs the work of `law` up to `depth`
+    [m].
+    """
     elastic = (2.5 * law.loading_work(depth) / law.stiffness) ** 0.4
     return 2 * law.modulus / pi * sqrt(elastic / law.radius)

@@ -1,4 +1,4 @@
-"""`Dent`: what a contact that yields leaves behind."""
+"""`Dent`: the permanent indentation of a contact that yields."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Dent(ReprMixin):
 
 
 def dent_of(law: ContactLaw, deepest: float) -> Dent | None:
-    """The dent of a law after a deepest indentation [m]; None where nothing remains."""
+    """The dent of a law after a largest indentation [m]; None for an elastic law."""
     if not isinstance(law, Hysteretic) or deepest <= 0:
         return None
     depth = law.permanent(deepest)

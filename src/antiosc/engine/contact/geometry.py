@@ -85,7 +85,7 @@ def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
     """The circular contact with the stiffness and, at each indentation, the pressure of an ellipse.
 
     So it yields where the ellipse does, except for slender ellipses, and has its area,
-    pi R delta. Where all is plastic that of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
+    pi R delta. In full plasticity the area of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
     6, 13 % for B/A = 3, 10, 50; the pressure of a line is (2 + pi)/sqrt(3) Y, 6 % above a ball's
     2.8 Y (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of both; by
     finite elements it is 1 and 4 % for B/A = 3 and 10 (benchmarks/elastoplastic/ellipse.py).

@@ -60,10 +60,9 @@ def checked_exponent(name: str, value: object) -> float:
 class Patched(Compiled):
     """Base of laws with a `compliance` c [m/N] >= 0: F = f(delta + c F).
 
-    c is for a structure whose own compliance contains the half-space compliance of a contact patch.
-    `valid_force` is where c takes 0.7 of the law's own flexibility, of loading or of unloading; a
-    run goes on beyond with that share, and `simulate` then raises AccuracyError. Energies beyond
-    are approximate.
+    c is subtracted for a structure whose compliance contains the half-space compliance of a contact
+    patch. At `valid_force` c is 0.7 of the flexibility of the law in loading or unloading; beyond,
+    this share is kept, and `simulate` then raises AccuracyError. Energies beyond are approximate.
     """
 
     compliance: float = field(
@@ -407,11 +406,11 @@ class ElasticPlastic(Hysteretic):
     Notes
     -----
     Force and permanent indentation are curves of x = delta/yield_indentation, fitted to finite
-    elements (benchmarks/elastoplastic): small strains have one curve for all E*/Y, which an elastic
-    side changes with its share to 1.5. Of nu = 0.2 to 0.45 and shares to 0.74 the force is within
-    2.8 % of them to x = 100, 3.7 % to 300, restitution within 0.02; see `error_at`. Unloading goes
-    with the power 1.25 + 0.25/sqrt(x) of the indentation beyond the permanent one, and reloading
-    goes back along it.
+    elements (benchmarks/elastoplastic): for small strains one curve holds for all E*/Y; an elastic
+    side changes it with its share to the power 1.5. For nu = 0.2 to 0.45 and shares to 0.74 the
+    force is within 2.8 % of them to x = 100, 3.7 % to 300, restitution within 0.02; see `error_at`.
+    Unloading goes with the power 1.25 + 0.25/sqrt(x) of the indentation beyond the permanent one,
+    and reloading goes back along it.
     """
 
     modulus: float = field(metadata=checked_by(checks.positive, "Pa"))
@@ -467,7 +466,8 @@ class Thornton(Hysteretic):
     For comparison only: against finite elements (benchmarks/elastoplastic) the force with a yield
     pressure of 1.6 Y is 19, 42, 57, 66, 72 % low at 3, 10, 30, 100, 300 yield indentations, and
     restitution up to 0.18; with 2.8 Y the force is 6, -7, -27, -42, -52 % off. The pressure is
-    fixed and the squared contact radius stays delta R; both grow. `ElasticPlastic` has that.
+    fixed and the squared contact radius stays delta R; both grow. `ElasticPlastic` includes this
+    growth.
 
     Hertz's law up to the yield indentation; beyond, the pressure is cut off and the force goes on
     along the tangent; unloading is Hertzian with the flattened radius R F_e/F_m, F_e being Hertz's
@@ -511,9 +511,9 @@ class Stronge(Hysteretic):
 
     Hertz up to yield at delta_y; then F/F_y = (2 x - 1)(1 + ln(2 x - 1)/3.3) with
     x = delta/delta_y, and the mean pressure stays 2.55 times that at yield from x = 84 on.
-    Unloading is Hertzian from delta_m to delta_p = delta_m - delta_y sqrt(2 x_m - 1). Taken as
-    printed, that would give back more than was put in for x_m < 1.9; there delta_p is the one
-    without loss.
+    Unloading is Hertzian from delta_m to delta_p = delta_m - delta_y sqrt(2 x_m - 1). As printed,
+    unloading would return more energy than loading absorbed for x_m < 1.9; there delta_p is the
+    value without loss.
 
     Parameters
     ----------
@@ -583,10 +583,10 @@ class Tabulated(Hysteretic):
     -----
     Unloading from another depth delta_m has the same shape, scaled by delta_m along the
     indentation and by F(delta_m) along the force; reloading goes back along it. So the permanent
-    indentation is the same share of every depth: of contacts that yield it grows with the depth
-    (`ElasticPlastic` has it), and the unloading curve is to be that from about the depth of the
-    blow. Beyond the last point the loading curve goes on along its end tangent and `valid_force`
-    is exceeded.
+    indentation is the same share of every depth: for contacts that yield the share grows with the
+    depth (see `ElasticPlastic`), so give an unloading curve from about the depth of the impact.
+    Beyond the last point the loading curve goes on along its end tangent and `valid_force` is
+    exceeded.
     """
 
     kind: ClassVar[int] = library.TABLE
@@ -666,7 +666,9 @@ class Tabulated(Hysteretic):
 
 
 def _knots(x: Array, y: Array) -> list[float]:
-    """Knots, four rows of coefficients (each padded by a 0), value and slope at the last knot."""
+    """Data of an interpolant: knots, four rows of coefficients (padded by a 0), last value and
+    slope.
+    """
     from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
     cubic = PchipInterpolator(x, y)

@@ -1,4 +1,4 @@
-"""What touches: material and shape of a surface, from which the law of a contact follows."""
+"""Material and shape of a surface, from which the law of its contact follows."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ class Matter:
     ----------
     E, nu : Young's modulus [Pa], inf if rigid; Poisson's ratio.
     yield_strength : [Pa]; None: not known, or the material is `brittle`.
-    yield_range : lowest and highest that it may be [Pa]; None: it is exact.
+    yield_range : lowest and highest yield strength [Pa]; None: it is exact.
     rate : D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that
-        grows so, in place of the yield strength.
-    brittle : it cracks, crushes or stretches before it yields.
+        grows with the rate, in place of the yield strength.
+    brittle : whether it cracks, crushes or stretches before it yields.
     loss : loss factor.
     critical : indentation from which a laminate is damaged [m]; None: no laminate.
-    name : of a material by name.
+    name : name of the material; "" if its constants were given.
     """
 
     E: float
@@ -53,9 +53,10 @@ class Matter:
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:
         """Lower and upper bound of the yield strength [Pa] at a strain rate [1/s].
 
-        The lowest is that of slow tests; the highest that of the range, or of the rate where this
-        is more: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University
-        Applied Mathematics Report 28 (1957). 0 of a material that does not yield.
+        The lower bound is that of slow tests; the upper bound is that of the range, or the strength
+        at the rate if it is larger: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper,
+        Brown University Applied Mathematics Report 28 (1957). Both are 0 for a material that does
+        not yield.
         """
         usual = self.yield_strength or 0.0
         low, high = self.yield_range or (usual, usual)
@@ -78,7 +79,7 @@ class Surface:
     matter : its material.
     curvatures : principal curvatures [1/m], ascending; < 0: hollow; of an edge or a corner those
         of the radius that is assumed.
-    error : how far they may be off [1/m].
+    error : bound on the error of the curvatures [1/m].
     kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
     length : of the straight line along which a "line" extends [m].
     along : (3,) unit vector of the first principal direction; None: not known, or none.
@@ -194,7 +195,7 @@ def _of_object(material: object) -> Matter:
 
 
 def _checked(matter: Matter) -> Matter:
-    """The properties read from a file, checked, for its numbers may be anything."""
+    """Check the properties of a material that were read from a file."""
     checks.poisson(matter.nu)
     for name in ("E", "yield_strength", "critical"):
         value = getattr(matter, name)

@@ -39,7 +39,7 @@ class History(RunHistory, Results):
 
     `hit[a, b]` is a contact, `hit.bodies[name]` a body; those of `simulate` are "structure" and
     "impactor". Where there is one contact, its force, numbers and motions are also attributes of
-    the history. All is computed when it is first asked for.
+    the history. Results are computed at their first use.
 
     Attributes
     ----------
@@ -51,20 +51,20 @@ class History(RunHistory, Results):
         a contact that touched during the run goes on at its end: its contact time, impulse and
         peak force count up to there.
     message : explanation of the status, and changes made to contact laws.
-    budget : what makes the `error_budget` of a run of `simulate`.
+    budget : computes the `error_budget` of a run of `simulate`.
     given : the step [s] that was given, or None.
-    structure : of `strike`, the structure of the last mesh, for `probe` and fields; not pickled.
+    structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
     """
 
     budget: Callable[[History], ErrorBudget] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
-        """Bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
+        """Error bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
 
-        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. When
-        this is first asked for the impact is simulated up to eight times more; the result is kept.
-        InputError for a model that was extracted without `error="estimate"`.
+        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. At
+        the first use the impact is simulated up to eight times more; the result is kept. InputError
+        for a model that was extracted without `error="estimate"`.
         """
         if self.budget is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
@@ -73,8 +73,8 @@ class History(RunHistory, Results):
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
         """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m].
 
-        Article eq. (8), without the sag of a held body under its own weight. `body`: of a model
-        with shapes.
+        Article eq. (8), without the sag of a supported body under its own weight. `body`: name of a
+        body whose model has shapes.
         """
         displacements = modes_of(self, body).field(self.coordinates(t, body))
         forces = stretch_in(self, body)
@@ -275,8 +275,9 @@ def error_scope(history: History) -> str:
 
 
 def error_text(history: History) -> str:
-    """The error of the force of a history as text: of the law of its strongest contact, and the
-    numerical error with what it covers."""
+    """Text: error of the force by the law of the strongest contact, and numerical error with its
+    causes.
+    """
     budget = vars(history).get("error_budget")
     if budget:
         return budget.causes_text("peak_force")

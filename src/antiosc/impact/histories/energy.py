@@ -1,4 +1,4 @@
-"""Energies along a run: what bodies and contacts hold, lose and are given, and their balance."""
+"""Energies during a run: stored, dissipated and supplied, and the error of their balance."""
 
 from __future__ import annotations
 
@@ -123,9 +123,7 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
 
 
 def path_work(force: Array, displacement: Array) -> Array:
-    """Work (n, k) of forces over displacements, at middle and end of every step; both are
-    parabolas.
-    """
+    """Work (n, k) [J] of forces along displacements at the middle and end of every step."""
     f0 = force[:-2:2]
     f1 = force[1:-1:2]
     f2 = force[2::2]
@@ -271,9 +269,9 @@ def _work_and_losses(
 def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     """Energy (n - 1,) that modal damping dissipates from node to node, at any step length.
 
-    The work of a modal force that is a parabola in time, less the gain of the mode: by parts it
-    needs the integrals of q and t q, which the equation of motion gives. They cancel for short
-    steps, for which the trapezoidal rule serves.
+    It is the work of a modal force that is a parabola in time, minus the energy that the mode
+    gains. Integration by parts needs the integrals of q and t q, which the equation of motion
+    gives. The terms cancel for short steps, for which the trapezoidal rule is used.
     """
     system = a.system
     step = np.diff(run.time)[:, None]
@@ -309,8 +307,8 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     """Work (n - 1,) of the modal loads from node to node, at any step length.
 
-    By parts: a load that is linear in time needs the integral of q, which an elastic mode's
-    equation of motion gives.
+    Integration by parts: a load that is linear in time needs the integral of q, which the equation
+    of motion of an elastic mode gives.
     """
     time = run.time
     force = run.force
@@ -331,7 +329,8 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
 def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) -> Array:
     """Work (n - 1,) of the modal loads over each step without damping, from its end states.
 
-    By parts as in `_work`; the integral of a rigid motion is that of its acceleration, a parabola.
+    Integration by parts, as in `_work`; the integral of a rigid motion is that of its acceleration,
+    a parabola.
     """
     system = a.system
     f0 = run.force[:-2:2]

@@ -110,7 +110,7 @@ def may_stretch(history: RunHistory) -> bool:
 
 
 def _sheets(history: RunHistory) -> Iterator[tuple[str, SceneBody, float]]:
-    """Name, body and thickness [m] of each part of sheets that is not a cantilever."""
+    """Yield name, body and thickness [m] of each part of sheets that is not a cantilever."""
     if not history.assembly.thin:
         return
     for name, body in history.assembly.bodies.items():
@@ -122,7 +122,7 @@ def _sheets(history: RunHistory) -> Iterator[tuple[str, SceneBody, float]]:
 def deflection(history: RunHistory, name: str, closely: bool = True) -> float:
     """Largest displacement [m] of a body's sites along the contacts, by elastic modes alone.
 
-    closely : at many times, or at the ends of steps alone.
+    closely : whether to sample many times, instead of the ends of steps alone.
     """
     a = history.assembly
     omega = history.assembly.bodies[name].omega

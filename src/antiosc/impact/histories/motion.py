@@ -167,8 +167,8 @@ class RunHistory(OneContact):
         """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
 
         `t` of shape (n,) gives (n, C), a single time (C,). The coordinates are those of the model
-        in free modes (`of`): lambda, then one for each rigid-body motion of a free body that no
-        site sees.
+        in free modes (`of`): lambda, then one for each rigid-body motion of a free body that moves
+        no site.
         """
         _, modes = self.of(body)
         motion = self.at(t)[self.name_of(body)]
@@ -205,7 +205,7 @@ class RunHistory(OneContact):
         """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0.0)
         if none.
 
-        Of bodies whose inertia in space is known.
+        Only bodies whose inertia in space is known are compared.
         """
         a = self.assembly
         if not a.may_rotate:

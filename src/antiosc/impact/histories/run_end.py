@@ -1,4 +1,4 @@
-"""How a run ended: its status and message, and what is told of it."""
+"""How a run ended: its status, message and warnings."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class CheckResult:
 class RunEnd(NamedTuple):
     """How a run ended: the data from which `check_result` makes status and message.
 
-    `time` [s] reached, `touches` their number, `open` the contacts still closed, and the errors.
+    `time` [s]: time reached; `touches`: number of touches; `open`: contacts still closed.
     """
 
     answer: int
@@ -78,7 +78,9 @@ def check_result(
     failure: str = "",
     gain: Callable[[], float] = lambda: 0.0,
 ) -> CheckResult:
-    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: of energy."""
+    """Status and message of a run; `limits`: max_contacts, max_steps; `gain`: spurious gain of
+    energy.
+    """
     failure = failure or stopped(ended.answer, ended.time, *limits)
     ringing = "" if assembly.system.damped else UNDAMPED
     if failure:

@@ -122,7 +122,7 @@ class Results(ReprMixin):
         Raises
         ------
         InputError
-            The file is not one.
+            The file is not one that `save` wrote.
         """
         header, arrays = model_file.read(path, {"table"}, FORMAT, LARGEST)
         try:

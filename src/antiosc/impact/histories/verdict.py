@@ -1,4 +1,4 @@
-"""What is said first of a contact: whether it yields, and what remains."""
+"""Sentences on a contact: whether it yields, and its permanent indentation."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _zones_at(contact: OneContact, body: str) -> list[Array]:
 
 
 def contact_zone(point: ArrayLike, radius: float) -> Array:
-    """Row x, y, z, radius [m] of what the margin of a solid leaves out about a contact.
+    """Row x, y, z, radius [m] of the zone about a contact that the margin of a solid leaves out.
 
     `radius` [m] of the contact, or of the patch that carries its force if that is larger.
     """
@@ -115,7 +115,8 @@ def law_text(contact: OneContact) -> str:
 
 
 def law_error_text(contact: OneContact) -> str:
-    """The error of the peak force by the law that was chosen, in words; "" for a law as given."""
+    """Text: error of the peak force due to a law chosen by "auto"; "" for a law that the user gave.
+    """
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""
@@ -146,7 +147,7 @@ def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
 
 
 def weaker_side(contact: OneContact) -> str:
-    """Name of the material that yields first; "" if it has none, and for a law as given."""
+    """Name of the material that yields first; "" if it has no name, or if the user gave the law."""
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""

@@ -1,4 +1,4 @@
-"""Energy of the vibration of each body: what its modes keep when a contact is over."""
+"""Energy of the vibration of each body: the energy left in its modes after a contact."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def body_energy(history: History, body: str) -> BodyEnergy:
 def vibration_share(history: History) -> float:
     """Share of the initial kinetic energy that remains as vibration of all bodies.
 
-    After a contact without losses of its own it is Zener's loss, by which a sphere rebounds more
-    slowly from a plate than it came (C. Zener, Phys. Rev. 59 (1941) 669-673).
+    After a contact without losses it is Zener's loss, which slows the rebound of a sphere from a
+    plate (C. Zener, Phys. Rev. 59 (1941) 669-673).
 
     Raises
     ------

@@ -152,7 +152,7 @@ MOST_ANGLE = 23.0
 
 
 def halved(mesh: Mesh, point: Array | None = None) -> Mesh:
-    """The mesh of lines with each cell c divided into two, the input cells 2c and 2c + 1.
+    """The mesh of lines with each cell c divided into two, with the input numbers 2c and 2c + 1.
 
     A cell is divided in its middle; the one nearest to `point` is divided there, unless the point
     lies close to a node.

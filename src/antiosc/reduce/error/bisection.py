@@ -6,7 +6,8 @@ error those with s = λ (η²)^(-1/(q + d)), q = 2p, take the fewest cells (Lade
 Pelle, 1986). But the largest errors are those at inner edges, where q is that of the singularity,
 whatever p is: 1.09 at a right angle (Williams, J. Appl. Mech. 19 (1952) 526). In space, where such
 edges hold many cells, sizes for q = 1 leave 0.7 of the error on a stiffened panel with as many
-cells as for q = 3, and as much of it on parts without such edges; in the plane they are corners.
+cells as for q = 3, and the same error on parts without such edges. In the plane the singularities
+are corners.
 """
 
 from __future__ import annotations

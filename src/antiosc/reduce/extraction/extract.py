@@ -288,15 +288,15 @@ def extract(
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
-        Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
+        Estimate the error of the mesh: the model gets its `strain_error`, so that `corrected()`
         and the `error_budget` of a `simulate` are available. Solids, beams, shells of triangles; no
         named sites. It takes at most one further solve (of beams one on a mesh of half the size).
     stretch : int, "auto" or False
-        Second-order forces of so many modes: a sheet or a beam whose edges are held stretches as it
-        bends, and is stiffer for it; a curved sheet is softer where it is pushed toward flat.
-        "auto": each impact takes as many modes as it needs, none if they do not matter. `stretch`
-        of the model has them; `simulate` and `Scene.run` alone take it. Shell, Laminate, Solid,
-        AnisotropicSolid and Beam, of one mesh.
+        Number of modes with second-order forces: a sheet or a beam with fixed edges stretches as it
+        bends, which stiffens it; a curved sheet is softer where it is pushed toward flat. "auto":
+        each impact takes as many modes as it needs, none if they do not matter. The model has them
+        as `stretch`; only `simulate` and `Scene.run` take them into account. Shell, Laminate,
+        Solid, AnisotropicSolid and Beam, of one mesh.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.

@@ -56,7 +56,7 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 def checked_modes(
     structure: Structure, known: ConstraintModes, method: str
 ) -> tuple[dict[str, float], int]:
-    """Check constraint modes in their equations; AccuracyError far beyond CHECK.
+    """Check constraint modes in their equations; AccuracyError for errors far above CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.
 

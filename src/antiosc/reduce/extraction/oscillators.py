@@ -67,8 +67,8 @@ class ConstraintModes:
     m0 : residual mass (p, p).
     residual : (rows, p) the shapes that move with m0, on the rows of this rank.
     off : residual forces of the modes over their elastic ones, (n,).
-    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
-    coupling : φ_iᵀKΦ as it is, (n, p).
+    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as computed, (n, n).
+    coupling : φ_iᵀKΦ as computed, (n, p).
     """
 
     static: SiteShapes

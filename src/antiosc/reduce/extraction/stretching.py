@@ -1,13 +1,13 @@
 """The forces of second-order strain in the modes of a model, by static modal derivatives.
 
-With the motion u = Σ a_i φ_i + v, φ_i motions of unit mass and v what follows them statically, the
-energy to fourth order in a is
+With the motion u = Σ a_i φ_i + v, φ_i motions of unit mass and v their static second-order
+response, the energy to fourth order in a is
 
     ½ aᵀ(φᵀKφ)a + ½ ∫ε(u):C:η(u, u) + ½ vᵀKv + Σ a_i a_j g_ijᵀv + ⅛ ∫η:C:η,
     g_ijᵀw = ½ ∫ η(φ_i, φ_j):C:ε(w) + ε(φ_i):C:η(φ_j, w) + ε(φ_j):C:η(φ_i, w).
 
-v = -Σ a_i a_j K⁻¹g_ij, less its parts in the φ so that φᵀKv = 0: one solve for each pair, with the
-factor that is there (static modal derivatives: S. Idelsohn, A. Cardona, *Comput. Methods Appl.
+v = -Σ a_i a_j K⁻¹g_ij, minus its components along the φ so that φᵀKv = 0: one solve for each pair,
+with the existing factor (static modal derivatives: S. Idelsohn, A. Cardona, *Comput. Methods Appl.
 Mech. Eng.* 49 (1985) 253; condensed: J. Hollkamp, R. Gordon, *J. Sound Vib.* 318 (2008) 1139). The
 quadratic forces are g_ijᵀφ_k, symmetric in all three. About a static state q under a prestress ε(u)
 is ε(u) + η(q, u).
@@ -117,8 +117,9 @@ def _points(structure: Structure) -> PartPoints:
 def candidates(omega: Array, B: Array, count: int) -> Array:
     """Orthonormal combinations (J, m) of the free modes that forces at sites B excite, m <= count.
 
-    The Krylov space of the flexibility Λ⁻¹ from the static displacements Λ⁻¹b: the local dent of a
-    sheet under its striker, which takes many modes, is the first, and the lowest modes follow.
+    They span the Krylov space of the flexibility Λ⁻¹ that starts from the static displacements
+    Λ⁻¹b. The first is the local dent of a sheet under its striker, which takes many modes; the
+    lowest modes follow.
     """
     elastic = omega > 0
     if not elastic.any():

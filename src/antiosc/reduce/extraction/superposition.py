@@ -58,7 +58,7 @@ class StructureModes(ReprMixin):
     structure : the structure.
 
     The sum of the effective masses over all modes is the mass that moves: the total mass without
-    what the supports hold.
+    the mass of the fixed dofs.
     """
 
     omega: Array
@@ -215,7 +215,7 @@ class NaturalModes(ReprMixin, Body):
     weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
     direction : unit vector of the impact, shape (3,), or None.
     inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
-    hidden : mass-normalised shapes of those, shape (rows, h), or None.
+    hidden : mass-normalised shapes of the hidden motions, shape (rows, h), or None.
     local_compliance, radius : of the site's patch, as in `AntiOscillators`.
     damping : Damping of the modes, or None.
     info : facts of the extraction.
@@ -395,7 +395,7 @@ def _seen(
 ) -> Modes:
     """The modes that move the site, with equal frequencies merged; the rigid-body mode comes first.
 
-    `tol`: the share in the receptance that they exceed.
+    `tol`: lower limit of their share in the receptance.
     """
     check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
@@ -466,7 +466,9 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """(compliance, shape) that the modes lack of the static deflection under a unit force."""
+    """(compliance, shape) of the static deflection under a unit force that the modes do not
+    contain.
+    """
     elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)

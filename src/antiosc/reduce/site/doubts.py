@@ -1,4 +1,4 @@
-"""Sites whose patch does not have the half-space compliance that is taken for it."""
+"""Sites whose patch does not have the half-space compliance that is assumed for it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Doubt(NamedTuple):
     ----------
     which : (P,) mask of the sites.
     alone : the message if there is one site.
-    among : what is wrong among several sites, "{}" for their number.
+    among : the message for several sites, with "{}" in place of their number.
     """
 
     which: BoolArray

@@ -29,7 +29,8 @@ INTERNAL = 1e-9
 class Element:
     """A grounded spring, or a term of the damping, on some rows of u.
 
-    `name` and `point` (3,) [m]: of an element that acts on the ground; the name of others is "".
+    `name` and `point` (3,) [m]: those of an element that acts on the ground; `name` is "" for
+    others.
     """
 
     name: str

@@ -66,9 +66,9 @@ class Site(FieldsRepr):
         For assemblies: the part that is struck. By default the nearest one, and of parts that touch
         the one whose surface faces the impactor.
     tangential : bool
-        Of a named site (`extract(part, {name: Site})`): the model knows its displacements across
-        `direction` too, two of them (one in a plane structure), as a contact with friction needs.
-        They are weighted over the patch as the normal one; its compliance remains in them.
+        For a named site (`extract(part, {name: Site})`): the model contains its displacements
+        across `direction` too, two of them (one in a plane structure), as a contact with friction
+        needs. They are weighted over the patch as the normal one; its compliance remains in them.
     """
 
     point: Sequence[float] | str | None = None

@@ -79,7 +79,8 @@ def surface_at(
 def _room(
     matrices: MeshedParts, curved: Curvature, near: float
 ) -> tuple[float, tuple[float, float, float] | None]:
-    """Radius of the largest ball that touches there alone, and the point that a larger one meets.
+    """Radius of the largest ball that touches the part only there, and the point that a larger one
+    meets.
 
     `near`: radius of the patch [m].
     """
