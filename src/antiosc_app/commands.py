@@ -51,7 +51,7 @@ def guarded(options: Namespace) -> int:
 
 
 def _new(options: Namespace) -> int:
-    """`antiosc new`."""
+    """Run `antiosc new`; returns the exit code."""
     file = options.file
     part = options.part
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
@@ -66,7 +66,7 @@ def _new(options: Namespace) -> int:
 
 
 def _open(options: Namespace) -> int:
-    """`antiosc open`."""
+    """Run `antiosc open`; returns the exit code."""
     from antiosc_app import view
 
     view.until_interrupted(options.part, options.unit, browser=not options.no_browser)
@@ -74,7 +74,7 @@ def _open(options: Namespace) -> int:
 
 
 def _check(options: Namespace) -> int:
-    """`antiosc check`."""
+    """Run `antiosc check`; returns the exit code."""
     scene = compiled(read(options.file))
     sentences = [*(f"warning: {sentence}" for sentence in scene.warnings), *outline.check(scene)]
     say(f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}.")
@@ -182,7 +182,7 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
 
 
 def _schema(_options: Namespace) -> int:
-    """`antiosc schema`."""
+    """Run `antiosc schema`; returns the exit code."""
     say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
     return 0
 

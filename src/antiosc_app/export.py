@@ -301,7 +301,7 @@ def export(
     ----------
     source : AntiOscillators, any LinearBody, or Scene
     path : str or Path
-        File to write; its ending decides what. `source` and `path` may change places.
+        File to write; its ending chooses the format. `source` and `path` may change places.
     impactor, contact : as for `simulate`
         Neither for a model alone or a scene.
     duration : float, optional

@@ -61,7 +61,7 @@ class ForeignPart:
     Attributes
     ----------
     read : arguments of `read_mesh`, or of `read_model`, besides the file.
-    structure : of a deck with a model.
+    structure : structure of a deck with a model.
     notes : decisions that were made, one sentence each.
     pieces : if the mesh is in several pieces, these, the largest first.
     """

@@ -207,7 +207,7 @@ def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: flo
 def _yielding(law: ContactLaw) -> Data | None:
     """Data of a contact that can yield; None for a law without a dent.
 
-    strength : of the yielding side [Pa]; radius : of the sphere [m]; rim : of `Dent`.
+    strength : yield strength [Pa]; radius : radius of the sphere [m]; rim : rim of `Dent`.
     """
     if not isinstance(law, Hysteretic):
         return None
@@ -501,7 +501,7 @@ def stress_bar(peak: PeakField) -> float | None:
 
 
 def mesh_note(peak: PeakField) -> str:
-    """The judged stress with its error by the mesh, and beyond yield that it is not reached."""
+    """Text: the judged stress with its mesh error, and beyond yield that it is not reached."""
     share = stress_bar(peak)
     if share is None:
         return ""

@@ -146,12 +146,12 @@ class Inspection:
     cells : their number and kind in words.
     where : group of the support; plane : (point, normal) of supported nodes; neither: free.
     on_plane : names of the groups that lie on that plane.
-    point, direction : of the site; radius : of its patch, None for beams and sheets.
+    point, direction : those of the site; radius : radius of its patch, None for beams and sheets.
     room : radius of the largest ball that touches the site and nothing else [m].
-    others : (point, direction, radius, room) of sites to try if that one cannot be struck.
+    others : tuples (point, direction, radius, room) of sites to try if the first cannot be struck.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
-    material : by name; unused for a deck.
+    material : name of the material; unused for a deck.
     bars : whether its models have error bars of mesh and truncation.
     points, faces, held : nodes (P, 3), corners (F, k), mask of held nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.

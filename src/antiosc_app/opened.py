@@ -126,9 +126,9 @@ class Opened:
 
     Parameters
     ----------
-    path : of its file; results are saved beside it.
+    path : path of its file; results are saved beside it.
     structure : instead of a file, with its material and supports; nothing is saved.
-    unit : of the file; None: a guess.
+    unit : unit of the file; None: it is guessed.
     """
 
     def __init__(
@@ -375,13 +375,13 @@ class Opened:
     # -- the steps of an answer
 
     def _blow(self, set_up: SetUp, _: Table) -> Data:
-        """First step of an answer: quickly."""
+        """First answer to a click: the impact, by free modes if they are known."""
         if set_up.striker.kind == FLOOR:
             return _told_of_fall(self._dropped(set_up), None)
         return _told(self._struck(set_up, quickly=True))
 
     def _settle(self, set_up: SetUp, _: Table) -> Data:
-        """Second step: by the extracted model, or with the stresses of a fall."""
+        """Second answer: the impact by the extracted model, or the stresses of a fall."""
         if set_up.striker.kind == FLOOR:
             dropped = self._dropped(set_up)
             return _told_of_fall(dropped, dropped.worst)

@@ -164,7 +164,7 @@ def write_report(
     Parameters
     ----------
     result : History, ImpactMap, Fall or Tradeoff
-        Of a trade-off its last history, with the methods that were compared.
+        The result; for a trade-off its last history is shown, with the methods that were compared.
     path : str or Path
         The file, named .html. `result` and `path` may change places.
     structure : Structure, optional

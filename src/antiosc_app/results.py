@@ -267,13 +267,13 @@ class Presentation:
 
     Attributes
     ----------
-    text : for the terminal.
+    text : text for the terminal.
     tables : file -> its columns.
-    numbers : for result.json.
+    numbers : numbers for result.json.
     plotted : name of a file -> object with a method `plot`.
     fields : file -> function that writes it.
     sections : heading of a report -> blocks below it.
-    pictures : of a report.
+    pictures : pictures of a report.
     """
 
     text: Sequence[str] = ()
@@ -581,7 +581,8 @@ class Probe:
         return dict(zip(heads, self.values.T, strict=True))
 
     def peak(self) -> Columns:
-        """The largest value, of a vector its magnitude, of others that of one component.
+        """The largest value: for a vector its magnitude, for other quantities that of one
+        component.
 
         Keys: quantity, component ("magnitude"; "" for a scalar), value, unit, time, and g for
         accelerations.

@@ -51,7 +51,7 @@ class InspectedFile(NamedTuple):
 
     Attributes
     ----------
-    name : of the file.
+    name : name of the file.
     look : the inspected part.
     faces : name -> table of the support that holds this face.
     geometry : whether it is meshed here.

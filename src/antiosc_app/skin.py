@@ -25,7 +25,7 @@ class PageSkin(NamedTuple):
 
     Attributes
     ----------
-    data : for the page; `tags` (T,) number the faces from 1, 0 for none.
+    data : data for the page; `tags` (T,) number the faces from 1, 0 for none.
     faces : name -> support that holds it; groups of edges and points have no triangles.
     held : names of the faces that a new scene holds.
     """

@@ -34,7 +34,7 @@ class View:
 
     Attributes
     ----------
-    address : of the page, with its token, which grants access.
+    address : address of the page, with its token, which grants access.
     """
 
     def __init__(self, opened: Opened, title: str, frames: str) -> None:

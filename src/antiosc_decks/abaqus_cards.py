@@ -1,4 +1,4 @@
-"""Keyword cards of Abaqus and CalculiX with their data lines, and what becomes of each."""
+"""Keyword cards of Abaqus and CalculiX with their data lines, and the treatment of each."""
 
 from __future__ import annotations
 

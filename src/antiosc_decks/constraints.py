@@ -1,4 +1,4 @@
-"""What joins the nodes of a deck: constraints, springs and dampers; and pieces that nothing joins.
+"""Connections between nodes of a deck: constraints, springs, dampers; and unconnected pieces.
 
 A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; the first term
 is the dependent one. Nodes of no element become points with six motions. A mesh holds every cell

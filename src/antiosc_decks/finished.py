@@ -1,7 +1,7 @@
 """The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
 
-What acts on nodes of elements that are not chosen is left out. A support on an edge holds
-the whole edge; a fixed middle node between ends that are free is held by a constraint.
+Supports, joints and masses on nodes of elements that are not chosen are left out. A support on an
+edge fixes the whole edge; a fixed middle node between free ends is fixed by a constraint.
 
 Rods between other elements are springs with masses at their nodes; rods alone form a truss. A shear
 panel (CSHEAR) is one spring: equilibrium determines the forces along its four sides but for a
@@ -259,7 +259,7 @@ def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, b
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
-    """Remove what is not connected to an element, and dampers with a massless end."""
+    """Remove masses and joints that no element is connected to, and dampers with a massless end."""
     joints = builder.joints
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]

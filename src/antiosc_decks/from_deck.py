@@ -185,8 +185,8 @@ def read_model(
     density
         Density in kg/m³ of materials that state none.
     yield_strength
-        Yield strength in Pa of the isotropic materials, which decks do not state: with it margins
-        and contacts know where the part yields.
+        Yield strength in Pa of the isotropic materials, which decks do not state; margins and
+        contacts that yield need it.
     merge, timeout, comm
         As for `read_mesh`.
     parts
@@ -210,12 +210,12 @@ def read_model(
     model and in its first step. B32 become two straight `Beam` elements each; a layered or
     orthotropic shell becomes a `Laminate`.
 
-    Solids, shells and beams with common nodes, and what equations, multi-point constraints, rigid
-    bodies, couplings, ties and springs join, become one assembly of up to four parts: "solids",
-    "faces", "triangles" (the few beside quadrilaterals) and "beams" (`Site(..., part=...)`).
-    Constraints are linear, for small motions. If they determine all nodes of an edge or a face of
-    an element, the whole edge or face follows by the element's shape functions; if they tie these
-    nodes to one element at the same place, it follows that element's displacement.
+    Solids, shells and beams with common nodes, and elements joined by equations, multi-point
+    constraints, rigid bodies, couplings, ties and springs, become one assembly of up to four parts:
+    "solids", "faces", "triangles" (the few beside quadrilaterals) and "beams" (`Site(...,
+    part=...)`). Constraints are linear, for small motions. If they determine all nodes of an edge
+    or a face of an element, the whole edge or face follows by the element's shape functions; if
+    they tie these nodes to one element at the same place, it follows that element's displacement.
 
     Raises
     ------
@@ -228,9 +228,9 @@ def read_model(
     Warns
     -----
     AntioscWarning
-        What of the deck is not taken: loads, steps, nonlinear materials; cards and options that
-        are unknown here; sets with missing members; sets of supports that are not selected. Each
-        with its count and its lines.
+        Content of the deck that is ignored: loads, steps, nonlinear materials; cards and options
+        that are unknown here; sets with missing members; sets of supports that are not selected.
+        Each with its count and its lines.
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)

@@ -1,4 +1,4 @@
-"""Entries of Nastran's bulk data, in small, large and free fields, and what becomes of each."""
+"""Entries of Nastran's bulk data, in small, large and free fields, and the treatment of each."""
 
 from __future__ import annotations
 

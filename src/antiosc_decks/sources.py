@@ -1,4 +1,4 @@
-"""Lines of a deck and of the files that it includes, and what becomes of each of its cards.
+"""Lines of a deck and of the files that it includes, and the treatment of each of its cards.
 
 The tables of the dialects say whether a card is read, harmless, ignored, refused or unknown.
 Ignored and unknown cards are reported with their count and lines.

@@ -26,7 +26,8 @@ Arrays: TypeAlias = dict[str, NDArray[Any]]
 class _Sink:
     """A stream of bytes that keeps the error of its file for later.
 
-    An archive whose file refuses a byte can be neither written nor closed, and says so by itself.
+    zipfile can neither write nor close an archive whose file refuses a byte, and would raise its
+    own error.
     """
 
     def __init__(self, stream: IO[bytes]) -> None:

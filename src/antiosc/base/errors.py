@@ -125,13 +125,13 @@ def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
 
 
 def without_warnings() -> AbstractContextManager[None]:
-    """Drop the antiosc warnings of this thread, where they have been given before."""
+    """Drop the antiosc warnings of this thread, which have been issued before."""
     return warnings_to(lambda message: None)
 
 
 @contextmanager
 def finite_element_packages() -> Iterator[None]:
-    """Around imports that need these packages: MissingDependencyError says which is missing."""
+    """Context for imports of these packages: MissingDependencyError names the missing one."""
     try:
         yield
     except MissingDependencyError:

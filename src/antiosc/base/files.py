@@ -1,9 +1,9 @@
 """Files are written completely or not at all: a reader never sees a partial file.
 
 The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
-in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. Folders
-take the place of others likewise. What a killed process has left beside a file, the next one that
-writes this file removes: temporary files are locked by their process as long as it lives.
+in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. A
+folder replaces another one in the same way. Temporary files of a killed process are removed by the
+next process that writes the same file: they are locked by their process as long as it lives.
 """
 
 from __future__ import annotations

@@ -25,15 +25,15 @@ class MaterialRecord:
 
     Attributes
     ----------
-    E, nu, G : Young's modulus [Pa] and Poisson's ratio; of wood those of `orthotropic`, with G.
+    E, nu, G : Young's modulus [Pa] and Poisson's ratio; for wood those of `orthotropic`, with G.
     rho : density [kg/m^3].
-    yield_strength : [Pa]; None of a material that does not yield (`brittle`).
+    yield_strength : yield strength [Pa]; None for a material that does not yield (`brittle`).
     yield_range : lowest and highest yield strength of the sources [Pa], or None.
     rate : D [1/s] and q of Cowper and Symonds, and of what strength [Pa] if not of the yield
         strength; None: not in the sources.
     loss : loss factor; 0: not in the sources.
-    source, note : where the numbers are from, read or recalled, and what they cannot do.
-    typical : numbers that no source has that could be read, with their range; "" for none.
+    source, note : sources of the numbers (read, or from memory), and their limits.
+    typical : numbers that no available source gives, with their range; "" for none.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Plausibility of numbers in SI units: the first check of a part, a site and a blow.
 
-Meshes and decks are often in mm and MPa. What is possible but unlikely is told in a warning before
-anything is computed, and again at the head of an error that follows from it; what is impossible is
-refused. Each sentence has the number, the rule, and the unit that is probably meant.
+Meshes and decks are often in mm and MPa. An unlikely value gives a warning before anything is
+computed, which is repeated in an error that follows from it; an impossible value is refused. Each
+sentence has the number, the rule, and the unit that is probably meant.
 """
 
 from __future__ import annotations
@@ -118,7 +118,8 @@ def _meant(E: float | None, rho: float | None) -> str:
 def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
     """Why the diagonal [m] of the box around a part is implausible; "" if it is not.
 
-    `stated`: its unit was given, or its file states one: it may be long. `lines`: it is of lines.
+    `stated`: whether its unit is known, so that it may be long. `lines`: whether it consists of
+    lines.
     """
     longest = LONGEST_OF_LINES if lines else LONGEST_PART
     if extent > longest and not stated:

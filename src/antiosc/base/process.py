@@ -14,7 +14,7 @@ all cores are free, only large fronts become faster. A number of threads that th
 the environment is respected; other libraries are not changed. `benchmarks/blas_threads.py` measures
 it.
 
-**Memory.** How much is free, how much of it a run may take, and the sentence for too little of it.
+**Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """
 
 from __future__ import annotations

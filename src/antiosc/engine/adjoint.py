@@ -60,7 +60,7 @@ def gradient(
     Parameters
     ----------
     run : Run
-        Of n steps.
+        The run, of n steps.
     states : (n + 1, 2, J) modal states at the start of each step and at the end.
     readings, weights : array of `library.READING`, and (., 2 J + m); see `aom_goal`.
     force : (2 n + 1, m) derivatives of the goal by the forces at the nodes.

@@ -195,7 +195,7 @@ class FirstOrder:
     at_q, at_v : (J, 2 I) displacements and rates of the free modes by (a, b).
     deceleration : (J, 2 I) decelerations of the free modes by the damping.
     inverse : (2 I, 2 J) the (a, b) of displacements and rates of a body whose branches are relaxed.
-    at_springs : of each branch (J, 2 I) the displacements q - z of its spring by (a, b).
+    at_springs : for each branch (J, 2 I): displacements q - z of its spring by (a, b).
     """
 
     omega: Array
@@ -227,7 +227,7 @@ class StackedModes:
     ----------
     parts : omega and decay of the free modes of each body, its first-order modes, and their states
         (2, I) at the start, where known.
-    omega, decay : (I,) of the modes that are integrated, body by body.
+    omega, decay : (I,) w [rad/s] and d [1/s] of the integrated modes, body by body.
     """
 
     parts: Sequence[tuple[Array, Array, FirstOrder | None, Array | None]]

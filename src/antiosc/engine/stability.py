@@ -49,7 +49,7 @@ def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float)
     omega : (J,) circular frequencies [rad/s].
     beta : (p, J) contribution of each mode to each indentation [kg^-1/2].
     R : (p, p) residual compliance [m/N].
-    stiffness : (p,) of the contacts [N/m]; those with 0 are open.
+    stiffness : (p,) stiffnesses of the contacts [N/m]; 0 for open ones.
     h : step [s].
     """
     closed = stiffness > 0

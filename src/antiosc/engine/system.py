@@ -46,7 +46,7 @@ class System:
 
     Attributes
     ----------
-    omega, decay : (J,) of all bodies side by side.
+    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of all bodies in turn.
     beta : (m, J), the p contacts first, then the tangential rows of their friction.
     R : (m, m) residual compliance.
     breaks, loads, offsets : (K,), (K, J), (K, m).

@@ -35,7 +35,7 @@ class Reach:
     ) -> None:
         """InputError for a point (3,) whose nearest point (3,) of the structure is too far [m].
 
-        `size`, `element`: of the part, and of its element there [m].
+        `size` [m]: size of the part; `element`: returns the size [m] of its element there.
         """
         distance = float(np.linalg.norm(point - nearest))
         most = SNAP_SHARE * size if self.snap is None else self.snap

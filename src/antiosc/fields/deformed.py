@@ -50,9 +50,10 @@ def plot_deformed(
     point, direction : sequence of 3 floats, optional
         An arrow that ends at `point` (m) shows the impact.
     view : (elevation, azimuth), optional
-        From where it is seen, degrees: 90 is from above, azimuth 0 from +x and 90 from +y.
+        Direction of view, degrees: elevation 90 is from above, azimuth 0 from +x and 90 from +y.
     field : str, optional
-        What colours it in place of the displacement: a quantity of `peak_field`, as "von_mises".
+        Quantity that gives the colours in place of the displacement: one of `peak_field`, as
+        "von_mises".
 
     Raises
     ------

@@ -90,7 +90,7 @@ def write_series(
     """Write the displacement field as a series that ParaView opens.
 
     It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) if dolfinx has ADIOS2. The static
-    deflection of a held body under its own weight is not included.
+    deflection of a supported body under its own weight is not included.
 
     Parameters
     ----------
@@ -104,13 +104,14 @@ def write_series(
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
     body : str
-        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
-        the only one that has shapes).
+        The body whose structure is `structure`: "structure" or "impactor"; of a scene its name
+        (default: the only one that has shapes).
 
     Returns
     -------
     Path
-        Of the `.pvd`. If the run is killed meanwhile, it is absent, or lists a whole series.
+        Path of the `.pvd` file. If the run is killed meanwhile, it is absent or lists a complete
+        series.
     """
     one_folder = checked_path("path", path).suffix.lower() == ".bp"
     target = checked_path("path", path) if one_folder else listing(path)

@@ -57,7 +57,7 @@ class Margin(ReprMixin):
     strength : the yield strength for "yield", Pa; otherwise 1.
     point : (3,) place of the worst point, m.
     time : time at which it occurs, s.
-    layer, surface : of a laminate: number of the layer, from the bottom, and its surface.
+    layer, surface : for a laminate: number of the layer, from the bottom, and its surface.
     contact : whether the contact itself yields, which the values do not include.
     beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: three radii of each
         contact that yields, or of its patch, in solids.
@@ -114,7 +114,7 @@ class Margin(ReprMixin):
 
     @property
     def _verdict(self) -> str:
-        """Whether yield or failure is reached, and what is left out of that."""
+        """Sentence on whether yield or failure is reached, and on what the margin leaves out."""
         what = CRITERIA[self.criterion][0]
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
         if len(self.beyond):
@@ -376,7 +376,7 @@ def contact_yields(history: AnyHistory) -> bool:
 
 
 def zones_of(history: AnyHistory, body: str) -> Array:
-    """What a margin of a solid body leaves out, as `Margin.beyond` has it."""
+    """Balls (n, 4) that a margin of a solid body leaves out, as in `Margin.beyond`."""
     if not isinstance(history, History):
         return NOTHING
     return yielding_zones(history.contact_histories, history.name_of(body))

@@ -284,7 +284,7 @@ class PeakField(Completed):
     values : (P,) largest value at each node.
     times : (P,) time at which it occurs, s.
     error : bound on the underestimate of a value by sampling in time; None for given times.
-    exposure : (P,) of stresses: the share of the strength, 1 at yield or failure, 0 where no
+    exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
     mesh_error : (P,) estimated mesh error of stresses of solids, in their unit: the deviation of
         the stresses of the cells around a node from their mean (Zienkiewicz and Zhu); 0 in sheets
@@ -469,20 +469,20 @@ def peak_field(
         exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
         shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
-        Times in s at which it is looked at. Default: so many that the fastest motion of the model
-        is resolved, and about each node's largest value still more; the `error` of the result tells
-        what they miss. The body of a scene's `bodies` is known at its own times alone.
+        Times in s at which the quantity is evaluated. Default: enough to resolve the fastest motion
+        of the model, and more near the largest value of each node; `error` of the result bounds the
+        value that they miss. A BodyHistory is known at its own times alone.
     body : str
         As in `probe`.
     part : str, optional
-        Of an assembly: the part that is looked at; default: all of them.
+        For an assembly: the part to evaluate; default: all parts.
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
-        As in `probe`; default: the outline of the sections of beams, which those that are given by
-        A and I do not have.
+        As in `probe`; default: the outline of the sections of beams, which sections given by A and
+        I do not have.
     leave_out : array_like (n, 4), optional
-        Of solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m].
+        For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m].
         Default: three radii about each contact that yields, or of its patch if that is larger.
 
     Notes
@@ -490,8 +490,8 @@ def peak_field(
     At the nodes of solids, on the surface too, strains and stresses are those of the cells there
     (not of their Gauss points), as means of the cells of one material; in sheets and beams the
     largest of the cells is taken. Near a point load or a re-entrant corner the values grow with
-    every refinement of the mesh: `mesh_error` and `doubt` tell it. Stresses and strains of a
-    structure with a prestress are those of the static state and of the blow together.
+    every refinement of the mesh: `mesh_error` and `doubt` show this. Stresses and strains of a
+    structure with a prestress are those of the static state plus those of the impact.
 
     Raises
     ------

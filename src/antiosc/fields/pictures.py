@@ -52,7 +52,7 @@ class SavedFields(ReprMixin):
     cells : (kind by meshio's name, (m, nodes) in VTK's order) of each part.
     shapes : (P, 3, k) displacements.
     time : (n,) s, increasing.
-    factors : (n, k) of the shapes.
+    factors : (n, k) factors of the shapes.
     """
 
     points: Array
@@ -132,7 +132,7 @@ class SavedFields(ReprMixin):
         Raises
         ------
         InputError
-            The file is not one, or it is damaged.
+            Another file, or a damaged one.
         """
         needed = {"points", "shapes", "time", "factors"}
         header, arrays = model_file.read(path, needed, FORMAT, LARGEST)

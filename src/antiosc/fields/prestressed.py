@@ -1,4 +1,4 @@
-"""`PrestressedState`: what the prestress of a structure does before a blow."""
+"""`PrestressedState`: the static state of a structure under its prestress, before an impact."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one point of a body feels after an impact: motion, strain, stress, section forces.
+"""Quantities at one point of a body after an impact: motion, strain, stress, section forces.
 
 The shapes of the model are evaluated once at the point (their strains, say), and combined with the
 coordinates of the model at all times. The static shape has the stress near the site; points far
@@ -95,18 +95,18 @@ def probe(
     node : int
         In place of a point: the number of a node in the file of the mesh or deck.
     body : str
-        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
-        the only one that has shapes).
+        The body whose structure is `structure`: "structure" or "impactor"; of a scene its name
+        (default: the only one that has shapes).
     part : str, optional
-        Of an assembly: the part of which the nearest point is taken; default: of all parts.
+        For an assembly: the part whose nearest point is taken; default: all parts.
     surface : "top", "bottom", "middle" or sequence of 3 floats
-        Of a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
+        For a shell: the surface of the sheet or of its `layer`. "top" is the side of the cell
         normals or of `Laminate(top=…)`, +z on plane meshes; a direction (x, y, z) names the outer
         surface on that side.
     layer : int, optional
-        Of a laminate: the layer, 0 the lowest.
+        For a laminate: number of the layer, 0 for the lowest.
     fibre : (y, z)
-        Of a beam: distances from the centroid along the height and across it, m. The stress of a
+        For a beam: distances from the centroid along the height and across it, m. The stress of a
         beam is the normal stress of N, My and Mz. Default: the centroid; of "von_mises" the point
         of the section's outline where it is largest at each time.
     axes : "global" or "local"

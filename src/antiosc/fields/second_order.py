@@ -5,8 +5,8 @@ u = Σ x_s ψ_s + Σ a_i a_j v_ij (`antiosc.models.stretch`), and its strain to 
 
     ε(u) + η(u, u)/2 = Σ x_s ε(ψ_s) + Σ a_i a_j (ε(v_ij) + η(φ_i, φ_j)/2).
 
-What evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes by those of their sum. About the
-static state q under a prestress, ε(s) is ε(s) + η(q, s).
+A function that evaluates whole strains ε(s) + η(s, s)/2 gives η of two modes from the strains of
+their sum. About the static state q under a prestress, ε(s) is ε(s) + η(q, s).
 """
 
 from __future__ import annotations

@@ -172,11 +172,11 @@ def srs(
     parts : "primary", "residual" or "all"
         During the signal, after its end (one period of each oscillator), or both.
     signal : "acceleration" or "velocity"
-        What `a` is. Of a velocity, the acceleration is constant between samples, and zero after
-        the last one.
+        The quantity of `a`. For a velocity, the acceleration is constant between samples, and zero
+        after the last one.
     resolved : float, optional
         Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
-        AccuracyWarning tells of frequencies above it.
+        AccuracyWarning names frequencies above it.
 
     Warns
     -----

@@ -46,9 +46,10 @@ class RigidMass(Checked, Body):
         Radius [m] of its spherical tip, Young's modulus [Pa] and Poisson's ratio of the tip;
         `hertz` needs all three.
     yield_strength : float, optional
-        Of the tip [Pa].
+        Yield strength of the tip [Pa].
     material : str or a material, optional
-        Of the tip, in place of E, nu and yield_strength: a name, as of `material`, or a `Solid`.
+        Material of the tip, in place of E, nu and yield_strength: a name, as of `material`, or a
+        `Solid`.
     """
 
     mass: float = field(metadata=checked_by(checks.positive, "kg"))

@@ -37,9 +37,9 @@ class JointContacts:
     Attributes
     ----------
     closed : whether each contact touches.
-    states : of the laws; None before the first touch.
+    states : states of the laws; None before the first touch.
     anchor : (m,) positions of the fixed ends of the friction springs [m], for tangential rows.
-    events : [time, contact, 0 parts or 1 touches, closing speed] of all touches and partings.
+    events : rows [time, contact, 0 parts or 1 touches, closing speed] of all touches and partings.
     """
 
     def __init__(self, system: System, laws: Sequence[ContactLaw]) -> None:

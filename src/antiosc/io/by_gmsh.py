@@ -372,7 +372,7 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the bounding box of each solid, or of the model; each group has them all."""
+    """A line across the bounding box of each solid, or of the model; each group has all lines."""
     entities = gmsh.model.getEntities(3) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()

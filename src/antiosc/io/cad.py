@@ -98,8 +98,8 @@ ATTEMPTS = (
 def opened(gmsh: ModuleType, path: str) -> float:
     """Open a file; returns metres per unit of its coordinates.
 
-    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
-    millimetres there without one.
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and then uses
+    OpenCASCADE's millimetres.
     """
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")

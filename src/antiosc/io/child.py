@@ -1,8 +1,8 @@
 """The process that reads files: `python child.py`, requests on its standard input, line by line.
 
 It loads gmsh once and reads each file in a fork of itself. If a file makes its reader crash, hang
-or use all memory, only that fork ends. An answer is a line of JSON and the bytes of arrays, never a
-pickle. The process ends with the one that sends the requests.
+or use all memory, only that fork ends. A response is a line of JSON and the bytes of arrays, never
+a pickle. The process ends when the process that sends the requests ends.
 """
 
 import contextlib

@@ -212,9 +212,9 @@ DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
 class FixedEntities:
     """The entities that a support on some nodes fixes.
 
-    An edge if both ends (and its middle node) are fixed, a face if all its edges are. A diagonal
-    along which a rectangle or a hexahedron is divided is not an edge of the deck: it is fixed if
-    all nodes of the rectangle, or of the cell, are fixed.
+    An edge is fixed if both ends (and its middle node) are fixed, a face if all its edges are. A
+    diagonal along which a rectangle or a hexahedron is divided is not an edge of the deck: it is
+    fixed if all nodes of the rectangle, or of the cell, are fixed.
     """
 
     def __init__(
@@ -410,7 +410,8 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
     """(middles of faces of four corners, or of hexahedra; the nodes around them).
 
-    −1/4 of the corners and 1/2 of the middles of the edges of a face, 1/4 of those of a hexahedron.
+    The weights are −1/4 for corners, and for the middles of edges 1/2 on a face and 1/4 in a
+    hexahedron.
     """
     corners = block.corners[:, list(face)] if face else block.corners
     edges = np.stack([face, np.roll(face, -1)], axis=1) if face else np.array(EDGES[block.shape])

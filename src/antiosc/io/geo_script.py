@@ -8,8 +8,8 @@ returns the script without comments and with a blank on both sides of every name
 gmsh divides it into the same tokens.
 
 Names can be composed at run time only by `StringToName`, which is refused. A token that is not a
-command here is therefore not a command in gmsh. What a script writes (`Save`, `Print`) is
-left out, and the scripts beside it that it includes stand in their place.
+command here is therefore not a command in gmsh. Commands that write files (`Save`, `Print`) are
+left out, and scripts that it includes from its folder are inserted.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
     MeshError
         No such file, no regular file, damaged, refused by its reader, or over the limits.
     MissingDependencyError
-        gmsh or meshio.
+        gmsh or meshio is not installed.
     """
     size = _size(path)
     memory = _memory(None if geometry else size)

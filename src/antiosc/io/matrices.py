@@ -60,7 +60,9 @@ class MatrixFile:
         return InputError(f"{self.name}, byte {offset}: {text}")
 
     def table(self, lines: Sequence[bytes], numbers: Sequence[int], columns: int) -> Array:
-        """Values (lines, columns) of lines with `columns` numbers each; `numbers`: of lines."""
+        """Values (lines, columns) of lines with `columns` numbers each; `numbers`: line numbers,
+        for messages.
+        """
         if not lines:
             return np.zeros((0, columns))
         rows = [line.replace(b",", b" ") for line in lines]

@@ -83,7 +83,7 @@ class AntiOscillators(ReprMixin, Parameters):
         Unit vector of the direction of impact, in the axes of the mesh. Several: (C, 3), of the
         columns.
     inertia : Inertia, optional
-        Of a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
+        For a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
         psi_0 ... psi_N and of the h hidden rigid-body motions (mass-normalised), which do not move
         the site. The contact force does not act on them; initial velocity and gravity do.
     hidden : array_like, shape (n_dofs, h), optional
@@ -91,7 +91,7 @@ class AntiOscillators(ReprMixin, Parameters):
     damping : Damping or DampingMatrix, optional
         Damping of the free modes, each for itself, or a matrix that couples them.
     info : ModelInfo, or dict
-        What is known of the extraction (`antiosc.models.body`).
+        Record of the extraction (`antiosc.models.body`).
     P : array_like, shape (p, N), optional
         Several sites: inertias [kg^1/2] of the constraint modes, in place of `m`.
     sites : sequence of str
@@ -221,7 +221,7 @@ class AntiOscillators(ReprMixin, Parameters):
     def corrected(self) -> AntiOscillators:
         """The model softened by its `strain_error`: closer to the exact structure.
 
-        The stiffness that the mesh has in excess is taken out, for all shapes together
+        The excess stiffness of the mesh is removed, for all shapes together
         (`antiosc.models.parameters`); the masses of the shapes stay. A shell that is softer than
         the part for its `strain_misfit` is stiffened. The error that is left is unknown.
 
@@ -252,12 +252,12 @@ class AntiOscillators(ReprMixin, Parameters):
     def with_surface(self, material: object, radius: float = inf) -> AntiOscillators:
         """This model with a material at its sites, from which `contact="auto"` takes the law.
 
-        For a model that no mesh gave a surface: measured, from matrices, in closed form.
+        It is for a model without the surface of a mesh: measured, from matrices, in closed form.
 
         Parameters
         ----------
         material : a name, or a `Solid`.
-        radius : of the surface where it is struck [m]; inf: a flat face.
+        radius : radius of the surface at the sites [m]; inf: a flat face.
 
         Raises
         ------
@@ -363,7 +363,7 @@ class AntiOscillators(ReprMixin, Parameters):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
-        """Read a model written by `save`. InputError when the file is not one."""
+        """Read a model written by `save`; InputError for any other file."""
         arguments = model_file.arguments(path)
         try:
             return cls(**arguments)

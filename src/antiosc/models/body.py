@@ -42,7 +42,8 @@ class Band(TypedDict, total=False):
 class PatchData(TypedDict, total=False):
     """Data of a site's patch for the error budget.
 
-    faces : size of the faces under it [m]; radius : of a second patch [m]; compliance : its
+    faces : size of the faces under the patch [m]; radius : radius of a second patch [m]; compliance
+        : its
     change of the part's compliance beyond the half-space's [m/N].
     """
 
@@ -54,8 +55,8 @@ class PatchData(TypedDict, total=False):
 class FacetGaps(TypedDict):
     """The layers between flat faces and the curved surface that they approximate.
 
-    note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : over that of
-    the structure.
+    note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : their mass over
+        that of the structure.
     """
 
     note: str
@@ -114,20 +115,20 @@ class ModelInfo(ReprMixin):
     checks : measured errors of the modes, relative.
     seconds : times of the steps of the extraction [s].
     solver : how K was solved: by a factor or by iterations, and how accurately.
-    band : of an extraction with a band.
+    band : band of an extraction with `band`.
     inside_element : whether the site lies inside an element of a beam.
     model : data of the error of beam theory, or a sentence why there is none.
-    patch, geometry, not_included : of the patch of the site, of curved surfaces, and a sentence on
-        what the estimate of the mesh's error leaves out.
-    measured : of a model from measured frequency responses, what its bars follow from.
+    patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
+        the estimate of the mesh error leaves out.
+    measured : data of the error bars of a model from measured frequency responses.
     doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
-    surfaces : material and curvature at each site, by name, "" of one without, as `Surface.as_dict`
-        has them, or why it is not known: the law of a contact follows from them.
-    thickness : the least [m] of its sheets, unless these are held along one line alone, as a
-        cantilever is: their theory holds for small deflections.
-    cells : of each site, "" without a name: longest edge [m] of the cell there, product of the
+    surfaces : site ("" without a name) -> material and curvature as of `Surface.as_dict`, or why
+        they are unknown; the law of a contact follows from them.
+    thickness : least thickness [m] of its sheets, whose theory holds for small deflections; None
+        for sheets that are supported along one line alone, as a cantilever.
+    cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
-    second_order : of each site of a curved sheet, "" without a name: change of the force [1/m] that
+    second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
         second-order strain makes, a share of it for each metre of displacement; < 0: softer.
     strike : dofs and errors of the meshes that `strike` has tried.
     notes : anything else, JSON values.
@@ -282,7 +283,7 @@ def resolved_frequency(source: Any) -> float:
     Raises
     ------
     InputError
-        For a model that does not tell: built by hand, or read from a file without its facts.
+        For a model without these data: built by hand, or read from a file that lacks them.
     """
     model = getattr(source, "model", source)
     placed = getattr(source, "placed", None)
@@ -319,7 +320,7 @@ def thickness_shear_frequency(thickness: float, E: float, nu: float, rho: float)
 class LinearBody(Protocol):
     """The one protocol of bodies in an impact: models, impactors and foreign models alike.
 
-    The `basis` of its `ModalBody` makes the fields of a history. A body may also have `velocity`,
+    The `basis` of its `ModalBody` gives the fields of a history. A body may also have `velocity`,
     `gap`, `local_compliance` and `radius` of its patch; they mean what they do in `Body`.
     """
 

@@ -203,7 +203,7 @@ class FreeModes(ReprMixin):
         """Coordinates (..., C) from modal displacements (..., J) and forces (..., P) on the
         columns.
 
-        Of one contact point the forces may be (...,) too, or one number for all.
+        For one contact point the forces may also be (...,), or one number for all.
         """
         q = checks.floats("q", q, None)
         force = checks.floats("force", force, None)
@@ -453,7 +453,7 @@ class SiteModes(FreeModes):
     local_compliance : mapping, optional
         Half-space compliance [m/N] of the patch of each site, which the modes contain.
     damping : DampingMatrix, optional
-        Of the modes, in place of `decay`, where the damping couples them.
+        Damping of the modes, in place of `decay`, where it couples them.
 
     Raises
     ------

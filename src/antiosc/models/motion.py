@@ -159,12 +159,12 @@ class ModalState(FieldsRepr):
     Parameters
     ----------
     displacements : array_like, shape (J,)
-        Of the modes [kg^1/2 m], in the order of the body's modes.
+        Modal displacements [kg^1/2 m], in the order of the body's modes.
     velocities : array_like, shape (J,)
-        [kg^1/2 m/s].
+        Modal velocities [kg^1/2 m/s].
     first_order : array_like, shape (2, I), optional
-        Of the first-order modes of a body whose damping couples its modes, for branches that have
-        not relaxed, which displacements and velocities do not tell.
+        States of the first-order modes of a body whose damping couples its modes: needed for
+        branches that have not relaxed.
     """
 
     displacements: Array

@@ -1,7 +1,7 @@
 """Forces of second-order strain in the modes of a model: sheets that stretch as they bend.
 
-Strains are ε(u) + η(u, u)/2. With the amplitudes a of some free modes of unit mass, and all other
-motion following statically, the energy beyond the linear one is
+Strains are ε(u) + η(u, u)/2. With the amplitudes a of some free modes of unit mass, and the static
+response of all other motion, the energy beyond the linear one is
 
     U(a) = Σ H_kij a_k a_i a_j/3 + Σ G_kijl a_k a_i a_j a_l/4,
     f_k = Σ H_kij a_i a_j + Σ G_kijl a_i a_j a_l,
@@ -41,7 +41,8 @@ class Stretch(ReprMixin):
     ----------
     modes : (J, m) the motions, orthonormal combinations of the J free modes of unit mass.
     quadratic, cubic : H (m, m, m) and G (m, m, m, m), of unit modal masses.
-    count : how many of them an impact takes, those that it moves most; "auto": as many as it needs.
+    count : number of modes that an impact uses, those with the largest motion; "auto": as many as
+        needed.
     shapes : (n_dofs, m (m + 1)/2) second-order displacements v_ij of the pairs (0, 0), (0, 1) … of
         modes: u = Σ a_i φ_i + Σ a_i a_j v_ij; not saved to files.
     """
@@ -112,7 +113,7 @@ class Stretch(ReprMixin):
     def turned(self, turn: Array) -> Stretch:
         """The forces in combinations of the modes, the orthonormal columns of `turn` (m, k).
 
-        Without `shapes`; `shapes_in` has them.
+        The result has no `shapes`; `shapes_in` gives them.
         """
         k = turn.shape[1]
         quadratic = _turned(self.quadratic, turn).reshape((k,) * 3)

@@ -362,7 +362,7 @@ def plot_history(
     ----------
     hits : History or mapping of name to History
     path : str or Path, optional
-        Of a picture (PNG, PDF, SVG, …) to write.
+        Path of a picture (PNG, PDF, SVG, …) to write.
 
     Returns
     -------
@@ -454,8 +454,8 @@ def plot_dynamic_stiffness(
 ) -> Axes:
     """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
 
-    `omega` [rad/s], (n,). Of several sites one curve for each entry of the matrix on and above its
-    diagonal.
+    `omega` [rad/s], (n,). A model of several sites has one curve for each entry of the matrix on
+    and above its diagonal.
     """
     named = by_name(models, ModelLike, "AntiOscillators")
     ax = axes_or_new(ax)
@@ -485,7 +485,7 @@ def _entries(model: ModelLike, omega: Array) -> list[tuple[str, Array]]:
 def plot_masses(model: ModelLike, ax: Axes | None = None) -> Axes:
     """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8.
 
-    Of several sites it is the mean share of all of them (`AntiOscillators.mass_shares`).
+    For several sites it is their mean share (`AntiOscillators.mass_shares`).
     """
     _with_anti_oscillators(model)
     ax = axes_or_new(ax)

@@ -127,8 +127,8 @@ class Deformed:
     points, moved : (P, 3) [m], at rest and with displacements drawn larger.
     faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
     values : (P,) magnitude of the displacements, in the unit that `label` states.
-    label : of the values, with the factor by which displacements are drawn larger; "": no scale.
-    largest : value of all times.
+    label : label of the values, with the magnification of the displacements; "": no scale.
+    largest : largest value at all times.
     """
 
     points: Array
@@ -172,7 +172,7 @@ def deformed_figure(
 
     arrow : point and direction of the impact.
     view : (elevation, azimuth), degrees.
-    whole_scale : colours to the largest of all times, in the box of the part at rest.
+    whole_scale : whether the colours extend to the largest value at all times.
     mark : number of a point that gets a ring and its value.
     """
     figure, axes, scale, _ = axes_in_space(surface.points, shown)

@@ -60,7 +60,7 @@ class Advice(FieldsRepr):
     contact_time : contact time of the impactor on a half-space [s]; that on the part is longer.
     frequency : highest frequency that the model must represent [Hz].
     element_size : largest element of that family [m].
-    contact_radius : of Hertz's contact at its peak [m].
+    contact_radius : radius of Hertz's contact at its peak [m].
     inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
     limits : family -> highest frequency [Hz] at which it is valid.
     reasons : why the simpler families are not sufficient, and what limits the element size.
@@ -99,9 +99,10 @@ def advise(
         Length, width and thickness of the bounding box, m, with the impact along the thickness; or
         a structure, from which the dimensions and the material are taken.
     impactor : Sphere, or RigidMass with a tip
-        Or any object with a mass, a velocity and a method `hertz(E, nu)`.
+        Any other object with a mass, a velocity and a method `hertz(E, nu)` will do.
     E, nu, rho : float
-        Of the part's material; needed with bare dimensions.
+        Young's modulus [Pa], Poisson's ratio and density [kg/m^3] of the part; needed with bare
+        dimensions.
 
     Raises
     ------

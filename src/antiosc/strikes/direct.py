@@ -27,8 +27,7 @@ METHODS: Mapping[str, Method] = {
 def outcomes(
     made: Callable[[], Blow], seconds: float, told: Callable[[str], None]
 ) -> tuple[dict[str, Outcome], list[str]]:
-    """(outcome of each method that is expected to take at most `seconds`, sentences on the others).
-    """
+    """(outcome of each method that is expected to take at most `seconds`, sentences on others)."""
     try:
         blow = made()
     except AntioscError as error:

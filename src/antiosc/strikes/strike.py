@@ -140,7 +140,7 @@ def strike(
     Parameters
     ----------
     source : path, Mesh or Structure
-        Of a solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
+        A solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
         as finely as the impact needs. A mesh of straight triangles or tetrahedra is divided where
         it is too coarse, one of lines everywhere, with a node at the site. Other meshes, and a
         `Structure`, are used as they are: the error bar then shows their accuracy.

@@ -81,10 +81,10 @@ class TradeoffMember:
     seconds : measured time [s] of assembly, factorization, extraction with error estimates, and
         runs.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
-    peak_force : of the corrected model [N].
+    peak_force : that of the corrected model [N].
     bar : largest relative error bar of peak force, impulse and contact time in its error budget.
     difference : largest relative difference of the three quantities from the finest member.
-    impulse, contact_time : of the corrected model [N s], [s].
+    impulse, contact_time : those of the corrected model [N s], [s].
     method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
     """

@@ -61,7 +61,7 @@ class Call:
     ----------
     make : the public function or constructor, or a method of an object.
     arguments : name -> value; values may contain further calls.
-    place : of the table in the scene file.
+    place : place of the table in the scene file.
     made : the result, if it could be made at once; None if the run makes it.
     """
 

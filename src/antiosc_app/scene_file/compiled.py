@@ -1,4 +1,4 @@
-"""From a document to the objects that it describes, or to all its mistakes."""
+"""Compilation of a document: the calls that it describes, or the list of its mistakes."""
 
 from __future__ import annotations
 

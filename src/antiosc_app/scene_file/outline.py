@@ -54,8 +54,8 @@ class Outline:
 
     Attributes
     ----------
-    name : of the file.
-    groups : their names.
+    name : name of the file.
+    groups : names of its groups.
     low, high : (3,) corners of the box around it [m].
     element : size of its largest cell [m]; of a geometry the size that the scene gives, or 0.
     """

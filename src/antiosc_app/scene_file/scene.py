@@ -6,8 +6,8 @@ geometry | deck | matrices | parts → structure → sites → model → impacto
 A scene file is an impact described in TOML, one to one the Python objects: document → schema →
 build → scene → run. The tables of a file become calls to antiosc, which are checked or made. Which
 keys a section takes is read from the signatures of the objects that it makes, so that a new
-parameter is taken by itself. A scene file holds data only: nothing in it is executed, imported or
-evaluated.
+parameter becomes a key without changes here. A scene file holds data only: nothing in it is
+executed, imported or evaluated.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Objects(Generic[T]):
     Attributes
     ----------
     structure, model : the struck structure and its model; None if [strike] makes them.
-    impactor, contact : of a single impact.
+    impactor, contact : those of a single impact.
     scene : the `Scene` of several contacts.
     history : the result of the simulation.
     probes : name -> signal of [probes].
@@ -64,7 +64,7 @@ class Objects(Generic[T]):
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
     bars : the error budget of each impact of [sweep], or None.
     fall : result of [drop].
-    peaks, worst : of the fall: results of [accelerometers] by name, and of [worst].
+    peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
     found : result of [find].
     warnings : sentences, each once.
     """

@@ -1,7 +1,7 @@
-"""What a scene file may hold: its sections, the objects that they make, and the keys of each.
+"""Content of a scene file: its sections, the objects that they make, and the keys of each.
 
 What a section takes is read from the signature and the docstring of what it makes, so that a new
-parameter is taken by itself.
+parameter becomes a key without changes here.
 """
 
 from __future__ import annotations

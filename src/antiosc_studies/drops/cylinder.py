@@ -24,10 +24,10 @@ class Cylinder:
 
     Attributes
     ----------
-    centre : (3,) of its axis, relative to the centre of mass [m]; axis : (3,) its direction.
-    radius, length : [m].
+    centre : (3,) middle of its axis, relative to the centre of mass [m]; axis : (3,) its direction.
+    radius, length : radius and length of the cylinder [m].
     down, spread : (3,) direction to the middle of its arc, and half the angle of the arc [rad].
-    compliance : of the whole line, without the modes' and the half-space's part [m/N].
+    compliance : compliance of the whole line, without the modes' and the half-space's part [m/N].
     material : (2,) Young's modulus [Pa] and Poisson's ratio.
     members : numbers of the body's points that lie on it.
     nodes, shapes : (M, 3) nodes relative to the centre of mass [m]; (M, J, 3) mode shapes there.

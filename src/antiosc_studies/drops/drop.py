@@ -167,7 +167,7 @@ class Drops(Result):
     ----------
     values : name -> (n, k) results of each fall's impacts, NaN after its last impact: "peak_force"
         [N], "impulse" [N s], "contact_time" [s], "lost" [J].
-    orientations : (n, 3, 3) at the start.
+    orientations : (n, 3, 3) rotations of the part at the start.
     impacts : (n,) numbers of impacts.
     failed : number of each fall that failed -> its message.
     yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
@@ -376,8 +376,8 @@ def drop(
         and a part that slides without friction, are at rest. "rest" also ends after 200
         impacts or 600 contacts.
     face, edge, corner : str, optional
-        What is lowest, with the centre of mass above it: "-z", "-x-z", "+x-y-z" name extremes of
-        the part in the axes of its mesh; a face may also be the name of a group.
+        Lowest face, edge or corner, with the centre of mass above it: "-z", "-x-z", "+x-y-z" name
+        extremes of the part in the axes of its mesh; a face may also be the name of a group.
     toward : (x, y, z), optional
         Direction in the axes of the mesh that points down.
     spin, velocity : (x, y, z)

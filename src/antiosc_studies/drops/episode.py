@@ -516,9 +516,9 @@ class Episode:
     touch : the body as it touches; on a layer, pieces of its surface are among its points. The
         scene is linear about this start.
     end : state of the body.
-    history : of the scene; its time counts from the start and continues beyond `end`.
+    history : history of the scene; its time counts from the start and continues beyond `end`.
     which : (n,) numbers of its points in contact, which are sites "0", "1", … of the scene's body.
-    held : number of a point -> its contact, of those that continue after the end.
+    held : number of a point -> its contact, for contacts that continue after the end.
     layer : energy of the layer under the pieces at the end [J].
     """
 
@@ -686,7 +686,7 @@ def episode(
     """The contact that begins at `start`.
 
     held : number of a point -> its contact, for those that continue from the previous episode;
-    `before`: how long that lasted [s].
+    `before`: duration of the previous episode [s].
     """
     body = landing(with_layer_laws(body, start, setting), start)
     touch = Touch.of(body, start)

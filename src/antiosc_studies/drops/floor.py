@@ -163,8 +163,8 @@ class Ground:
     Attributes
     ----------
     body : the floor in a scene, which the contact pushes down.
-    modes : with `omega` [rad/s] and `decay` [1/s], (F,).
-    shape : (2, F) by how much their displacements and rates lower the floor.
+    modes : the modes of the floor, with `omega` [rad/s] and `decay` [1/s], (F,).
+    shape : (2, F) downward motion of the floor per unit displacement and rate of each mode.
     """
 
     body: SiteModes

@@ -36,16 +36,16 @@ class FreeBody:
 
     Attributes
     ----------
-    mass : [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
+    mass : mass of the body [kg]; tensor : (3, 3) inertia about the centre of mass [kg m^2].
     points : (V, 3) relative to the centre [m]; if `balls` > 0, the centre of a ball of that
         radius [m] whose surface is that of the body there.
-    centre : (3,) of mass in the axes of the mesh [m].
+    centre : (3,) centre of mass in the axes of the mesh [m].
     radii : (V, 2) principal radii for the contact law [m]; at smooth places of a solid they are
         approximate until `sites` fits them.
     materials : (V, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
     strengths : (V,) yield strengths [Pa], NaN if unknown; None: all are unknown.
     matters : its materials, as far as they are known.
-    omega, decay : (J,) of the elastic modes [rad/s], [1/s].
+    omega, decay : (J,) frequencies [rad/s] and decay constants [1/s] of the elastic modes.
     shapes : (V, J, 3) displacements of the points in the modes [kg^-1/2].
     extent : size of the body [m].
     notes : assumptions that were made.
@@ -54,7 +54,7 @@ class FreeBody:
     layer_contact : its surface, if it falls on a layer.
     lines : (N, 3) points of surfaces that are curved in one direction only [m].
     laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
-    idle : (V,) which points are no contacts.
+    idle : (V,) whether a point makes no contact.
     cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
     """
 
@@ -187,7 +187,8 @@ class State:
     Attributes
     ----------
     time : [s].
-    centre, velocity : (3,) of the centre of mass, in the axes of the floor [m], [m/s].
+    centre, velocity : (3,) position and velocity of the centre of mass in the axes of the floor
+        [m], [m/s].
     R : (3, 3) rotation from the axes of the body to those of the floor.
     momentum : (3,) angular momentum about the centre [kg m^2/s].
     q, p : (J,) elastic modal displacements and velocities.

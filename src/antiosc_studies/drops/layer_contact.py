@@ -23,8 +23,8 @@ class LayerContact:
     bounds : (B + 1,) first triangle of each piece, and the number of triangles.
     round : (V,) whether a vertex of the hull is round: then it touches by itself, with its radii.
     share, exponent : (B,) the law of a piece has the depth (share volume)^(1/exponent).
-    height : of the centre of mass over the floor at the touch [m]; speed : at which the lowest
-        vertex then moves down [m/s].
+    height : height of the centre of mass over the floor at the touch [m]; speed : downward speed
+        of the lowest vertex then [m/s].
     """
 
     places: Array

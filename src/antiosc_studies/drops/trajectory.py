@@ -232,13 +232,13 @@ class FallImpact:
 
     Attributes
     ----------
-    time : of the first touch [s]; contact_time : from there to the last release [s].
+    time : time of the first touch [s]; contact_time : from there to the last release [s].
     place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
-    peak_force : largest sum of the normal forces [N]; impulse : of the normal forces [N s].
-    speed_before, speed_after : of that point along the normal, > 0 toward the floor before and
-        away from it after [m/s], without vibrations.
-    spin_before, spin_after : (3,) in the axes of the floor [rad/s].
+    peak_force : largest sum of the normal forces [N]; impulse : sum of the normal impulses [N s].
+    speed_before, speed_after : speeds of that point along the normal [m/s], > 0 toward the floor
+        before and away from it after, without vibrations.
+    spin_before, spin_after : (3,) spins in the axes of the floor [rad/s].
     lost : energy dissipated by contacts and damping [J].
     """
 
@@ -412,8 +412,8 @@ def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) ->
 class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
-    Its place (3,) in the axes of the mesh [m], its law, relative curvature [1/m], largest force [N]
-    and indentation [m], duration [s], and the dent if it yielded.
+    It has a place (3,) in the axes of the mesh [m], a law, a relative curvature [1/m], a largest
+    force [N] and indentation [m], a duration [s], and a dent if it yielded.
     """
 
     which: int
@@ -432,7 +432,7 @@ class PointContact(NamedTuple):
 
     @property
     def zone(self) -> Array:
-        """Row x, y, z, radius [m] of what the margin leaves out, in the axes of the mesh."""
+        """Row x, y, z, radius [m] of the zone that the margin leaves out, in the axes of the mesh."""
         radius = sqrt(self.depth / self.curvature)
         if isinstance(self.law, ElasticPlastic):
             radius = rim_radius(self.law, self.depth)

@@ -197,7 +197,7 @@ class Monitored:
     ----------
     seen : its sites in free modes.
     rows, orders : (m, J) mode shapes at the sensors; (m,) orders of their time derivatives.
-    r : (P,) residual compliances of the sites; mass : of the structure [kg].
+    r : (P,) residual compliances of the sites; mass : mass of the structure [kg].
     """
 
     seen: FreeSites

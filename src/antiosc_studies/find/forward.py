@@ -167,7 +167,8 @@ class Blow:
     Attributes
     ----------
     place : (3,) [m]; site : the nearest site of the map.
-    mass, velocity, stiffness : [kg], [m/s], [of the law].
+    mass, velocity, stiffness : mass [kg] and velocity [m/s] of the impactor; stiffness of the law,
+        in its unit.
     start : time of the first touch after the first sample [s].
     E : factor of the stiffness of the whole structure.
     contact_time_estimate : expected contact time [s].

@@ -4,8 +4,9 @@
 ones. In the free modes the signal of sensor s is sum_j s_sj b_j g_j(t - t0), g_j being the response
 of mode j to a pulse. For each duration of the pulse the best amplitude is in closed form; the
 products of the measured signals with all delayed g_j come from one Fourier transform, and are the
-same for all sites. Frequencies of the model are off: mode j counts with the mean of its phase,
-exp(-(e w_j t)²/2) for frequencies of relative standard deviation e.
+same for all sites. The frequencies of the model have errors: the response of mode j is multiplied
+by the mean of its phase factor, exp(-(e w_j t)²/2) for frequencies of relative standard deviation
+e.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Scan:
     Attributes
     ----------
     explained : (P,) share of the signals' weighted power that it explains.
-    duration, start, amplitude : (P,) of the pulse [s], [s], [N].
+    duration, start, amplitude : (P,) those of the pulse [s], [s], [N].
     """
 
     explained: Array
@@ -152,7 +153,8 @@ class ProbableImpact:
     Attributes
     ----------
     cost : sum of squares of weighted residuals and of model errors over their expected sizes.
-    covariance : of the unknowns `names`: coordinates along `chart.axes` [m], logarithms, start [s].
+    covariance : covariance of the unknowns `names`: coordinates along `chart.axes` [m],
+        logarithms, start [s].
     gains : (2, .) derivatives of the logarithms of peak force and impulse by these unknowns.
     chi2 : squared residual over its degrees of freedom.
     signals : (n', m) computed signals over the noise.
@@ -387,7 +389,7 @@ def most_probable(
 
     Parameters
     ----------
-    unknown : of mass, velocity, stiffness, E.
+    unknown : names among mass, velocity, stiffness, E.
     known : values of those that are not.
     weight : mass of the structure [kg].
     spread, doubt : expected relative errors of the natural frequencies, and of the modes' shares.

@@ -182,8 +182,8 @@ def _decay_slopes(model: AntiOscillators, omega: Array) -> Array:
 
 
 def through_start(record: Recorded, by: Slopes) -> Slopes:
-    """Replace derivatives by initial forces and rest state by those by the data that determine
-    these.
+    """Convert derivatives by initial forces and rest state to those by the data that determine
+    them.
 
     The initial forces are F = law(beta q - gap - R F). With preload q is the equilibrium, omega^2 q
     = load - beta' F. Bodies whose damping couples the modes are left to `changed_coupled`.
@@ -497,9 +497,9 @@ def by_coupled(
 ) -> Values:
     """Derivatives by the parameters of a model of one site with a constant damping matrix.
 
-    That by `damping` is by a common factor of the damping. None for m0 = 0 and k0 = 0, which cannot
-    decrease, and if two poles are nearly equal. `change` gives the change of the goal between two
-    models; `closing` as in `by_body`.
+    The derivative by `damping` is that by a common factor of the damping. None for m0 = 0 and k0 =
+    0, which cannot decrease, and if two poles are nearly equal. `change` gives the change of the
+    goal between two models; `closing` as in `by_body`.
     """
     model = record.bodies[name].body
     if not isinstance(model, AntiOscillators) or model.sites or record.driven:

@@ -381,9 +381,9 @@ class Sampled:
 
     Attributes
     ----------
-    time : [s]; force : of the contact [N].
-    displacement, velocity : of the first end of the contact, along it [m], [m/s]; for `simulate`
-        that is the structure's site. The velocity is without the residual compliance.
+    time : times [s]; force : contact force [N].
+    displacement, velocity : motion of the first end along the contact [m], [m/s]; for `simulate`
+        that is the site of the structure. The velocity is without the residual compliance.
     impactor_displacement, impactor_velocity : the same of the second end.
     """
 

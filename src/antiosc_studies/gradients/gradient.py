@@ -169,7 +169,7 @@ def gradient(
     Parameters
     ----------
     hit : History or SceneHistory
-        Of `simulate` or `Scene.run` with method="exact".
+        The history of `simulate` or `Scene.run` with method="exact".
     goal : str or callable
         "peak_force" [N], "impulse" [N s], "contact_time" [s], "restitution", "peak_displacement"
         [m] of the first end of the contact (the structure of `simulate`); "force" [N] and

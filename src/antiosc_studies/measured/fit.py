@@ -266,7 +266,7 @@ def _limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
 
 
 def _sizes(modes: FittedModes) -> Array:
-    """The norm of the displacements of its mode, of a or of l, for each value of these."""
+    """Scale of each of the values: norm of the displacements of its mode, of a, or of l."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
     roots = zip((modes.rigid, modes.root), modes.sizes[3:], strict=True)
@@ -275,10 +275,11 @@ def _sizes(modes: FittedModes) -> Array:
 
 
 def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
-    """The solution within limits: what would exceed one stays at it, and the rest is solved again.
+    """The solution within limits: components beyond a limit are fixed at it, the others solved
+    again.
 
-    Cutting the solution alone would leave the others as if nothing had been cut: in the narrow
-    valleys of the cost it rises then, and the search ends far from its minimum.
+    Clipping alone would not adapt the other components: in its narrow valleys the cost would then
+    rise, and the search would end far from the minimum.
     """
     x = np.zeros_like(right)
     free = np.ones(len(x), dtype=bool)

@@ -315,7 +315,8 @@ class FRF(ReprMixin):
     quantity : "receptance", "mobility" or "accelerance"
         Displacement, velocity or acceleration per force.
     coherence : array_like, optional
-        Of each value, 0 to 1: the noise of an average (H1) of `averages` blows follows from it.
+        Coherence of each value, 0 to 1: the noise of an average (H1) of `averages` blows follows
+        from it.
     averages : int
         Number of averages of the coherence.
     sigma : array_like, optional

@@ -233,8 +233,7 @@ class Without(ContactLaw):
         return min(law.valid_force, end)
 
     def _whole(self, delta: float, rate: float, state: State) -> float:
-        """Indentation [m] of the law without subtraction: delta plus the indentation of the patch.
-        """
+        """Indentation [m] without subtraction: delta plus the indentation of the patch."""
         law = self.law
         low = delta
         share = 2 / 3 * TAKEN  # of the depth beyond the origin

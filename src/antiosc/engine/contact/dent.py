@@ -22,9 +22,9 @@ class Dent(ReprMixin):
 
     Attributes
     ----------
-    depth : [m].
-    radius : of its rim [m]; None: the law does not say.
-    volume : [m^3]; None: the law does not say.
+    depth : its depth [m].
+    radius : radius of its rim [m]; None: the law does not give it.
+    volume : its volume [m^3]; None: the law does not give it.
     """
 
     depth: float

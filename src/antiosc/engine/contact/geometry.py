@@ -200,7 +200,7 @@ def contact_stress(
     E, nu : float
         Young's modulus [Pa] and Poisson's ratio of the struck surface.
     radius : float
-        Of the struck surface [m]; default: flat; negative: hollow.
+        Radius of the struck surface [m]; default: flat; negative: hollow.
 
     Raises
     ------

@@ -38,9 +38,9 @@ def line_law(modulus: float, radius: float, length: float) -> Tabulated:
     modulus : float
         E* [Pa] of both bodies.
     radius : float
-        1/R is the sum of the curvatures across the line [m].
+        R [m], with 1/R the sum of the curvatures across the line.
     length : float
-        Of the line [m].
+        Length of the line [m].
 
     Notes
     -----

@@ -81,9 +81,9 @@ class Surface:
         of the radius that is assumed.
     error : bound on the error of the curvatures [1/m].
     kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
-    length : of the straight line along which a "line" extends [m].
+    length : length of the straight line along which a "line" extends [m].
     along : (3,) unit vector of the first principal direction; None: not known, or none.
-    radius : of the patch over which it is touched [m]; None: a point.
+    radius : radius of the patch of the contact [m]; None: a point.
     largest_ball : radius [m] of the largest ball that touches there and meets the body nowhere
         else; inf: any.
     meets : (3,) the point of the body that a larger ball meets [m]; None without one.

@@ -379,8 +379,8 @@ def assemble(
     joints : sequence of joints
         `Tie`, `Rigid`, `Mean`, `Weld`, `Hinge`, `Slider`, `Ball`, `Bolt`, `Bushing`, `Equation`.
     at : dict, optional
-        Name -> `Placement`, or a translation (x, y, z) in m. Parts that are not named stand where
-        their mesh is. Supports of a part move with it.
+        Name -> `Placement`, or a translation (x, y, z) in m. Other parts stay where their mesh is.
+        Supports of a part move with it.
     points : dict, optional
         Name -> coordinates in m of reference points: points with six dofs that belong to no part.
         Joints, supports, masses and springs act on them by name.
@@ -393,7 +393,7 @@ def assemble(
     solver : "auto", "direct" or "iterative"
         As for `Structure`.
     prestress : Prestress, optional
-        Loads that the whole carries: tensions of bolts by name, of groups "part:group".
+        Loads on the whole assembly: tensions of bolts by name, of groups "part:group".
 
     Returns
     -------

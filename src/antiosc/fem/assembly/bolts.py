@@ -39,7 +39,7 @@ class Bolt(Between):
     beam : Beam
         Material and section.
     name : str, optional
-        What messages call the joint.
+        Name of the joint in messages.
     """
 
     beam: Beam = field(metadata=checked_by(instance, Beam, "a Beam"))

@@ -42,7 +42,7 @@ class Rigid(Joint):
         The point that is followed: the name of a reference point, ("part", (x, y, z)) of a beam
         or shell, or a group of one point. None: the group is rigid and follows nothing else.
     name : str, optional
-        What messages call the joint.
+        Name of the joint in messages.
     """
 
     group: str = field(metadata=END)

@@ -1,4 +1,4 @@
-"""What joints, supports and attachments add: C u = 0, springs and masses; the ends they hold.
+"""Contributions of joints, supports and attachments: C u = 0, springs, masses; motions of ends.
 
 An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
 Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
@@ -455,7 +455,7 @@ class Stiffness:
 class Joint(Checked):
     """A joint between parts: linear constraints, springs and masses.
 
-    `name` is what messages call it.
+    `name` is its name in messages.
     """
 
     name: str | None

@@ -1,4 +1,4 @@
-"""Tied faces or edges of two parts, and what these have in common where meshes do not match."""
+"""Tied faces or edges of two parts, and their overlap for meshes that do not match."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Facets(Entities):
     def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
         """(face, ξ, weight [m or m²]) of a quadrature for products of shape functions on all faces.
 
-        `pieces`: into which each edge is divided.
+        `pieces`: number of pieces into which each edge is divided.
         """
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
         xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)

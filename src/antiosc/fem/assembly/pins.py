@@ -83,7 +83,7 @@ class Weld(_Pin):
         Where they are joined, m; default: the point, or the centroid, of `a`. Ends that lie
         elsewhere are connected to it rigidly.
     name : str, optional
-        What messages call the joint.
+        Name of the joint in messages.
     """
 
     def _constrained(self) -> Array:
@@ -210,7 +210,7 @@ class Equation(Joint):
         `end` as for `Weld`; `component` is "x", "y", "z", "rx", "ry" or "rz" in the axes of the
         assembly.
     name : str, optional
-        What messages call the equation.
+        Name of the equation in messages.
     """
 
     terms: Sequence[tuple[End, str, float]]
@@ -299,7 +299,7 @@ class Bushing(Between):
         Where the springs of x … rz lie, m; default: at `a`. Ends that lie elsewhere are connected
         to it rigidly.
     name : str, optional
-        What messages call the joint.
+        Name of the joint in messages.
     damping : dict, optional
         Component -> N s/m or N m s/rad of a damper. Models have it exactly, however strong it is.
     branches : sequence of (dict, float), optional

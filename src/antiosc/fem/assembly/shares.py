@@ -1,8 +1,8 @@
 """The dofs of an assembly by rank.
 
-Of u, and of q, a rank owns a contiguous range: parts that stand one after the other meet in few
-dofs, as the ranges do. The matrices of a part are made on the ranks that share its mesh, and their
-rows go to the ranks that own them. What is said of all dofs (layout, T) every rank has whole.
+Each rank owns a contiguous range of u and of q: successive parts share few dofs, and so do the
+ranges. The matrices of a part are assembled on the ranks that share its mesh, and their rows are
+sent to the ranks that own them. Data of all dofs (layout, T) are complete on every rank.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ class Tie(Between):
         Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
         follower moves with the rotation of the other side.
     name : str, optional
-        What messages call the joint.
+        Name of the joint in messages.
     """
 
     gap: float | None = field(default=None, metadata=checked_by(positive, "m"))

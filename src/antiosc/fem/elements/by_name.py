@@ -39,16 +39,17 @@ def material(
     loss : float or bool
         Loss factor, which damps the modes of the part; True: the table's. Default: none.
     thickness : float, optional
-        Of a sheet [m]: a Shell is returned.
+        Thickness of a sheet [m]; a Shell is returned.
     section : Section, optional
-        Of a bar: a Beam is returned.
+        Cross-section of a bar; a Beam is returned.
     orientation : sequence of 3 floats or function, optional
-        Of the bar's section, as of `Beam`.
+        Orientation of the section of the bar, as for `Beam`.
 
     Returns
     -------
     Solid, Shell or Beam
-        With `source`; of wood an AnisotropicSolid, along the grain, radial, tangential.
+        The material with its `source`; for wood an AnisotropicSolid with the axes along the grain,
+        radial and tangential.
 
     Raises
     ------

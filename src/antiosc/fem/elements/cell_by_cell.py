@@ -88,7 +88,7 @@ class CellByCell(ABC):
     def product(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for a vector or a block of vectors (rows of this rank, columns).
 
-        In the precision of x, single or double.
+        The result has the precision of x, single or double.
         """
         if x.ndim == 1:
             return self._of_vector(x, k, m)

@@ -376,7 +376,7 @@ class Isotropic(Checked):
     brittle : whether it cracks or crushes before it yields.
     loss : loss factor, for damping ratios by modal strain energy.
     prony : pairs (share of E, time in s) of its relaxation, E(t) = E (1 + Σ share exp(-t/time)).
-    name, source : of a material by name.
+    name, source : name of the material and source of its numbers, if given by name.
     """
 
     E: float = field(metadata=checked_by(positive, "Pa"))

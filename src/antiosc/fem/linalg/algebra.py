@@ -1,4 +1,4 @@
-"""What extraction needs of matrices and vectors, with two back-ends: PETSc, and SciPy alone.
+"""Operations on matrices and vectors for extraction, by two back-ends: PETSc, and SciPy alone.
 
 Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
 products sum over the ranks. Matrices are PETSc's, whose rows are spread over the ranks, or SciPy's,

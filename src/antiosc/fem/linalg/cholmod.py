@@ -5,7 +5,7 @@ load is that of its own branch of the elimination tree (`antiosc.fem.linalg.comp
 ordering is computed on the graph of the nodes. If the library cannot be called directly
 (`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solver_choice.ByPetsc`).
 
-The table in benchmarks/speed/cholmod_or_mumps.md shows what this wins over MUMPS: whole maps 1.6
+The table in benchmarks/speed/cholmod_or_mumps.md compares it with MUMPS: whole maps are 1.6
 times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
@@ -259,7 +259,7 @@ class Supernodes(NamedTuple):
 
     Supernode s has the columns start[s] … start[s+1] - 1 of L and the rows
     rows[row[s]:row[s+1]], its own columns first; its entries stand in values[value[s]:], column by
-    column (the upper triangle of the first square holds nothing of use).
+    column (the upper triangle of the first square is unused).
     """
 
     start: IntArray
@@ -292,8 +292,8 @@ class _Memory:
     def make_room(self, rows: int, columns: int) -> bool:
         """Allocate workspace for this many vectors; returns whether that succeeded.
 
-        `cholmod_l_solve2` makes its own, but looks at the last of three alone and then writes to
-        those that it has not.
+        `cholmod_l_solve2` allocates its own workspace, but tests only the last of three allocations
+        and then writes to memory that it has not got.
         """
         deepest = self.factor.contents.maxesize
         shapes = [(rows, columns, rows), (rows, columns, rows), (columns, deepest, columns)]
@@ -307,7 +307,7 @@ class _Memory:
         return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
 
     def rounded(self) -> NDArray[np.float32]:
-        """The values of L in single precision, in place; the factor is of no use any more."""
+        """The values of L in single precision, in place; the factor can solve no more."""
         found = self.factor.contents
         count = found.xsize
         wide = np.frombuffer((c_double * count).from_address(found.x), np.float64)
@@ -340,7 +340,7 @@ class Analysis:
     A : csr_matrix (n, n)
         At least its lower triangle.
     block : rows of a node, one after the other; A is ordered by its nodes.
-    permutation : of another matrix with the same pattern, to order this one alike.
+    permutation : order of another matrix with the same pattern, used for this one too.
     last : first rows of A that are eliminated after all others.
 
     Raises
@@ -427,7 +427,7 @@ class Cholesky:
     A : csr_matrix (n, n) or Analysis
         The matrix, or its analysis, which becomes this factor and serves no second one.
     block, permutation, last
-        Of a matrix: as for its `Analysis`.
+        As for `Analysis`, if A is a matrix.
 
     NotPositiveDefiniteError where A has no such factor; other errors as of `Analysis`.
     """
@@ -541,8 +541,8 @@ class SinglePrecision:
     """Solves with a factor in single precision: a fourth of the time, half the memory.
 
     The error of a solution may be as large as 1e-7 times the condition number of A. The factor in
-    double precision becomes it, and gives no solves any more: both at once would be the most memory
-    that a model takes.
+    double precision is converted and can solve no more: both at once would take more memory than
+    any other step of an extraction.
     """
 
     def __init__(self, factor: Cholesky) -> None:

@@ -8,8 +8,8 @@ of the operations of separate solves, on a bracket of 10⁵ dofs. On such a brac
 computes 62 ms (benchmarks/speed/cholmod_or_mumps.md).
 
 The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
-part of the known modes is known; only that of the truncated modes is computed, from a second
-factor, of A + σM.
+contribution of the known modes follows from them; only that of the truncated modes is computed,
+from a second factor, of A + σM.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""What the solvers of a large part take: seconds of one core, and bytes.
+"""Forecast of the time (seconds of one core) and memory (bytes) of the solvers of a large part.
 
-A factor is known from its entries, which a symbolic analysis tells. Two levels are known from the
-size of their matrices and from the iterations of one trial solve: these depend on Poisson's ratio,
-on thinness, slivers, directions of the material and springs, and a random load takes within 20 % of
-the iterations of the loads of a model (benchmarks/forecasts.py, whose table the constants follow).
+The cost of a factor follows from the number of its entries, which a symbolic analysis gives; that
+of two levels from the size of their matrices and the iterations of one trial solve. These depend on
+Poisson's ratio, on thinness, slivers, directions of the material and springs, and a random load
+takes within 20 % of the iterations of the loads of a model (benchmarks/forecasts.py, whose table
+the constants follow).
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ class Products:
     """Cost of a two-level solver per entry of A, stored or not, in bytes and seconds.
 
     row : entries in a row of A.
-    bytes : of the levels and, for products by cells, of the data of the cells.
+    bytes : memory of the levels and, for products by cells, of the data of the cells.
     aggregated : bytes where the coarse level is not factored, with its products while they are
         made.
-    seconds : of an iteration.
+    seconds : time of an iteration.
     set_up : seconds of the set-up, beside the factor of the coarse level.
     finer : entries of the factor for quadratic elements over those for linear ones on the same
         cells.
@@ -82,7 +83,7 @@ def seconds_of_factor(entries: float, columns: float) -> float:
 
 
 def seconds_of_steps(entries: float, steps: int) -> float:
-    """Seconds of a factor and of so many solves, one after the other."""
+    """Seconds of a factor of `entries` entries and of `steps` solves, one after the other."""
     return _factored(entries) + steps * SUBSTITUTED * entries
 
 

@@ -6,11 +6,11 @@ solids have two levels (`two_levels`) instead.
 
 A solve ends where the energy norm of its error is `ITERATION_RESIDUAL` of that of the solution, as
 the preconditioner B measures it; the largest and least eigenvalues of BA, which conjugate gradients
-find beside the solution, tell how far that is from the truth, and a model's bound has it. The
-compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of conjugate
-gradients is orthogonal to the solution in energy; the Krylov recurrence of anti-oscillators takes
-products with A anew, and is a Galerkin model for any vectors. What is left of Z stands in
-benchmarks/speed/multigrid.md and large_parts.md.
+find beside the solution, bound the difference from the true error, and are used in the error bound
+of a model. The compliance bᵀA⁻¹b has about the square of it as its relative error, for the error of
+conjugate gradients is orthogonal to the solution in energy; the Krylov recurrence of
+anti-oscillators takes products with A anew, and is a Galerkin model for any vectors. The errors of
+Z are listed in benchmarks/speed/multigrid.md and large_parts.md.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class Multigrid(PetscSolver):
     def trial(self, most: int) -> int:
         """Iterations of a solve for a random load; NotConvergedError above `most`.
 
-        Held dofs, with 1 on the diagonal, have no load to speak of.
+        The load on fixed dofs, which have 1 on the diagonal, is negligible.
         """
         noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
         before = self._ksp.max_it

@@ -388,7 +388,7 @@ class OnOneRank(Factorization):
 
     Parameters
     ----------
-    analysis : of A, from `analysed`, where it was made before; it becomes the factor.
+    analysis : analysis of A from `analysed`, if there is one; it becomes the factor.
     """
 
     def __init__(self, A: PETSc.Mat, analysis: Analysis | None = None) -> None:
@@ -454,8 +454,8 @@ class Distributed(PetscSolver, Factorization):
 def forecast(A: PETSc.Mat) -> float:
     """Forecast of the entries of MUMPS's factor of A; 0 if A has no node blocks.
 
-    MUMPS tells how large a factor is when it has made it: it is asked for that of one displacement
-    component, every b-th row, at 1/b² of the entries and 1/b³ of the operations.
+    MUMPS gives the size of a factor only after the factorization. It therefore factors the rows of
+    one displacement component, every b-th row, with 1/b² of the entries and 1/b³ of the operations.
     """
     block = A.getBlockSize()
     if block == 1:
@@ -578,8 +578,6 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     """The iterative solver; OutOfMemoryError before its matrices are made.
 
     `plan`: the forecast of the factor; a `PlanByLinear` already has the matrix of the coarse level.
-
-    `plan`: of the factor; that of linear elements has the coarse level.
     """
     process.trim_heap()
     free = on_root(A.getComm().tompi4py(), process.free_memory)
@@ -609,8 +607,8 @@ def preconditioner(
     """Approximate A⁻¹ on the coarse level; by a single-precision factor where that is accurate
     enough.
 
-    `analysis` gives up the symbolic factor. The factor in double precision becomes that in single
-    precision, and is made again where this is not accurate enough.
+    `analysis` hands over the symbolic factor. The factor in double precision is converted to single
+    precision, and is computed again where this is not accurate enough.
     """
     process.trim_heap()
     factor = factorize(A, analysis())

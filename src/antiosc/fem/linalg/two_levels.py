@@ -7,9 +7,10 @@ large, one cycle of smoothed aggregation takes its place. Linear elements lock w
 element thick or nearly incompressible: more iterations (benchmarks/large_parts.py), and a factor,
 whose fill is small in a thin part, is better.
 
-What the cycle reads takes its time: where products are taken from the cells the fine level is in
-single precision, and so is the factor of the coarse level where that is enough. The residual of
-what the coarse level gives is in double precision: it is far smaller than its terms.
+The time of a cycle is that of reading its data: where products are computed from the cells, the
+fine level is in single precision, as is the factor of the coarse level where this is accurate
+enough. The residual after the coarse correction is in double precision, since it is far smaller
+than its terms.
 """
 
 from __future__ import annotations
@@ -90,9 +91,9 @@ class Cycle:
 
     Parameters
     ----------
-    P : the fine dofs of the coarse ones
-    coarse : A⁻¹ of the coarse level, or nearly so
-    steps : of Chebyshev's iteration before and after it
+    P : interpolation from the coarse dofs to the fine ones
+    coarse : exact or approximate inverse of the coarse matrix
+    steps : number of steps of Chebyshev's iteration before and after it
     """
 
     def __init__(

@@ -109,10 +109,10 @@ class Patch:
 
     Attributes
     ----------
-    numbers : (n, v) of their vertices in the file, around each face.
+    numbers : (n, v) numbers of their vertices in the file, around each face.
     corners, middles : (n, v, 3) vertices, and middles of the sides [m].
     normals : (n, v, 3) unit normals at these middles.
-    weights : (n, v) of the vertices at the point of the face next to the given one.
+    weights : (n, v) weights of the vertices at the point of the face next to the given one.
     gap : (n,) distance of that point [m].
     """
 
@@ -180,7 +180,7 @@ def curvature(
     Parameters
     ----------
     faces : faces of the mesh; for a solid the outer ones.
-    direction : (3,) of an impact, optional; the normal of a sheet is taken against it.
+    direction : (3,) direction of an impact, optional; the normal of a sheet is taken against it.
     lengths : whether to find the lengths of lines, which takes most of the time.
 
     Raises

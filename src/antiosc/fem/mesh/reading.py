@@ -84,7 +84,7 @@ def read_mesh(
         2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
         faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
     order
-        Geometric order, 1 or 2. By default what the file has; geometry files are meshed with
+        Geometric order, 1 or 2. By default that of the file; geometry files are meshed with
         curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
         at a tight fillet are straightened. `order=1` drops mid-side nodes.
     refine
@@ -101,18 +101,18 @@ def read_mesh(
     parts
         Names of parts, instances, solids or groups, in place of `cells`: only they are read.
     unit
-        Of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit. STEP and
-        IGES files state their own; sizes in a `.geo` script are in the script's unit.
+        Unit of the coordinates in the file: "m", "mm", "cm", "in", "ft", or metres per unit. STEP
+        and IGES files state their own; sizes in a `.geo` script are in the script's unit.
     merge
         Nodes of a finished mesh or deck that are no further apart than this, m, become one.
     solid
         Fill the closed surface of an STL, OBJ, PLY or OFF file with tetrahedra (`size`, and `unit`,
-        for they have none). Without it the triangles are a sheet.
+        which they do not state). Without it the triangles are a sheet.
     fragments
         Cut the solids of a STEP or BREP assembly at each other, so that they share nodes where they
         touch.
     piece
-        Of a mesh that falls into pieces without a common node: 1 for the largest, 2 for the next.
+        Number of the piece to read from a mesh of pieces without a common node: 1 for the largest.
     elements
         Additional groups: name -> numbers of elements in a deck, a universal file or one of Exodus.
     trust

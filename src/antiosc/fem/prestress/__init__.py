@@ -92,7 +92,7 @@ class Prestress(Checked):
         along their normal toward the top. It follows the rotation of the surface.
     tension : dict
         Name -> N, for a `Bolt` of an assembly, a group of cells of beams or bars, or a stiffener:
-        the force in it after all are tightened, before other loads. Negative: compression.
+        the force after all of them are tightened, before other loads act. Negative: compression.
     force : dict
         Group -> (x, y, z) N: the resultant of an even distribution; its direction is fixed.
 

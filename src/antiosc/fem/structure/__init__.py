@@ -416,7 +416,7 @@ class Plausibility(TypedDict, total=False):
     """The data from which the validity of linear theory is judged.
 
     doubts : sentences on what is implausible of a part; wave_speed : the fastest along bars [m/s];
-    thickness : the least of sheets [m], unless they are held along one line alone.
+    thickness : least thickness of sheets [m]; None if they are supported along one line alone.
     """
 
     doubts: list[str]
@@ -511,8 +511,8 @@ class StructureMatrices:
     def dimensions(self) -> Box:
         """Length, width and thickness of the part, m.
 
-        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
-        thickness are those of the rectangle with its section's A and I.
+        They are those of its bounding box along the axes; the thickness of a shell is its least, a
+        beam's width and thickness are those of the rectangle with its section's A and I.
         """
         raise InputError("matrices have no dimensions: give length, width and thickness.")
 

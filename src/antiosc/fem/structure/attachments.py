@@ -1,4 +1,4 @@
-"""What is fastened to a structure: masses, springs, dampers, footings; beams along edges.
+"""Attachments of a structure: masses, springs, dampers, footings; beams along edges.
 
 None has dofs of its own: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
 
@@ -134,7 +134,7 @@ class Spring(Checked):
     stiffness : dict
         Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
     name : str, optional
-        Of its force in `reactions`; default: "spring 1" and on.
+        Name of its force in `reactions`; default: "spring 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
@@ -160,7 +160,7 @@ class Damper(Checked):
         The damper is in series with a spring of stiffness damping/tau (N/m), so that it relaxes in
         this time, s (Maxwell).
     name : str, optional
-        Of its force in `reactions`, where it acts on the ground; default: "damper 1" and on.
+        Name of its force in `reactions`, where it acts on the ground; default: "damper 1" and on.
     """
 
     where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
@@ -188,13 +188,13 @@ class Footing:
     radius, G, nu, rho : float
         As for `soil_cone`.
     mass : float
-        Of the footing, kg; of soil that moves with it (nu > 1/3) there is more.
+        Mass of the footing, kg; that of the soil that moves with it (nu > 1/3) is added.
     up : "x", "y" or "z"
         Normal of the ground. Along it the soil has its vertical stiffness.
     along : sequence of "x", "y" and "z"
-        Directions in which the soil holds the footing.
+        Directions in which the soil supports the footing.
     name : str, optional
-        Of the force of its soil in `reactions`; default: "footing 1" and on.
+        Name of the force of its soil in `reactions`; default: "footing 1" and on.
     """
 
     where: str | Sequence[float]
@@ -292,7 +292,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class AttachedTerms:
-    """What attachments contribute beside K and M; the structure adds it up."""
+    """Contributions of attachments other than K and M, which the structure sums."""
 
     #: kg
     mass: float

@@ -70,7 +70,7 @@ class Structure(ReprMixin):
         Solver for K: a Cholesky factor, or conjugate gradients with multigrid. "auto" is the
         faster one of those that fit in memory, by a forecast (`antiosc.fem.linalg.forecast`).
     prestress : Prestress, optional
-        Loads that it carries all the time: spin, gravity, pressure, tensions, forces. K is the
+        Permanent loads: spin, gravity, pressure, tensions, forces. K is the
         tangent stiffness of their static equilibrium.
 
     Attributes
@@ -85,20 +85,20 @@ class Structure(ReprMixin):
     dofs : int
         Dofs that are not fixed, on all ranks.
     fixed : ndarray of int
-        Dofs of this rank that the supports hold; of a mesh, ghosts included.
+        Dofs of this rank that supports fix; for a mesh, ghosts included.
     supports : tuple of Support
     mass : float
         Total mass, kg.
     dimensions : (float, float, float)
         Length, width and thickness of the part, m, as `antiosc.strikes.advice` wants them.
     rigid_modes : ndarray (rows of this rank, r)
-        M-orthonormal rigid-body modes that the supports leave.
+        M-orthonormal rigid-body modes that the supports permit.
     shift : float
         s of K + sM, the matrix that `factorize` factors, rad²/s²; 0 without rigid-body modes.
     matrices : StructureMatrices
         K and M with what is known of their dofs.
     seconds : dict
-        What assembly and factorization (its forecast of memory included) took.
+        Times [s] of assembly and of factorization (its forecast of memory included).
 
     Raises
     ------
@@ -172,14 +172,14 @@ class Structure(ReprMixin):
             Damping [N s/m], symmetric and positive semidefinite, however strong: models take it
             as a `DampingMatrix`.
         rigid_modes : array_like (n, r), optional
-            A basis of K's null space; found by itself where K is singular.
+            A basis of K's null space; computed by default where K is singular.
         map : array_like or path, optional
             For each row of the matrices node, dof (1 to 6), or node, dof, x, y, z in m; or a tuple
             of columns, (nodes, dofs) or (nodes, dofs, points), with dofs "x" … "rz" too. With it
             sites are nodes, and with coordinates points and patches; `probe` and `write_series`
             give the motion of the nodes.
         supports : {node: "all" or names of dofs}, optional
-            Dofs that are fixed besides: {12: "all", 7: ["x", "z"]}; needs a map.
+            Additional fixed dofs: {12: "all", 7: ["x", "z"]}; needs a map.
         backend : "auto", "petsc" or "scipy"
             Library of the linear algebra. "auto" is PETSc where the finite-element packages are
             installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where

@@ -51,10 +51,10 @@ class Support(FieldsRepr):
     where
         Name of a group of the mesh or of a side of its bounding box ("-x", "+x", "-y", …), or a
         function that maps coordinates x of shape (3, n) to a mask (n,) of the fixed points. On the
-        curved outline of straight cells the points between corners lie inside of the curve: leave
-        them room, or name a group, else they are free. Give
-        either `where` or one of `near`, `box` and `plane`, which select nodes by their coordinates,
-        with a tolerance of a millionth of the mesh's size.
+        curved outline of straight cells the points between corners lie inside of the curve: give
+        the function a tolerance, or name a group; otherwise these points stay free. Give either
+        `where` or one of `near`, `box` and `plane`, which select nodes by their coordinates, with a
+        tolerance of a millionth of the mesh's size.
     fix
         "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
@@ -65,7 +65,7 @@ class Support(FieldsRepr):
     plane
         (point, normal): nodes on a plane, m.
     nodes
-        Numbers of nodes in the mesh's file; with them the edges and faces between them are held.
+        Numbers of nodes in the mesh's file; the edges and faces between them are fixed too.
 
     Raises
     ------

@@ -36,16 +36,16 @@ class ErrorBar:
 
     Attributes
     ----------
-    value : of the quantity, SI units.
-    mesh : of the displacements that the mesh cannot represent.
-    truncation : of the anti-oscillators that the model leaves out.
-    time : of the time integration.
-    patch : of the radius of the site's patch.
-    geometry : of flat faces that stand for a curved surface.
-    noise, band : of a measured model, of the noise and of the modes above the measured band.
-    model : of the element family, such as a beam in place of a solid bar.
-    law : of the contact's law and of what it follows from; None: not known.
-    stretch : of the second-order forces of the modes that were left out, where a part stretches.
+    value : value of the quantity, SI units.
+    mesh : bound for displacements that the mesh cannot represent.
+    truncation : bound for the anti-oscillators that the model leaves out.
+    time : bound for the time integration.
+    patch : bound for the choice of the radius of the patch.
+    geometry : bound for flat faces in place of a curved surface.
+    noise, band : for a measured model: noise, and modes above the measured band.
+    model : bound for the element family, such as a beam in place of a solid bar.
+    law : bound for the contact law and its parameters; None: not known.
+    stretch : bound for second-order forces of omitted modes, if a part stretches.
     """
 
     value: float

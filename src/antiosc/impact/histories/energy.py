@@ -24,7 +24,7 @@ class Energy(ReprMixin):
 
     Attributes
     ----------
-    kinetic, strain : of both bodies.
+    kinetic, strain : kinetic and strain energy of both bodies.
     contact : recoverable energy of the contact.
     dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
     gravity : work of gravity up to this time.

@@ -115,8 +115,7 @@ def law_text(contact: OneContact) -> str:
 
 
 def law_error_text(contact: OneContact) -> str:
-    """Text: error of the peak force due to a law chosen by "auto"; "" for a law that the user gave.
-    """
+    """Text: error of the peak force due to a law chosen by "auto"; "" for a law that was given."""
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or not contact.peak_force > 0:
         return ""

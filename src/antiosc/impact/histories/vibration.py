@@ -21,8 +21,8 @@ class BodyEnergy(ReprMixin):
     ----------
     time : s.
     rigid : kinetic energy of the rigid-body motion.
-    kinetic : of the vibration.
-    strain : of the vibration and of the residual compliance.
+    kinetic : kinetic energy of the vibration.
+    strain : strain energy of the vibration and of the residual compliance.
     """
 
     time: Array

@@ -44,7 +44,7 @@ def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
 def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Pinned at both ends, struck at `site` (m), mid-span unless given.
 
-    1/k0 = a²b²/(3EI L) + ab/(kGA L) with b = L - a. The second spectrum, which is there above the
+    1/k0 = a²b²/(3EI L) + ab/(kGA L) with b = L - a. The second spectrum, which exists above the
     cut-off, moves the site a little: it is observable and is kept.
     """
     return StruckBeam(beam, "pinned", "pinned", _place(beam, 0.5, site))

@@ -19,18 +19,19 @@ Laminates with shear deformation have Navier's solution of first-order theory. W
     u = U cos αx sin βy    v = V sin αx cos βy    w = W sin αx sin βy
     φx = X cos αx sin βy   φy = Y sin αx cos βy
 
-solve a cross-ply's equations on edges that hold the deflection and what runs along the edge (SS-1);
-for antisymmetric angle-plies sine and cosine of u and v change places, on edges that let these
-slide along but not across (SS-2). Both give one 5 × 5 eigenproblem.
+solve a cross-ply's equations on edges that fix the deflection and the displacements along the edge
+(SS-1); for antisymmetric angle-plies sine and cosine of u and v change places, on edges that let
+these slide along but not across (SS-2). Both give one 5 × 5 eigenproblem.
 
 J. N. Reddy, *Mechanics of Laminated Composite Plates and Shells* (2004), articles 7.3 to 7.4;
 C. W. Bert and T. L. C. Chen, Int. J. Solids Struct. 14 (1978) 465-473.
 
-The disc over which a blow on a shell must be spread so that it answers as a solid plate does.
+The disc over which an impact on a shell must be distributed so that the shell responds as a solid
+plate.
 
 A pressure of wave number k on one face of an elastic layer of thickness h moves that face, at rest
-and without what it would move a half-space, by G(k); a Reissner-Mindlin plate whose load and
-displacement are spread over a disc with Hertz's pressure P(k) moves by P²/(Dk⁴) + P²/(κGh k²):
+and minus the motion of a half-space, by G(k); a Reissner-Mindlin plate whose load and displacement
+are spread over a disc with Hertz's pressure P(k) moves by P²/(Dk⁴) + P²/(κGh k²):
 
     G = (1 − ν)/(Gk) [cosh²x/(sinh 2x − 2x) + sinh²x/(sinh 2x + 2x) − 1],   x = kh/2,
     P = 3 (sin z − z cos z)/z³,   z = ka.
@@ -401,7 +402,7 @@ class PlatePatch(NamedTuple):
 
     Attributes
     ----------
-    radius : of the disc, m.
+    radius : radius of the disc, m.
     local_compliance : excess of the shell's compliance under it over that of the plate, m/N.
     """
 

@@ -31,8 +31,8 @@ class SoilCone(FieldsRepr):
     Attributes
     ----------
     stiffness : static stiffness [N/m], that of the disk on the half-space.
-    damping : of the waves that leave [N s/m].
-    mass : of the soil that moves with the disk [kg], 0 for nu <= 1/3.
+    damping : dashpot of the waves that are radiated [N s/m].
+    mass : mass of the soil that moves with the disk [kg], 0 for nu <= 1/3.
     """
 
     stiffness: float
@@ -80,7 +80,7 @@ def soil_cone(
     Parameters
     ----------
     radius : float
-        Of the disk [m]; of another footing that of a disk of the same area.
+        Radius of the disk [m]; for another footing that of a disk of the same area.
     G, nu, rho : float
         Shear modulus [Pa], Poisson's ratio in 0 <= nu < 0.5 and density [kg/m^3] of the soil.
     motion : "vertical" or "horizontal"

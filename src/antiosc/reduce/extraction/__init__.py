@@ -80,7 +80,7 @@ class SiteShapes:
     uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
-    solver : of A, the one factor of the structure.
+    solver : solver of A with the only factor of the structure.
     """
 
     kept: IntArray

@@ -54,7 +54,7 @@ class StructureModes(ReprMixin):
     participation : (n, 3) modal force of a unit acceleration of the supports along x, y, z,
         φᵀMe, kg^1/2; None for given matrices without coordinates.
     mass : total mass, kg; None where it is not known.
-    shapes : (rows of this rank, n) of unit modal mass, kg^-1/2.
+    shapes : (rows of this rank, n) shapes of unit modal mass, kg^-1/2.
     structure : the structure.
 
     The sum of the effective masses over all modes is the mass that moves: the total mass without
@@ -216,7 +216,7 @@ class NaturalModes(ReprMixin, Body):
     direction : unit vector of the impact, shape (3,), or None.
     inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
     hidden : mass-normalised shapes of the hidden motions, shape (rows, h), or None.
-    local_compliance, radius : of the site's patch, as in `AntiOscillators`.
+    local_compliance, radius : those of the site's patch, as in `AntiOscillators`.
     damping : Damping of the modes, or None.
     info : facts of the extraction.
     """
