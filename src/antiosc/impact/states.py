@@ -292,7 +292,7 @@ def largest_rotation(
     """(name of the free body that rotated most, largest angle at a step's end [rad]); ("", 0) if
     none.
 
-    Of bodies whose inertia in space is known.
+    Only bodies whose inertia in space is known are compared.
     """
     q = free_steps(run, system)
     turned = [

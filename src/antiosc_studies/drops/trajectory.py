@@ -399,7 +399,7 @@ def _line_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> st
 def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Array:
     """Rows x, y, z, radius [m] (n, 4) about the points that yield, in the axes of the mesh.
 
-    None where a line yields, too: the margin does not know how far it reaches.
+    The result is empty if a line yields, since the extent of its zone is not known.
     """
     none = np.zeros((0, 4))
     if floor.layer is not None or _line_yield(body, floor, episodes):
@@ -432,7 +432,7 @@ class PointContact(NamedTuple):
 
     @property
     def zone(self) -> Array:
-        """Row x, y, z, radius [m] of the zone that the margin leaves out, in the axes of the mesh."""
+        """Row x, y, z, radius [m] of the zone outside the margin, in the axes of the mesh."""
         radius = sqrt(self.depth / self.curvature)
         if isinstance(self.law, ElasticPlastic):
             radius = rim_radius(self.law, self.depth)
