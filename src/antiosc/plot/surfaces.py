@@ -26,6 +26,11 @@ DARK = 0.62
 
 #: Share of the axes that a part may fill, whose edge would cut it.
 LARGEST_EXTENT = 0.97
+#: A side shorter than this share of the longest one has no ticks: their numbers would overlap.
+SHORT_SIDE = 0.1
+#: Distance of the names of the axes from their numbers where a side is that short, points: with the
+#: 4 of matplotlib they overlap.
+LABEL_PAD = 14.0
 
 
 def axes_in_space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
@@ -90,14 +95,22 @@ def colour_scale(value: Array) -> ScalarMappable:
 
 
 def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
-    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
+    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides, none on
+    sides that are too short for numbers.
+    """
     low = x.min(axis=0)
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
-    for name, middle, length in zip("xyz", (low + high) / 2, side, strict=True):
+    short = side < SHORT_SIDE * side.max()
+    for name, middle, length, hidden in zip("xyz", (low + high) / 2, side, short, strict=True):
         getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
-        ticks = max(1, round(4 * length / side.max()))
-        getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
+        axis = getattr(axes, f"{name}axis")
+        if hidden:
+            axis.set_ticks([])
+            axis.label.set_visible(False)
+        else:
+            axis.get_major_locator().set_params(nbins=max(1, round(4 * length / side.max())))
+            axis.labelpad = LABEL_PAD if short.any() else axis.labelpad
     axes.set_box_aspect(side, zoom=zoom)
     axes.set_box_aspect(side, zoom=zoom * min(1.0, LARGEST_EXTENT / _extent_seen(axes, x)))
 
@@ -223,6 +236,4 @@ def draw_design(
     if plane:
         axes.view_init(elev=90, azim=-90)
     fit_limits(axes, unit * corners.reshape(-1, 3), zoom=0.85 if plane else 1.0)
-    if plane:
-        axes.set(zticks=[], zlabel="")
     return figure_or_path(figure, path)
