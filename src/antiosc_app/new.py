@@ -9,7 +9,9 @@ import contextlib
 import io
 import json
 import os
+import re
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -52,10 +54,14 @@ SUPPORT_WORDS = (
 )
 #: Words in the names of groups that are struck.
 SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
+#: A name that the reader of CAD files gives to a hole: its diameter and its number.
+HOLE = re.compile(r"hole \S+ mm \(\d+\)")
 #: Cosine between neighbouring faces of one side of a part.
 SAME_SIDE_COSINE = np.cos(np.radians(15.0))
-#: A supporting plane contains at most this share of the nodes.
-LARGEST_PLANE = 0.6
+#: A supporting plane contains at most these shares of the nodes, and of the surface of a solid. A
+#: side of a cube has 1/6, the underside of a plate 1/2: held there a plate is a layer on a rigid
+#: floor, and one of 599 x 639 x 4.76 mm had its first antiresonance at 168 kHz.
+LARGEST_PLANE, LARGEST_SIDE = 0.6, 0.3
 #: Radius of a site over the distance to the edge of its face.
 RADIUS = 0.4
 #: Largest radius of a site over the longest side of the part.
@@ -144,7 +150,7 @@ class Inspection:
     low, high : (3,) corners of its box.
     groups : names of its groups.
     cells : their number and kind in words.
-    where : group of the support; plane : (point, normal) of supported nodes; neither: free.
+    where : groups that are held; plane : (point, normal) of supported nodes; neither: free.
     on_plane : names of the groups that lie on that plane.
     point, direction : those of the site; radius : radius of its patch, None for beams and sheets.
     room : radius of the largest ball that touches the site and nothing else [m].
@@ -166,7 +172,7 @@ class Inspection:
     high: Array
     groups: list[str]
     cells: str
-    where: str | None
+    where: tuple[str, ...]
     plane: list[list[float]] | None
     point: list[float]
     direction: list[float]
@@ -301,8 +307,10 @@ class Inspection:
         """Text of the support."""
         if self.of_deck:
             return "as in the deck"
+        if len(self.where) == 1:
+            return f"at the group {self.where[0]!r}"
         if self.where:
-            return f"at the group {self.where!r}"
+            return f"at {len(self.where)} groups, {self.where[0]!r} to {self.where[-1]!r}"
         if self.plane:
             point, normal = self.plane
             axis = normal.index(1.0)
@@ -352,19 +360,22 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     nodes = compat.geometry_nodes(mesh.dolfinx)
     size = float(np.linalg.norm(np.ptp(x, axis=0)))
     low, high = (np.array(_rounded(corner, size)) for corner in (x.min(axis=0), x.max(axis=0)))
-    where = None if structure is not None else _group(mesh, SUPPORT_WORDS)
-    struck = _nodes_of(mesh, _group(mesh, SITE_WORDS))
+    outer = Faces(mesh, mesh.tdim < 3)
+    faces = _around(outer)
+    where = () if structure is not None else _groups_with(mesh, SUPPORT_WORDS)[:1]
+    struck = _nodes_of(mesh, _groups_with(mesh, SITE_WORDS)[:1])
     supported = np.zeros(len(x), dtype=bool)
     plane = None
-    if where is not None:
+    if where:
         supported[_nodes_of(mesh, where)] = True
     elif structure is None:
-        supported, plane = _plane(x, low, high, size)
+        supported, plane = _plane(x, low, high, size, faces if mesh.tdim == 3 else None)
+        if plane is None:
+            where = _equal_holes(mesh)
+            supported[_nodes_of(mesh, where)] = True
     else:
         supported = _held_nodes(structure, x, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
-    outer = Faces(mesh, mesh.tdim < 3)
-    faces = _around(outer)
     longest = float((high - low).max())
     sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
@@ -427,10 +438,16 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     )
 
 
+def _areas(corners: Array) -> Array:
+    """Area vectors (n, 3) of plane faces with corners (n, k, 3): parallelograms or, doubled,
+    triangles.
+    """
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def _mean_thickness(corners: Array, normals: Array) -> float:
     """Twice the volume over the surface of a solid with these faces (n, k, 3), m."""
-    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(sides, axis=1) * (0.5 if corners.shape[1] == 3 else 1.0)
+    area = np.linalg.norm(_areas(corners), axis=1) * (0.5 if corners.shape[1] == 3 else 1.0)
     heights = np.einsum("ij,ij->i", normals, corners.mean(axis=1))
     return float(2 / 3 * abs(area @ heights) / area.sum())
 
@@ -573,23 +590,32 @@ def _spread(sites: Iterator[T]) -> Iterator[T]:
     yield from others[:: 1 + len(others) // MOST_TRIED]
 
 
-def _group(mesh: Mesh, words: Sequence[str]) -> str | None:
-    """The group of facets, edges or nodes whose name contains the first of these words."""
+def _groups_with(mesh: Mesh, words: Sequence[str]) -> tuple[str, ...]:
+    """Groups of facets, edges or nodes named with one of these words; the first word first."""
     lower = {
         n: n.lower()
         for n, parts in mesh.groups.items()
         if min(parts, default=mesh.tdim) < mesh.tdim
     }
-    return next((n for word in words for n, low in lower.items() if word in low), None)
+    return tuple(n for word in words for n, low in lower.items() if word in low)
 
 
-def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
-    """Nodes of a group; empty if it is None."""
+def _equal_holes(mesh: Mesh) -> tuple[str, ...]:
+    """The holes of the diameter of which there are most, two or more: bolts hold the part there."""
+    holes = [name for name in mesh.groups if HOLE.fullmatch(name)]
+    counts = Counter(name.rpartition(" ")[0] for name in holes)
+    usual, count = counts.most_common(1)[0] if counts else ("", 0)
+    return tuple(name for name in holes if count > 1 and name.rpartition(" ")[0] == usual)
+
+
+def _nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
+    """Nodes of groups."""
     from antiosc.fem.platform import compat
 
-    parts = mesh.groups[group].items() if group is not None else ()
     vertices = [
-        compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel() for dim, entities in parts
+        compat.entity_vertices(mesh.dolfinx, dim)[entities].ravel()
+        for group in groups
+        for dim, entities in mesh.groups[group].items()
     ]
     return np.unique(np.concatenate([np.zeros(0, dtype=int), *vertices]))
 
@@ -597,19 +623,29 @@ def _nodes_of(mesh: Mesh, group: str | None) -> IntArray:
 def _groups_on(mesh: Mesh, nodes: BoolArray) -> tuple[str, ...]:
     """Names of the groups of facets or edges with all their vertices among these nodes."""
     names = (name for name, parts in mesh.groups.items() if max(parts, default=3) < mesh.tdim)
-    return tuple(name for name in names if nodes[_nodes_of(mesh, name)].all())
+    return tuple(name for name in names if nodes[_nodes_of(mesh, [name])].all())
 
 
 def _plane(
-    x: Array, low: Array, high: Array, size: float
+    x: Array, low: Array, high: Array, size: float, faces: IntArray | None
 ) -> tuple[BoolArray, list[list[float]] | None]:
-    """(mask of nodes on a side of the box, plane); an empty mask and None for a free part."""
+    """(mask of nodes on a side of the box, plane); an empty mask and None where no side serves.
+
+    `faces`: corners (F, k) of the surface of a solid, None of another part.
+    """
     sides = [(2, low), (0, low), (1, low), (0, high), (1, high)]
     for axis, corner in sides:
         on_plane = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
-        if min(3, len(x) // 4) <= on_plane.sum() <= max(1.0, LARGEST_PLANE * len(x)):
+        few = min(3, len(x) // 4) <= on_plane.sum() <= max(1.0, LARGEST_PLANE * len(x))
+        if few and (faces is None or 0 < _share(x[faces], on_plane[faces]) <= LARGEST_SIDE):
             return on_plane, [_rounded(corner, size), np.eye(3)[axis].tolist()]
     return np.zeros(len(x), dtype=bool), None
+
+
+def _share(corners: Array, chosen: BoolArray) -> float:
+    """Share of the area of faces (F, k, 3) all of whose corners are chosen (F, k)."""
+    area = np.linalg.norm(_areas(corners), axis=1)
+    return float(area[chosen.all(axis=1)].sum() / area.sum())
 
 
 def _on_faces(
@@ -622,8 +658,7 @@ def _on_faces(
     """
     corners = x[faces]
     middle = corners.mean(axis=1)
-    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(sides, axis=1)
+    area = np.linalg.norm(_areas(corners), axis=1)
     fixed = supported[faces].all(axis=1)
     area[fixed] = 0.0
     normal = outer.normals

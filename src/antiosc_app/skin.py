@@ -82,8 +82,8 @@ def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Hel
     """(faces with the plane at which a new scene supports the part, names of the held ones)."""
     if look.of_deck:
         return {}, []
-    if look.where is not None:
-        return faces, [look.where]
+    if look.where:
+        return faces, list(look.where)
     if look.plane is None:
         return faces, []
     return {**faces, PLANE: {"plane": look.plane}}, [PLANE]

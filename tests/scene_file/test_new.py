@@ -8,6 +8,7 @@ from dataclasses import replace
 import meshio
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 pytest.importorskip("jinja2")
 
@@ -25,7 +26,7 @@ PARTS.append(DEMOS / "scenes/bar.inp")
 
 
 def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
-    mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.02)
+    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     names = [f"face {i} of a body" for i in range(40)]
     groups = {name: mesh.groups["+z"] for name in names} | {"below": mesh.groups["-z"]}
     look = template._inspect_mesh(replace(mesh, groups=groups), {}, None)
@@ -33,6 +34,27 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     assert all(f'"{name}"' in text for name in names)
     held = next(value for name, value, _ in look.taken(drop=False) if name == "held")
     assert held.startswith("below: ")
+
+
+def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
+    look = template._inspect_mesh(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
+    assert np.ptp(look.points[look.held][:, 0]) == 0.0
+    assert look.direction == [0.0, 0.0, -1.0]
+
+
+def test_a_part_without_a_flat_side_is_held_at_the_holes_of_which_there_are_most():
+    mesh = ao.box_mesh((0.2, 0.1, 0.1), size=0.05)
+    inclined = Rotation.from_euler("xyz", (0.3, 0.4, 0.5)).as_matrix()
+    mesh.dolfinx.geometry.x[:] = mesh.dolfinx.geometry.x @ inclined.T
+    assert template._inspect_mesh(mesh, {}, None).held.sum() == 0
+    names = {"+z": "hole 8 mm (1)", "-x": "hole 6 mm (1)", "+x": "hole 6 mm (2)"}
+    groups = {names.get(name, name): parts for name, parts in mesh.groups.items()}
+    look = template._inspect_mesh(replace(mesh, groups=groups), {}, None)
+    assert look.where == ("hole 6 mm (1)", "hole 6 mm (2)")
+    written = tomllib.loads(template.text("scene.toml", "part.step", look))
+    assert [support["where"] for support in written["supports"]] == list(look.where)
+    along = look.points[look.held] @ inclined[:, 0]
+    np.testing.assert_allclose(np.abs(along - 0.1), 0.1)
 
 
 @pytest.mark.slow
@@ -58,7 +80,7 @@ def test_a_structure_is_struck_away_from_what_holds_it():
 def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(side, tmp_path):
     """The largest free side, near its middle, from outside."""
     x = np.array(np.meshgrid(*[np.linspace(0, 1, n) for n in (9, 7, 3)], indexing="ij"))
-    points = (x.reshape(3, -1).T + side) * [400.0, 300.0, 50.0]
+    points = (x.reshape(3, -1).T + side) * [400.0, 300.0, 250.0]
     number = np.arange(9 * 7 * 3).reshape(9, 7, 3)
     low = number[:-1, :-1, :-1].ravel()
     a, b, c = 7 * 3, 3, 1
@@ -68,10 +90,10 @@ def test_the_outside_of_a_box_in_millimetres_is_struck_away_from_its_support(sid
     found = inspect_part(path)
     assert found.family == "Solid"
     assert found.read["unit"] == "mm"
-    np.testing.assert_allclose(found.high - found.low, [0.4, 0.3, 0.05])
+    np.testing.assert_allclose(found.high - found.low, [0.4, 0.3, 0.25])
     assert found.plane[1] == [0.0, 0.0, 1.0]
     np.testing.assert_allclose(found.direction, [0, 0, -1], atol=1e-9)
-    place = (np.array(found.point) - found.low) / [0.4, 0.3, 0.05]
+    place = (np.array(found.point) - found.low) / [0.4, 0.3, 0.25]
     assert place[2] == pytest.approx(1.0)
     assert np.all(np.abs(place[:2] - 0.5) < 0.3)
     assert 0 < found.radius < 0.1
