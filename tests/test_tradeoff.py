@@ -11,8 +11,12 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+from mpi4py import MPI
+
 import antiosc as ao
+from antiosc.base import clock
 from antiosc.fem.elements import products
+from antiosc.fem.platform import compat
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
 from antiosc.strikes import tradeoff
 from antiosc.strikes.tradeoff import BRACKET, WHOLE, Made, Tradeoff, TradeoffMember
@@ -65,6 +69,24 @@ def test_members_are_what_extract_and_simulate_give():
         assert one.size == pytest.approx(np.sqrt(0.03 / 48))
 
 
+def test_members_take_no_seconds_to_compile(monkeypatch):
+    """The only seconds of this clock are those of the compiler."""
+    now = [0.0]
+    compiled = compat.fem.form
+
+    def form(*given, **options):
+        now[0] += 60.0
+        return compiled(*given, **options)
+
+    monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(compat.fem, "form", form)
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
+    assert found.compilation > 0
+    assert {one.seconds for one in found.table} == {0.0}
+    assert found.numbers()["compilation"] == found.compilation
+
+
 def some(*each: tuple[float, float]) -> Tradeoff:
     """Members with these seconds and bars."""
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
@@ -101,27 +123,29 @@ def test_no_line_is_told_with_the_end_of_the_meshes(tried):
 @pytest.mark.parametrize("began", [7.0, 9.5])
 def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
     """Meshes of 1, 2 and 4 s were made in `began` seconds; fewer anti-oscillators take 3/4."""
-    clock = [began]
+    now = [began]
     made = [Made(simple(seconds), SITE, None) for seconds in (1.0, 2.0, 4.0)]
     members = {id(one.answer): simple(one.answer.seconds) for one in made}
     made = [replace(one, member=members[id(one.answer)]) for one in made]
 
     def of_few(structure, *_given):
-        clock[0] += 0.75 * structure.cost
+        now[0] += 0.75 * structure.cost
         return simple(0.75 * structure.cost)
 
-    monkeypatch.setattr(tradeoff, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
-    monkeypatch.setattr(tradeoff, "_of_few", of_few)
+    monkeypatch.setattr(tradeoff, "clock", lambda: now[0])
+    monkeypatch.setattr(tradeoff, "of_number", of_few)
     monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
     fewer = tradeoff._fewer(made, None, 0.01, 0.0)
-    assert clock[0] <= WHOLE * 4.0
+    assert now[0] <= WHOLE * 4.0
     assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
 
 
 def simple(seconds: float) -> SimpleNamespace:
     """An answer that took these seconds."""
     known = {"factorization": 0.25 * seconds}
-    part = SimpleNamespace(cost=seconds, dofs=1000, seconds=known, drop_factor=lambda: None)
+    part = SimpleNamespace(
+        cost=seconds, dofs=1000, seconds=known, drop_factor=lambda: None, comm=MPI.COMM_SELF
+    )
     return SimpleNamespace(seconds=seconds, n=200, structure=part)
 
 

@@ -17,6 +17,7 @@ import ufl
 from mpi4py import MPI
 
 import antiosc as ao
+from antiosc.base import clock
 from antiosc.fem.platform import compat, compiled_forms
 from antiosc.fem.platform.compiled_forms import compiler
 from paths import ROOT
@@ -62,6 +63,19 @@ DAMAGES = {
     "killed while it was compiled": lambda path: next(path.parent.glob("*forms*.cached")).unlink(),
     "checksum lost": lambda path: next(path.parent.glob("*forms*.sha256")).unlink(),
 }
+
+
+def test_the_clock_stands_still_while_forms_are_compiled(monkeypatch):
+    now = [5.0]
+    monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    began, uncounted = clock.clock(), clock.uncounted_seconds()
+    with compiler():
+        now[0] += 30.0
+        with compiler():
+            now[0] += 7.0
+    now[0] += 2.0
+    assert clock.clock() - began == 2.0
+    assert clock.uncounted_seconds() - uncounted == 37.0
 
 
 @pytest.mark.slow

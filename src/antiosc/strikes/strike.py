@@ -24,6 +24,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array
+from antiosc.base.clock import clock
 from antiosc.base.errors import InputError
 from antiosc.base.process import MEMORY_SHARE, free_memory
 from antiosc.base.texts import percent
@@ -335,7 +336,7 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     """The answer on one mesh: extraction and run, repeated with more anti-oscillators where
     needed.
     """
-    started = time.perf_counter()
+    started = clock()
     accuracy = accuracy_of_steps(tol)
     most = min(MOST_N, structure.dofs - 1)
     n = min(n, most)
@@ -365,7 +366,7 @@ def corrected(
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
         soft = run(model.corrected(), accuracy)
         budget = budget.of_corrected(soft)
-    return Answer(structure, hit, soft, budget, n, time.perf_counter() - started)
+    return Answer(structure, hit, soft, budget, n, clock() - started)
 
 
 #: Is told of an answer and its site.

@@ -5,20 +5,25 @@ has the bar of its own error budget. The meshes end with the first whose bar is 
 tolerance: the tolerance then lies between members, and the difference of each member to the finest
 is an error that does not come from an estimate. Members with fewer anti-oscillators are computed
 afterwards, those of the finest mesh first, as long as the total time is at most `WHOLE` times that
-of the finest member.
+of the finest member. No seconds are counted while finite elements are compiled or loaded, which is
+done once for all members; `Tradeoff.compilation` has them.
 """
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+# imported at the first use otherwise, within the seconds of the first member
+import antiosc.fem.prestress.state
+import antiosc.reduce.site.at_points
+import antiosc.reduce.site.surface  # noqa: F401
 from antiosc.base import checks
+from antiosc.base.clock import clock, uncounted_seconds
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
 from antiosc.base.texts import Completed, Result, engineering, percent
@@ -27,7 +32,7 @@ from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
 from antiosc.fem.linalg.solver_choice import stored
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.platform import collective, compat
+from antiosc.fem.platform import collective, compat, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.histories import History
@@ -60,7 +65,7 @@ if TYPE_CHECKING:
 #: Numbers of anti-oscillators that are tried on every mesh besides the one that is enough, and the
 #: least ratio of that to them.
 FEW, FEWER = (3, 8, 20, 60), 2.5
-#: Most seconds of all members over those of the finest one, by the same clock (`perf_counter`).
+#: Most seconds of all members over those of the finest one, by the same clock.
 WHOLE = 3.0
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
@@ -143,6 +148,7 @@ class Tradeoff(Result):
     hit : the history of the last mesh, as of `strike`.
     others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
     notes : sentences on methods that were not run.
+    compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
     """
 
     table: tuple[TradeoffMember, ...]
@@ -150,6 +156,7 @@ class Tradeoff(Result):
     hit: History
     others: tuple[TradeoffMember, ...] = ()
     notes: tuple[str, ...] = ()
+    compilation: float = 0.0
 
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
@@ -214,6 +221,7 @@ class Tradeoff(Result):
             "table": [asdict(one) for one in self.table],
             "others": [{**asdict(one), "bar": None} for one in self.others],
             "notes": list(self.notes),
+            "compilation": self.compilation,
             "tol": self.tol,
             "status": self.status,
             "message": self.message,
@@ -311,7 +319,8 @@ def tradeoff(
         compare = checks.positive("compare", compare, "s")
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)
-    started = time.perf_counter()
+    started = clock()
+    compiled = uncounted_seconds()
     meshes: list[Made] = []
     given = material, supports, order, limit
 
@@ -328,7 +337,8 @@ def tradeoff(
         finest = meshes[-1].answer.hit
         made = [one for mesh in meshes for one in (*fewer[mesh], mesh)]
         table = tuple(one.beside(finest) for one in made)
-        result = Tradeoff(table, tol, hit)
+        compilation = uncounted_seconds() - compiled
+        result = Tradeoff(table, tol, hit, compilation=compilation)
         if compare is None:
             return result
         chosen = result.best(tol=tol) if result.status == 0 else table[-1]
@@ -381,6 +391,10 @@ def _fewer(
     finest = meshes[-1].answer
     most = WHOLE * meshes[-1].member.seconds
     fewer: dict[Made, list[Made]] = {}
+
+    def too_long(seconds: float) -> bool:
+        return on_root(finest.structure.comm, lambda: clock() - started + seconds > most)
+
     for mesh in reversed(meshes):
         fewer[mesh] = []
         structure = mesh.answer.structure
@@ -388,20 +402,22 @@ def _fewer(
             expected = min(mesh.answer.seconds, finest.seconds)  # the first run may compile
             if mesh.answer is finest:
                 expected -= structure.seconds["factorization"]
-            if time.perf_counter() - started + expected > most:
+            if too_long(expected):
                 break
             if FEWER * n <= min(mesh.answer.n, structure.dofs):
-                answer = _of_few(structure, mesh.site, run, accuracy, n)
+                answer = of_number(structure, mesh.site, run, accuracy, n)
                 fewer[mesh].append(Made(answer, mesh.site, member_of(answer)))
         if mesh.answer is not finest:
             structure.drop_factor()
     return fewer
 
 
-def _of_few(structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int) -> Answer:
+def of_number(
+    structure: Structure, site: Site, run: RunFunction, accuracy: float, n: int
+) -> Answer:
     """The result with a given number of anti-oscillators, whatever the truncation error is."""
     structure.factorize()
-    started = time.perf_counter() - structure.seconds["factorization"]
+    started = clock() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
     hit = second_order.simulated(structure, model, partial(run, error=accuracy))
     return corrected(structure, hit, run, accuracy, n, started)

@@ -6,7 +6,6 @@ one solve with A and one scalar equation of the contact law.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from antiosc.base import process
 from antiosc.base._types import Array
+from antiosc.base.clock import clock
 from antiosc.base.errors import InputError
 from antiosc.engine.contact import ContactLaw, State
 from antiosc.fem.linalg.algebra import dot, multiply, sum_of
@@ -132,12 +132,12 @@ def forecast(blow: Blow) -> float:
 def newmark(blow: Blow) -> Outcome:
     """Newmark's average acceleration of all dofs, the contact force implicit."""
     structure = blow.structure
-    began = time.perf_counter() - structure.seconds["assembly"]
+    began = clock() - structure.seconds["assembly"]
     process.require(BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step")
     h = blow.step
     A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
     curve = _integrated(blow, A)
-    return Outcome(curve, time.perf_counter() - began, BYTES * A.entries)
+    return Outcome(curve, clock() - began, BYTES * A.entries)
 
 
 def _integrated(blow: Blow, A: Factorization) -> Curve:

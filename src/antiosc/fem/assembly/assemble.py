@@ -7,7 +7,6 @@ connected blocks by a pivoted QR factorization, which also detects dependent row
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ import scipy.sparse.csgraph
 
 from antiosc.base._types import Array, BoolArray, IntArray, SolverChoice
 from antiosc.base.checks import list_of, point_text
+from antiosc.base.clock import clock
 from antiosc.base.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import assembled
 from antiosc.fem.assembly.assembled import (
@@ -439,7 +439,7 @@ def assemble_checked(
 ) -> Structure:
     """`assemble` for checked joints; `apart` permits parts without a joint, if supports hold each
     part."""
-    started = time.perf_counter()
+    started = clock()
     solver = checked_choice(solver)
     checked = checked_parts(parts)
     comm = communicator(checked)

@@ -30,6 +30,7 @@ import dolfinx.jit
 import ffcx
 import ffcx.codegeneration.jit as ffcx_jit
 
+from antiosc.base.clock import uncounted
 from antiosc.base.errors import InputError, warn
 from antiosc.base.process import own_folder, quiet, restored
 
@@ -248,13 +249,13 @@ _compiling = threading.RLock()
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Context in which forms are compiled: without log output, and with the faults of FFCx 0.5
-    mended.
+    """Context in which forms are compiled: without log output, outside the seconds of `clock`, and
+    with the faults of FFCx 0.5 mended.
 
     InputError if the system refuses to write the compiled files.
     """
     try:
-        with _compiling, restored(), quiet(*NOISY), _mended(), checked_folder():
+        with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), checked_folder():
             yield
     except OSError as error:
         raise InputError(

@@ -7,7 +7,6 @@ given ones. Extraction reads what both have.
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, TypedDict, cast
@@ -18,6 +17,7 @@ import antiosc
 from antiosc.base import checks
 from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
+from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, finite_element_packages
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
@@ -134,7 +134,7 @@ class Structure(ReprMixin):
         prestress: Prestress | None = None,
     ) -> None:
         """Assemble the structure of a mesh."""
-        started = time.perf_counter()
+        started = clock()
         with finite_element_packages():
             from antiosc.fem.prestress.state import with_prestress
             from antiosc.fem.structure.meshed import assembled
@@ -185,7 +185,7 @@ class Structure(ReprMixin):
             installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where
             scikit-sparse is installed.
         """
-        started = time.perf_counter()
+        started = clock()
         choice("backend", backend, BACKENDS)
         pair = copied("K", K, backend), copied("M", M, backend)
         if map is not None and algebra.communicator(pair[0]).size > 1:
@@ -229,7 +229,7 @@ class Structure(ReprMixin):
         InputError
             A file that cannot be read, with its line or byte; matrices that do not fit together.
         """
-        started = time.perf_counter()
+        started = clock()
         choice("backend", backend, BACKENDS)
         read = read_pair(K, M, names)
         rows = dof_map(map, read.labels, read.K.shape[0])
@@ -265,7 +265,7 @@ class Structure(ReprMixin):
         self.rigid_modes = matrices.rigid_modes
         owned = int((self.fixed < self.rows).sum())
         self.dofs = self.size - self.comm.allreduce(owned)
-        self.seconds = {"assembly": time.perf_counter() - started}
+        self.seconds = {"assembly": clock() - started}
 
     @property
     def comm(self) -> MPI.Comm:
@@ -293,10 +293,10 @@ class Structure(ReprMixin):
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
         if self._factored is None:
-            started = time.perf_counter()
+            started = clock()
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor, shift = self.matrices.factored(columns)
-            self.seconds["factorization"] = time.perf_counter() - started
+            self.seconds["factorization"] = clock() - started
             self._factored = factor, shift
         return self._factored[0]
 

@@ -1,0 +1,37 @@
+"""The clock of measured seconds. It stands still while finite elements are compiled or loaded."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class _Uncounted(threading.local):
+    """Seconds of this thread that the clock leaves out."""
+
+    seconds = 0.0
+
+
+_uncounted = _Uncounted()
+
+
+def clock() -> float:
+    """Seconds of `time.perf_counter`, less those of this thread within `uncounted`."""
+    return time.perf_counter() - uncounted_seconds()
+
+
+def uncounted_seconds() -> float:
+    """Seconds of this thread within `uncounted` up to now."""
+    return _uncounted.seconds
+
+
+@contextmanager
+def uncounted() -> Iterator[None]:
+    """Context in which `clock` stands still; contexts may be nested."""
+    began = clock()
+    try:
+        yield
+    finally:
+        _uncounted.seconds += clock() - began
