@@ -16,7 +16,7 @@ from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
-from antiosc_studies.drops.trajectory import law_error
+from antiosc_studies.drops.trajectory import FallImpact
 
 #: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
@@ -83,7 +83,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
-        "bar": _law_error(fall, k),
+        "bar": _law_bar(impact),
         "time": impact.time,
         "at": point_text(impact.place),
         "place": (touch.R @ (impact.place - body.centre) + touch.centre).tolist(),
@@ -92,10 +92,9 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     }
 
 
-def _law_error(fall: Fall, k: int) -> float:
+def _law_bar(impact: FallImpact) -> float:
     """Relative error of the peak force of an impact by its contact law; 0 if unknown."""
-    episodes = [fall.episodes[i] for i in fall.groups[k]]
-    return law_error(fall.body, fall.setting.floor, episodes) or 0.0
+    return float(np.nan_to_num(impact.law_error))
 
 
 def _force(fall: Fall, k: int) -> tuple[Array, Array]:
@@ -119,7 +118,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     strongest = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
-    if bar := _law_error(fall, hardest):
+    if bar := _law_bar(strongest):
         values[0] += f" ± {percent(bar)}"
     numbers += [
         (name.replace("_", " "), value)
@@ -155,5 +154,4 @@ def floor_text(fall: Fall) -> str:
         return "a soft layer"
     if isinstance(floor.material, str):
         return f"a floor of {floor.material}"
-    rigid = floor.material is None and floor.model is None
-    return "a rigid floor" if rigid else "an elastic floor"
+    return "a rigid floor" if floor.rigid else "an elastic floor"

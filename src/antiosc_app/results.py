@@ -677,8 +677,11 @@ def narrow_table(fall: Fall) -> Columns:
         "impact": np.arange(1, len(impacts) + 1),
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
+        "± by law (%)": 100 * impacts.column("law_error"),
         "contact time (s)": impacts.column("contact_time"),
-        "before, after (m/s)": [f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)],
+        "speed before, after (m/s)": [
+            f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)
+        ],
         "lost (J)": impacts.column("lost"),
         "at": [placed(impact.place) for impact in impacts],
     }

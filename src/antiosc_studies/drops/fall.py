@@ -370,10 +370,9 @@ class Fall(Trajectory, Result):
     @property
     def notes(self) -> list[str]:
         """Assumptions that were made, and a sentence if the contact yields."""
-        return [
-            *self.body.notes,
-            *filter(None, [self.contact_verdict, self._strained, self._lines]),
-        ]
+        rigid = "the floor is taken as rigid (floor)" if self.setting.floor.rigid else ""
+        found = (rigid, self.contact_verdict, self._strained, self._lines)
+        return [*self.body.notes, *filter(None, found)]
 
     @property
     def contact_verdict(self) -> str:

@@ -125,6 +125,11 @@ class Floor(FieldsRepr):
                 "the restitution exp(-pi loss/2)."
             )
 
+    @property
+    def rigid(self) -> bool:
+        """Whether neither its material, its law, a layer nor a model makes it yield."""
+        return all(x is None for x in (self.material, self.layer, self.law, self.model))
+
     @cached_property
     def face(self) -> Surface:
         """The flat face of the floor's material."""

@@ -240,6 +240,7 @@ class FallImpact:
         before and away from it after, without vibrations.
     spin_before, spin_after : (3,) spins in the axes of the floor [rad/s].
     lost : energy dissipated by contacts and damping [J].
+    law_error : relative error of the largest force at a point by its contact law; NaN: unknown.
     """
 
     time: float
@@ -253,6 +254,7 @@ class FallImpact:
     spin_before: Array
     spin_after: Array
     lost: float
+    law_error: float
 
 
 #: Scalars of an impact, and their units.
@@ -277,26 +279,30 @@ class Impacts(tuple[FallImpact, ...]):
         for name in ("spin_before", "spin_after"):
             spin = self.column(name).reshape(-1, 3)
             table[f"{name.replace('_', ' ')} (rad/s)"] = np.linalg.norm(spin, axis=1)
-        return table
+        return table | {"law error (%)": 100 * self.column("law_error")}
 
     def numbers(self) -> dict[str, object]:
         """The table as JSON values: name with unit -> values of all impacts."""
         return {name: values.tolist() for name, values in self.columns().items()}
 
     def __str__(self) -> str:
+        names = ("no.", "time", "place", "peak", "± law", "impulse", "contact", "speed before")
         rows = [
-            f"{'':>3} {'time s':>10} {'place m':>26} {'peak N':>10} {'impulse Ns':>10} "
-            f"{'contact s':>9} {'before m/s':>10} {'after m/s':>9} {'spin rad/s':>10} {'lost J':>9}"
+            (*names, "speed after", "spin after", "lost"),
+            ("", "s", "m", "N", "", "N s", "s", "m/s", "m/s", "rad/s", "J"),
         ]
         for k, impact in enumerate(self):
-            place = ", ".join(f"{c:.3g}" for c in impact.place)
-            rows.append(
-                f"{k + 1:>3} {impact.time:>10.5f} {place:>26} {impact.peak_force:>10.4g} "
-                f"{impact.impulse:>10.4g} {impact.contact_time:>9.3g} {impact.speed_before:>10.4g} "
-                f"{impact.speed_after:>9.4g} {np.linalg.norm(impact.spin_after):>10.4g} "
-                f"{impact.lost:>9.3g}"
-            )
-        return "\n".join(rows)
+            known = impact.law_error == impact.law_error
+            spin = np.linalg.norm(impact.spin_after)
+            values = (impact.contact_time, impact.speed_before, impact.speed_after, spin)
+            rows.append((
+                f"{k + 1}", f"{impact.time:.5f}", ", ".join(f"{c:.3g}" for c in impact.place),
+                f"{impact.peak_force:.4g}", percent(impact.law_error) if known else "–",
+                *(f"{value:.4g}" for value in (impact.impulse, *values)), f"{impact.lost:.3g}",
+            ))  # fmt: skip
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = [zip(row, widths, strict=True) for row in rows]
+        return "\n".join("  ".join(f"{cell:>{width}}" for cell, width in line) for line in lines)
 
 
 @dataclass(frozen=True)
@@ -323,8 +329,9 @@ class Peak(FieldsRepr):
         return self.value
 
 
-def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> FallImpact:
+def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> FallImpact:
     """The impact that consists of the given episodes."""
+    by_law = law_error(body, setting.floor, episodes)
     impulses: dict[int, float] = {}
     peak = 0.0
     # a point above its dent begins an episode without force, which counts as flight
@@ -337,7 +344,7 @@ def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> Fa
     body = next(current.body for current in episodes if strongest in current.which)
     before = episodes[0].start
     after = episodes[-1].end
-    energies = [sum(s.energies(body, gravity)) for s in (before, after)]
+    energies = [sum(s.energies(body, setting.gravity)) for s in (before, after)]
     return FallImpact(
         time=before.time,
         contact_time=after.time - before.time,
@@ -350,6 +357,7 @@ def impact_of(body: FreeBody, gravity: float, episodes: Sequence[Episode]) -> Fa
         spin_before=before.spin(body),
         spin_after=after.spin(body),
         lost=energies[0] - energies[1],
+        law_error=np.nan if by_law is None else by_law,
     )
 
 
@@ -381,7 +389,9 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     }
     if dents:
         worst = max(dents, key=lambda dent: dent.depth)
-        return f"the contact yields: {worst.text}; {_law_error(dents[worst], body, floor)}"
+        deepest = dents[worst]
+        side = deepest.side(body, floor)
+        return f"the contact yields: {worst.text}, in {side}; {_law_error(deepest, body, floor)}"
     if pressures:
         return max(pressures, key=lambda current: current.share).warning()
     return ""
@@ -437,6 +447,22 @@ class PointContact(NamedTuple):
         if isinstance(self.law, ElasticPlastic):
             radius = rim_radius(self.law, self.depth)
         return contact_zone(self.place, radius)
+
+    def side(self, body: FreeBody, floor: Floor) -> str:
+        """The side whose strength a law that yields has, with its material if that has a name."""
+        assert isinstance(self.law, ElasticPlastic)
+        strength = self.law.yield_strength
+        sides = (("part", body.matters), ("floor", (floor.face.matter,)))
+        names = {
+            name: next((m.name for m in matters if m.yield_strength == strength), None)
+            for name, matters in sides
+        }
+        weaker = [
+            f"the {side}" + (f" ({name})" if name else "")
+            for side, name in names.items()
+            if name is not None
+        ]
+        return " and ".join(weaker) or "the part"
 
     def error(self, body: FreeBody, floor: Floor) -> float | None:
         """Relative error of the force by its law; None if unknown."""
@@ -593,9 +619,8 @@ class Trajectory:
     @cached_property
     def impacts(self) -> Impacts:
         """The impacts, as a table."""
-        gravity = self.setting.gravity
         numbers = range(len(self.groups))
-        return Impacts(impact_of(self.body, gravity, self._episodes(k)) for k in numbers)
+        return Impacts(impact_of(self.body, self.setting, self._episodes(k)) for k in numbers)
 
     def energy(self) -> tuple[Array, Array]:
         """Times (n,) [s] of all touches and partings, and energies (n, 4) [J] there.
