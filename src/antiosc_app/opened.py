@@ -93,6 +93,13 @@ OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
 
+class Overtaken(BaseException):
+    """The page no longer waits for the work.
+
+    It is no Exception, because no work takes it for an error of its own.
+    """
+
+
 class PageImpact(NamedTuple):
     """An impact with its scene and inputs; `settled`: by the extracted model."""
 
@@ -119,6 +126,11 @@ class Dropped(NamedTuple):
         if self.fall.body.structure is None:
             return None
         return worst_by_strengths(self.fall)
+
+
+def never() -> bool:
+    """Never stop."""
+    return False
 
 
 class Opened:
@@ -148,6 +160,8 @@ class Opened:
         self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
+        #: whether a structure is being built: it is completed, the next set-up mostly has the same
+        self._building = False
         #: the site that was struck last
         self.site: Site | None = None
 
@@ -164,6 +178,7 @@ class Opened:
         answers = {name: partial(self._in_turn, step) for name, step in steps.items()}
         return {
             **answers,
+            "stop": self._stop,
             "look": lambda _: self._computed(self._look),
             "save": self._names,
             "progress": lambda _: {"doing": self._doing},
@@ -183,15 +198,25 @@ class Opened:
 
     # -- one thread computes
 
-    def _computed(self, work: Callable[[], Data]) -> Data:
-        """The result of `work` in the computing thread, with its warnings."""
+    def _computed(self, work: Callable[[], Data], stops: Callable[[], bool] = never) -> Data:
+        """The result of `work` in the computing thread, with its warnings.
+
+        {"stale": True} where `stops` has become true during the work.
+        """
+
+        def follow(doing: str) -> None:
+            self._doing = doing
+            if doing and not self._building and stops():
+                raise Overtaken
 
         def run_work() -> Data:
             self._count(-1)
             messages: list[str] = []
-            with progress.following(self._follow), warnings_to(messages.append):
+            with progress.following(follow), warnings_to(messages.append):
                 try:
                     result = work()
+                except Overtaken:
+                    return {"stale": True}
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
             return {**result, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
@@ -204,27 +229,32 @@ class Opened:
         with self._lock:
             self._waiting += change
 
-    def _follow(self, doing: str) -> None:
-        """Remember what is being computed."""
-        self._doing = doing
-
-    def _in_turn(self, step: Step, values: Table) -> Data:
-        """The answer of a step; {"stale": true} if a later request of the same tab has replaced it.
-
-        `tab` identifies the browser tab, `turn` is the number of its set-up.
-        """
+    def _turn(self, values: Table) -> tuple[str, int]:
+        """(tab, turn) of a call: the browser tab, and the number of its set-up."""
         tab = checks.text("tab", values.get("tab"))
         turn = checks.whole("turn", values.get("turn"), least=0)
         self._turns[tab] = max(turn, self._turns.of(tab, lambda: turn))
+        return tab, turn
+
+    def _stop(self, values: Table) -> Data:
+        """Stop the work of earlier turns of a tab."""
+        self._turn(values)
+        return {}
+
+    def _in_turn(self, step: Step, values: Table) -> Data:
+        """The answer of a step; {"stale": true} if a later request of the same tab has replaced it,
+        before the step or during it. Files that are being written are completed.
+        """
+        tab, turn = self._turn(values)
         set_up = read(values.get("setup"))
 
-        def work() -> Data:
-            overtaken = self._turns.get(tab, turn) > turn
-            if overtaken:
-                return {"stale": True}
-            return step(set_up, values)
+        def overtaken() -> bool:
+            return self._turns.get(tab, turn) > turn
 
-        return self._computed(work)
+        def work() -> Data:
+            return {"stale": True} if overtaken() else step(set_up, values)
+
+        return self._computed(work, never if step == self._write else overtaken)
 
     def _search_modes(self) -> None:
         """Compute a round of free modes of the last structure, unless the page waits."""
@@ -298,7 +328,11 @@ class Opened:
         if structure is not None:
             return self._structures.of(key, lambda: structure)
         call = scene.structure
-        return self._structures.of(key, lambda: Evaluation(scene.document)(call))
+        self._building = True
+        try:
+            return self._structures.of(key, lambda: Evaluation(scene.document)(call))
+        finally:
+            self._building = False
 
     def _extracted(self, scene: CompiledScene) -> AntiOscillators:
         """The extracted model of a scene."""

@@ -9,14 +9,17 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base import progress
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
+from antiosc.reduce.extraction import krylov
 from antiosc_app import new, set_up
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
@@ -200,6 +203,28 @@ def test_a_call_that_is_overtaken_is_not_computed(opened):
     late = opened.calls["settle"]({"tab": "two", "turn": 6, "setup": setup})
     assert late["stale"]
     assert "blow" not in late
+
+
+def test_work_that_is_stopped_ends_at_its_next_step(opened, monkeypatch):
+    setup = asked(opened)
+    first = call(opened, "settle", setup)
+    models = list(opened._models)
+
+    @contextmanager
+    def doing(text, rank=0):  # the user stops while the model is extracted
+        opened.calls["stop"]({"tab": "three", "turn": 5})
+        with progress.doing(text, rank) as further:
+            yield further
+
+    moved = setup | {"point": [0.05, 0.01, 0.015], "direction": [0.0, 0.0, -1.0]}
+    with monkeypatch.context() as patched:
+        patched.setattr(krylov, "doing", doing)
+        late = opened.calls["settle"]({"tab": "three", "turn": 4, "setup": moved})
+    assert late == {"stale": True}
+    assert list(opened._models) == models
+    again = opened.calls["settle"]({"tab": "three", "turn": 5, "setup": setup})
+    assert again["blow"]["computed"]["peak_force"] == first["blow"]["computed"]["peak_force"]
+    assert opened.calls["settle"]({"tab": "three", "turn": 6, "setup": moved})["settled"]
 
 
 @pytest.mark.slow

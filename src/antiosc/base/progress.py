@@ -57,8 +57,8 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
         lines[index] = f"{text}: {more}"
         _write(rank)
 
-    _write(rank)
     try:
+        _write(rank)
         yield further
     finally:
         del lines[index:]
@@ -67,7 +67,10 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def following(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with the text of this thread's work at each change, and with "" at its end."""
+    """Call `tell` with the text of this thread's work at each change, and with "" at its end.
+
+    What `tell` raises ends the work.
+    """
     _lines.told = tell
     try:
         yield

@@ -17,6 +17,7 @@ const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups tha
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
 const LASTS = 2; // s from which on a stage tells its time
+const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 
@@ -52,6 +53,7 @@ class Bench {
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
     if (!this.pending) clearTimeout(this.asking);
     if (!this.pending) this.stage = "";
+    if (!this.pending) find("stop").hidden = true;
     find("busy").style.visibility = this.pending ? "visible" : "hidden";
   }
 
@@ -68,6 +70,7 @@ class Bench {
     if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
     const seconds = Math.floor((performance.now() - this.began) / 1e3);
     find("doing").textContent = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
+    if (seconds >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
   }
@@ -89,6 +92,16 @@ class Bench {
       }
       return null;
     }
+  }
+
+  // The work for the present set-up is given up at its next step; what is shown stays.
+  async stop() {
+    const blow = this.called === "blow";
+    this.turn += 1;
+    await this.call("stop", { tab: this.tab, turn: this.turn });
+    this.wrong("Stopped: a click or a field strikes again.", false);
+    if (find("case").textContent) find("case").textContent = "stopped before the error bars";
+    if (blow) this.outdated(true);
   }
 
   // Whether the numbers shown are of an earlier set-up, because the present one has no answer.
@@ -219,6 +232,7 @@ class Bench {
     });
     find("finer").hidden = !facts.geometry;
     find("finer").onclick = () => this.change({ finer: !this.setup.finer });
+    find("stop").onclick = () => this.stop();
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
     find("map").onclick = () => this.map();
