@@ -113,6 +113,7 @@ from antiosc.impact.histories.run_end import (
 from antiosc.impact.histories.verdict import (
     contact_zone as contact_zone,
     weaker_side as weaker_side,
+    yield_share as yield_share,
 )
 from antiosc.impact.reference import (
     FIRST_STEPS as FIRST_STEPS,

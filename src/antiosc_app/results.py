@@ -45,7 +45,7 @@ from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.live import mesh_note
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
-from antiosc_app.scene_file.run import SceneResults, varied
+from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
 from antiosc_app.scene_file.scene import probe_times
 
 if TYPE_CHECKING:
@@ -716,7 +716,8 @@ def _sweep(results: SceneResults) -> Presentation:
     for name, unit in QUANTITIES.items():
         table[f"{_words(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force":
-            table |= _bar_column(results.bars)
+            table |= _bar_column([row.budget for row in results.facts])
+    table |= _yield_columns(results.facts)
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
     def draw(ax: Axes) -> None:
@@ -747,6 +748,19 @@ def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
         name, share = "± (%)", "total"
     shares = [budget and getattr(budget["peak_force"], share) for budget in budgets]
     return {name: 100 * np.array(shares, dtype=float)}
+
+
+def _yield_columns(rows: Sequence[RowFacts]) -> Columns:
+    """The columns of forces over that of first yield, and of dents, where one is known."""
+    columns = {
+        "peak/yield force": [row.yield_share for row in rows],
+        "dent (m)": [row.dent for row in rows],
+    }
+    return {
+        name: np.array(values, dtype=float)
+        for name, values in columns.items()
+        if any(value is not None for value in values)
+    }
 
 
 def _sample(results: SceneResults) -> Presentation:

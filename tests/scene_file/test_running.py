@@ -95,6 +95,21 @@ def test_a_sweep_has_the_bars_of_its_runs_and_fails_with_one_of_them(tmp_path, c
     assert bars[0] != pytest.approx(bars[1], rel=0.01)
 
 
+def test_a_sweep_tells_which_contacts_yield(tmp_path):
+    """Slow, by the contact that is found to stay elastic; fast, with the dent of the single run."""
+    ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nmaterial = "bearing steel 100Cr6"\n'
+    surface = '[surface]\nmaterial = "aluminium 6061-T6"\n'
+    scene = BEAM.replace(HIT, f"{surface}{ball}velocity = 1.0\n[simulate]\nduration = 1e-3\n")
+    path = written(tmp_path, f"{scene}[sweep]\nimpactor.velocity = [1e-4, 1.0]\n")
+    assert antiosc("sweep", path, "--out", tmp_path / "out") == 0
+    columns = table(tmp_path / "out/sweep.csv")
+    hit = objects(written(tmp_path, scene, "single.toml")).history
+    assert columns["dent (m)"] == pytest.approx([0.0, hit.dent.depth], rel=2e-3)
+    shares = columns["peak/yield force"]
+    assert shares[0] < 1 < shares[1]
+    assert shares[1] == pytest.approx(hit.peak_force / hit.law.yield_force, rel=2e-3)
+
+
 def test_a_sweep_of_structures_is_many_scenes(tmp_path):
     """Another site and another number of anti-oscillators: each as in a scene of its own."""
     swept = "[sweep]\nsites.middle.node = [9, 14]\nextract.n = [6, 3]\n"

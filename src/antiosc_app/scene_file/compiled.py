@@ -120,7 +120,7 @@ def compiled(document: Document) -> CompiledScene:
         if "worst" not in build.data and meshed:
             scene.worst = Call(worst_by_strengths, arguments)
     scene.batch = run.sweep(build, scene)
-    scene.bars = run.bars_of_sweep(scene.batch)
+    scene.facts = run.facts_of_sweep(scene.batch)
     scene.map = run.surface(build, scene)
     scene.sample = run.monte_carlo(build, scene)
     scene.output = build.table("output")

@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
 from antiosc.base.texts import STOPPED
+from antiosc.extension import yield_share
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
@@ -199,35 +200,54 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
 MOST_BARS = 50
 
 
-def bars_of_sweep(batch: Call | None) -> Call | None:
-    """The call that computes the error budget of each impact of a sweep; None without a sweep."""
+class RowFacts(NamedTuple):
+    """What the run of one impact of a sweep tells beside its numbers.
+
+    budget : its error budget; None if the model was not extracted for one.
+    yield_share : peak force over that of first yield; None if unknown.
+    dent : depth of the dent [m]; 0 where the contact stays elastic; None if unknown.
+    """
+
+    budget: ErrorBudget | None = None
+    yield_share: float | None = None
+    dent: float | None = None
+
+
+def facts_of_sweep(batch: Call | None) -> Call | None:
+    """The call that computes the facts of each impact of a sweep; None without a sweep."""
     if batch is None:
         return None
-    return Call(_bars_of_rows, {"batch": batch, "arguments": batch.arguments})
+    return Call(_facts_of_rows, {"batch": batch, "arguments": batch.arguments})
 
 
-def _bars_of_rows(batch: Batch, arguments: Table) -> list[ErrorBudget | None]:
-    """The error budget of each impact; None if it has none, and in sweeps above `MOST_BARS`."""
+def _facts_of_rows(batch: Batch, arguments: Table) -> list[RowFacts]:
+    """The facts of each impact; all unknown in sweeps above `MOST_BARS`."""
     if len(batch) > MOST_BARS:
-        return [None] * len(batch)
+        return [RowFacts()] * len(batch)
     lists = {name for name, values in arguments.items() if isinstance(values, list)}
-    budgets: list[ErrorBudget | None] = []
+    facts: list[RowFacts] = []
     with progress.counting("error bars of the sweep", len(batch)) as done:
         for i, status in enumerate(batch.status):
             row = {name: x[i] if name in lists else x for name, x in arguments.items()}
             impact = {_SINGULAR.get(name, name): value for name, value in row.items()}
-            budgets.append(None if status == STOPPED else _budget(impact))
+            facts.append(RowFacts() if status == STOPPED else _facts(impact))
             done(i + 1)
-    return budgets
+    return facts
 
 
-def _budget(arguments: Table) -> ErrorBudget | None:
-    """The error budget of an impact; None if its model was not extracted for one."""
-    try:
-        with warnings_to(lambda _: None):  # the batch has told them
-            return antiosc.simulate(**arguments).error_budget
-    except AntioscError:
-        return None
+def _facts(arguments: Table) -> RowFacts:
+    """The facts of an impact."""
+    budget = None
+    with warnings_to(lambda _: None):  # the batch has told them
+        try:
+            hit = antiosc.simulate(**arguments)
+        except AntioscError:
+            return RowFacts()
+        with contextlib.suppress(AntioscError):  # its model was not extracted for it
+            budget = hit.error_budget
+        share = yield_share(hit)
+        dent = 0.0 if share is not None and share <= 1 else hit.dent and hit.dent.depth
+        return RowFacts(budget, share, dent)
 
 
 def _known(build: Builder) -> list[str]:

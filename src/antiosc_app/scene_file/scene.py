@@ -62,7 +62,7 @@ class Objects(Generic[T]):
     probes : name -> signal of [probes].
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
-    bars : the error budget of each impact of [sweep], or None.
+    facts : the error budget of each impact of [sweep], and whether its contact yields.
     fall : result of [drop].
     peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
     found : result of [find].
@@ -78,7 +78,7 @@ class Objects(Generic[T]):
     probes: Mapping[str, T] = field(default_factory=dict)
     stresses: T = MISSING
     batch: T = MISSING
-    bars: T = MISSING
+    facts: T = MISSING
     map: T = MISSING
     sample: T = MISSING
     fall: T = MISSING
@@ -140,7 +140,7 @@ STUDIES = {
     "sweep": Study(
         "batch",
         "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
-        ("structure", "model", "impactor", "batch", "bars"),
+        ("structure", "model", "impactor", "batch", "facts"),
     ),
     "map": Study(
         "map",

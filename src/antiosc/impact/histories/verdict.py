@@ -44,13 +44,23 @@ def yields(contact: OneContact) -> bool:
 
 def yielding_law(contact: OneContact) -> ElasticPlastic | None:
     """The law of a contact that yields, its own or that of its surfaces; None if it does not."""
+    law = _law_with_yield(contact)
+    return law if law is not None and contact.peak_force > law.yield_force else None
+
+
+def yield_share(contact: OneContact) -> float | None:
+    """Peak force over the force from which the contact yields; None if that is unknown."""
+    law = _law_with_yield(contact)
+    return None if law is None else contact.peak_force / law.yield_force
+
+
+def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
+    """The elastic-plastic law of a contact, its own or that of its surfaces; None if none is."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
         choice = choice_at(contact) if isinstance(law, Hertz) else None
         law = law if choice is None else choice.law
-    if isinstance(law, ElasticPlastic) and contact.peak_force > law.yield_force:
-        return law
-    return None
+    return law if isinstance(law, ElasticPlastic) else None
 
 
 def yielding_zones(contacts: Iterable[OneContact], body: str) -> Array:
