@@ -140,6 +140,19 @@ def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
     assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
 
 
+@pytest.mark.parametrize(("peak", "bar"), [(0.996, 0.005), (0.99, 0.012)])
+def test_a_bar_below_the_difference_covers_it(peak, bar):
+    def member(peak_force, own):
+        hit = SimpleNamespace(peak_force=peak_force, impulse=1.0, contact_time=1.0)
+        return Made(SimpleNamespace(hit=hit), SITE, replace(some((1.0, own)).table[0]))
+
+    finest = member(1.0, 0.002)
+    one = member(peak, 0.005).beside(finest)
+    assert one.difference == pytest.approx(1 - peak)
+    assert one.bar == pytest.approx(bar)
+    assert finest.beside(finest) == finest.member
+
+
 def simple(seconds: float) -> SimpleNamespace:
     """An answer that took these seconds."""
     known = {"factorization": 0.25 * seconds}

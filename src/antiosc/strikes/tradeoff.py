@@ -87,7 +87,8 @@ class TradeoffMember:
         runs.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : that of the corrected model [N].
-    bar : largest relative error bar of peak force, impulse and contact time in its error budget.
+    bar : largest relative error bar of peak force, impulse and contact time in its error budget;
+        the sum of the difference and the bar of the finest member where the difference exceeds it.
     difference : largest relative difference of the three quantities from the finest member.
     impulse, contact_time : those of the corrected model [N s], [s].
     method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
@@ -334,7 +335,7 @@ def tradeoff(
 
         hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen)
         fewer = _fewer(meshes, run, BRACKET * tol, started)
-        finest = meshes[-1].answer.hit
+        finest = meshes[-1]
         made = [one for mesh in meshes for one in (*fewer[mesh], mesh)]
         table = tuple(one.beside(finest) for one in made)
         compilation = uncounted_seconds() - compiled
@@ -346,7 +347,7 @@ def tradeoff(
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
         ran, notes = outcomes(blow, compare, told)
-    others = (base.by(name, outcome, finest) for name, outcome in ran.items())
+    others = (base.by(name, outcome, finest.answer.hit) for name, outcome in ran.items())
     return replace(result, others=tuple(others), notes=tuple(notes))
 
 
@@ -358,9 +359,16 @@ class Made:
     site: Site
     member: TradeoffMember
 
-    def beside(self, finest: History) -> TradeoffMember:
-        """The member with its difference from the finest."""
-        return replace(self.member, difference=max(differences(finest, self.answer.hit).values()))
+    def beside(self, finest: Made) -> TradeoffMember:
+        """The member with its difference from the finest, and with a bar that covers it.
+
+        The bar of a coarse mesh of lines may be too small (0.59 % for a difference of 0.87 %): it
+        becomes the sum of the difference and the bar of the finest.
+        """
+        one = self.member
+        apart = max(differences(finest.answer.hit, self.answer.hit).values())
+        bar = one.bar if apart <= one.bar else apart + finest.member.bar
+        return replace(one, difference=apart, bar=bar)
 
     def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
         """The member of another method on the same mesh."""
