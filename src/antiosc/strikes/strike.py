@@ -205,10 +205,15 @@ def struck(
     limit: float | None,
     seen: Seen | None = None,
     prestress: Prestress | None = None,
+    asked: float | None = None,
 ) -> History:
-    """The result of `strike`; `seen` is called with the answer of every mesh and its site."""
+    """The result of `strike`; `seen` is called with the answer of every mesh and its site.
+
+    `asked`: the tolerance that the user gave, of which status and message tell; default: tol.
+    """
     started = time.perf_counter()
     tol = checks.tolerance(tol)
+    asked = tol if asked is None else asked
     order = checks.whole("order", order, least=1, most=2)
     if limit is not None:
         limit = checks.positive("limit", limit, "s")
@@ -224,7 +229,7 @@ def struck(
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        return _finished(answer, tol, [record(answer)], reason)
+        return _finished(answer, tol, asked, [record(answer)], reason)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _begin(place, site, impactor, material, order)
     before: Answer | None = None
@@ -250,7 +255,7 @@ def struck(
                 ratio, reason = _next(answer, mesh, order, tol, limit, started, len(records))
         if reason or met:
             structure.drop_factor()
-            return _finished(answer, tol, records, reason)
+            return _finished(answer, tol, asked, records, reason)
         n = next_n(answer, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
         mesh = place.finer(mesh, ratio)
 
@@ -551,13 +556,20 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     return room
 
 
-def _finished(answer: Answer, tol: float, records: list[MeshRecord], reason: str) -> History:
-    """The history, with its budget and the record of its meshes."""
+def _finished(
+    answer: Answer, aim: float, tol: float, records: list[MeshRecord], reason: str
+) -> History:
+    """The history, with its budget and the record of its meshes.
+
+    `reason`: why the last mesh misses `aim`, which is told if it also misses `tol`.
+    """
     hit = answer.hit
     budget = answer.budget
     model = replace(hit.model, info=replace(hit.model.info, strike=records))
     dofs = ", ".join(str(record["dofs"]) for record in records)
     worst = budget.without_law
+    if aim < tol and budget.numerical <= tol:
+        reason = ""
     story = f"Meshes of {dofs} dofs; bar without law {100 * worst:.2g} % for tol = {100 * tol:g} %."
     if worst > tol and not reason:
         share = max(bar.model for bar in budget.values())

@@ -333,7 +333,7 @@ def tradeoff(
             meshes.append(Made(answer, place, member_of(answer)))
             told(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
 
-        hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen)
+        hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, started)
         finest = meshes[-1]
         made = [one for mesh in meshes for one in (*fewer[mesh], mesh)]
