@@ -72,11 +72,11 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
-from antiosc.reduce.site.doubts import doubtful_patches
+from antiosc.reduce.site.doubts import CUT, doubtful_patches
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
-from antiosc.strikes.map_results import ImpactMap, MapInfo, doubted, hardest
+from antiosc.strikes.map_results import ImpactMap, MapInfo, doubted, doubts_text, hardest
 from antiosc.strikes.map_stresses import largest_stresses
 
 #: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
@@ -253,6 +253,7 @@ def impact_map(
         result = doubted(result, which, reason)
     on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or law is None or duration is None:
+        on_root(structure.comm, partial(_tell_doubts, result))
         return result
     laws = None
     if not with_law:
@@ -266,6 +267,7 @@ def impact_map(
     if not with_law:
         struck = replace(struck, law_error=_law_error(structure, struck))
     thickness = structure.plausibility.get("thickness")
+    on_root(structure.comm, partial(_tell_doubts, struck))
     on_root(structure.comm, partial(_tell_deflection, struck, thickness, stretch))
     return struck
 
@@ -425,6 +427,14 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             " alone does without these modes.",
             AccuracyWarning,
         )
+
+
+def _tell_doubts(result: ImpactMap) -> None:
+    """Warn of the doubtful sites, as the summary counts them."""
+    if result.doubtful.any():
+        remedy = " (a smaller radius leaves fewer)" if CUT in result.reasons else ""
+        doubts = f"{doubts_text(result)}{remedy}"
+        warn(f"left out of the ranges of {len(result)} sites are {doubts}.", AccuracyWarning)
 
 
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:

@@ -243,7 +243,8 @@ def doubted(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
 def doubts_text(impact_map: ImpactMap) -> str:
     """The number of doubtful sites and those of each reason, which add up to it."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
-    total = f"{impact_map.doubtful.sum()} doubtful sites"
+    number = int(impact_map.doubtful.sum())
+    total = f"{number} doubtful site{'s' * (number != 1)}"
     named = [f"{counts[i]} where {reasons[i]}" for i in np.argsort(-counts) if reasons[i]]
     return f"{total}: {', '.join(named)}" if named else total
 

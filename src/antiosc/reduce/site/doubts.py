@@ -26,6 +26,8 @@ SIZE_ROUNDING = 1e-6
 COARSE_SHEET = 8.0
 #: Size of the cells over the thickness above which bending hides this error.
 THIN = 4.0
+#: Name of a reason of `doubtful_patches`.
+CUT = "an edge cuts the patch"
 #: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1
 
@@ -45,9 +47,13 @@ class Doubt(NamedTuple):
     among: str
 
 
-def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
-    """Warn, on rank 0, of sites with an uncertain compliance."""
-    doubts = [doubt for doubt in _doubts(structure, sites) if doubt.which.any()]
+def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = False) -> None:
+    """Warn, on rank 0, of sites with an uncertain compliance.
+
+    `marked`: a map marks and counts those of `doubtful_patches`; they are not told here.
+    """
+    told = _of_mesh(structure, sites) if marked else _doubts(structure, sites)
+    doubts = [doubt for doubt in told if doubt.which.any()]
     if not doubts:
         return
     count = len(sites.points)
@@ -63,16 +69,26 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites) -> None:
 
 def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
     """Reason -> mask (P,) of the sites whose patch does not have the half-space compliance."""
-    return {"an edge cuts the patch": _cut(sites), "supports hold a part of it": _supported(sites)}
+    return {CUT: _cut(sites), "supports hold a part of it": _supported(sites)}
 
 
 def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
     """The reasons for doubts, with the sites of each."""
+    yield from _of_mesh(structure, sites)
+    yield from _of_patches(sites)
+
+
+def _of_mesh(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
+    """The sites whose radius or direction does not suit the mesh."""
     if not structure.kind.point_load:
         yield _points_on_solids(structure, sites)
     yield _coarse(structure, sites)
     if sites.contact is not None and structure.mesh.gdim == 3:  # plane parts: loaded in shear, too
         yield _along_surface(sites, sites.contact.normals, sites.contact.depth)
+
+
+def _of_patches(sites: Sites) -> Iterator[Doubt]:
+    """The sites of `doubtful_patches`."""
     cut = _cut(sites)
     share = percent(sites.share[cut].min(initial=1.0))
     yield Doubt(

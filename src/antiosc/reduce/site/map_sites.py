@@ -283,7 +283,7 @@ def sites_on(
     all_sites = MapSites(candidates, ground.elements, np.arange(count), count, names, dimension)
     result = all_sites.only(keep)
     if keep.any():
-        warn_of_doubts(structure, result.sites)
+        warn_of_doubts(structure, result.sites, marked=True)
     return result
 
 
