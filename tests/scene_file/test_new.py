@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from dataclasses import replace
 
 import meshio
@@ -14,6 +15,7 @@ pytest.importorskip("jinja2")
 
 import antiosc as ao
 from antiosc.extension import Faces
+from antiosc.reduce.site import functional
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
 from paths import DEMOS, MESHES
@@ -204,3 +206,12 @@ def test_a_name_that_no_system_takes_is_told(given, tmp_path, monkeypatch, capsy
     monkeypatch.chdir(tmp_path)
     cli.main(["new", *(each.format(n=300 * "n") for each in given)])
     assert "too long" in "".join(capsys.readouterr())
+
+
+def test_the_patch_of_a_new_scene_is_one_that_its_mesh_resolves():
+    """Facets next to the struck one are larger: the radius is that of all under the patch."""
+    look = inspect_part(MESHES / "bracket.msh")
+    part = ao.Structure(ao.read_mesh(MESHES / "bracket.msh"), ao.Solid(E=7e10, nu=0.3, rho=2700.0))
+    with warnings.catch_warnings(record=True, action="always") as told:
+        functional(part, ao.Site(look.point, look.direction, look.radius))
+    assert [str(one.message) for one in told] == []
