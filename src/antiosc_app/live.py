@@ -515,15 +515,14 @@ def mesh_note(peak: PeakField) -> str:
 def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
-    `beyond` [m]: the distance from a contact that yields, from which on it is judged; `stress_bar`:
-    its error by the mesh, over it.
+    `scope`: where it is judged, as text, "" anywhere; `stress_bar`: its error by the mesh, over it.
     """
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
         if margin is not None and margin.criterion == "yield":
             judged: Data = {"stress": margin.value, "strength": margin.strength}
             judged["stress_bar"] = stress_bar(peak)
-            judged["beyond"] = float(margin.beyond[:, 3].max(initial=0.0))
+            judged["scope"] = margin.scope
             judged["stress_time"] = margin.time
             return judged
     if worst is None:

@@ -154,6 +154,7 @@ def test_the_stress_has_its_error_by_the_mesh(opened):
     peak = ao.peak_field(blow.structure, blow.hit)
     share = peak.largest_mesh_error / peak.values[peak.judged]
     assert found["judged"]["stress_bar"] == pytest.approx(share)
+    assert found["judged"]["scope"] == peak.margin().scope
     told = f"{engineering(found['judged']['stress'], 'Pa')} ± {percent(share)}"
     assert any(told in sentence for sentence in found["verdict"])
 

@@ -335,16 +335,18 @@ def test_a_yield_strength_has_its_verdict(
     assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
     printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
     for text in (printed, page):
-        assert re.search(r"the contact yields; farther than \S+ mm from it yield is", text.lower())
+        assert re.search(
+            r"contact yields; outside 3 radii of contact or patch \(.*? mm\) yield", text.lower()
+        )
         assert "margin of safety" in text
         assert "Thornton" not in text
         assert "g (unfiltered), in impact 1" in text
-        assert text.lower().count("the largest von mises stress,") == 1
-    assert page.index("The contact yields: a dent") < page.index("The contact yields; farther")
+        assert text.lower().count("the largest von mises stress there,") == 1
+    assert page.index("The contact yields: a dent") < page.index("The contact yields; outside")
     (error,) = set(re.findall(r"that force may be off by ([\d.]+ %)", page))
     assert re.search(rf"[\d.]+ k?N ± {error}", page)
     margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
-    assert "the contact yields; farther than" in margin["sentence"]
+    assert "the contact yields; outside 3 radii" in margin["sentence"]
     assert margin["contact"]
     assert all(len(ball) == 4 for ball in margin["beyond"])
     assert margin["margin"] == pytest.approx(1 / margin["exposure"] - 1)

@@ -30,7 +30,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory
-from antiosc.impact.histories.verdict import yielding_zones, yields
+from antiosc.impact.histories.verdict import CONTACT_RADII, yielding_zones, yields
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of
 
@@ -93,23 +93,35 @@ class Margin(ReprMixin):
         return self.exposure >= 1
 
     @property
+    def scope(self) -> str:
+        """Where the margin holds: "outside 3 radii of contact or patch (4.2 mm)"; "": anywhere."""
+        if not len(self.beyond):
+            return ""
+        ends = dict.fromkeys(engineering(end(self.beyond[:, 3]), "m", 2) for end in (min, max))
+        radii = " to ".join(ends)
+        if not self.contact:
+            return f"farther than {radii} from what is left out"
+        return f"outside {CONTACT_RADII:g} radii of contact or patch ({radii})"
+
+    @property
     def sentence(self) -> str:
         """The result in one sentence."""
         name = CRITERIA[self.criterion][1]
+        there = " there" if self.scope else ""
         where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
         if self.criterion == "yield":
             used = (
-                f"the largest von Mises stress, {engineering(self.value, 'Pa')} {where}, is "
+                f"the largest von Mises stress{there}, {engineering(self.value, 'Pa')} {where}, is "
                 f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
             )
         else:
-            used = f"the largest exposure by {name} is {self.exposure:.3g}, {where}"
+            used = f"the largest exposure{there} by {name} is {self.exposure:.3g}, {where}"
         margin = f"margin of safety {self.margin:.3g}"
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             largest = engineering(self.nearer.value, "Pa")
-            margin += f"; nearer up to {largest} at {point_text(self.nearer.point)}"
+            margin += f"; nearer, up to {largest} at {point_text(self.nearer.point)}"
         return f"{self._verdict}: {used}; {margin}"
 
     @property
@@ -117,14 +129,10 @@ class Margin(ReprMixin):
         """Sentence on whether yield or failure is reached, and on what the margin leaves out."""
         what = CRITERIA[self.criterion][0]
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
-        if len(self.beyond):
-            ends = dict.fromkeys(engineering(end(self.beyond[:, 3]), "m", 2) for end in (min, max))
-            apart = f"farther than {' to '.join(ends)} from"
-            if not self.contact:
-                return f"{apart} what is left out {verdict}"
-            verdict = f"{apart} it {verdict}"
+        if self.scope:
+            verdict = f"{self.scope} {verdict}"
         elif self.contact:
-            verdict = "apart from it"
+            verdict = f"apart from it {verdict}"
         return f"the contact yields; {verdict}" if self.contact else verdict
 
     def __str__(self) -> str:

@@ -191,8 +191,9 @@ class Page {
       input.setAttribute("aria-valuetext", output.value);
     }
     const computed = this.sites ? this.computed_here() : this.compared();
-    for (const [name, , unit] of this.rows) {
+    for (const [name, label, unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
+      if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
       const plain = name === "contacts" ? String(value) : engineering(value, unit);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       now.textContent = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : plain;
@@ -228,7 +229,7 @@ class Page {
 
   // The sentences of the headline: those of the computed case, or what is known of the present one.
   say(hit) {
-    const live = { contact: () => contact_sentence(hit, this.blow.law.yields), stress: () => stress_sentence(hit.stress, this.data.strength, this.data.beyond) };
+    const live = { contact: () => contact_sentence(hit, this.blow.law.yields), stress: () => stress_sentence(hit.stress, this.data.strength, this.data.scope) };
     const block = this.said.length ? this.said[0].p.parentElement : null;
     if (block) block.style.minHeight ||= `${block.offsetHeight}px`; // what is below does not jump
     if (block) block.classList.toggle("now", !this.at_start());

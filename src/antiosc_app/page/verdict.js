@@ -34,11 +34,10 @@ function contact_sentence(hit, yields) {
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}.`;
 }
 
-// The largest stress of the part; "" until the picture has followed the sliders.
-function stress_sentence(value, strength, beyond) {
+// The largest stress of the part, in the scope that is judged; "" until the picture has followed the sliders.
+function stress_sentence(value, strength, scope) {
   if (!Number.isFinite(value)) return "";
-  const where = beyond ? `Farther than ${engineering(beyond, "m", 2)} from the contact the` : "The";
-  const about = `${where} largest von Mises stress is about ${engineering(value, "Pa")}`;
+  const about = `The largest von Mises stress${scope ? ` ${scope}` : ""} is about ${engineering(value, "Pa")}`;
   return strength ? `${about}, ${general(value / strength)} of the yield strength ${engineering(strength, "Pa")}.` : `${about}.`;
 }
 
