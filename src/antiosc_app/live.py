@@ -546,20 +546,27 @@ def _absorbed(hit: History) -> str:
 
 def has_bars(structure: Structure) -> bool:
     """Whether `extract(…, error="estimate")` accepts a structure."""
+    return not without_bars(structure)
+
+
+def without_bars(structure: Structure) -> str:
+    """Sentence why `extract(…, error="estimate")` refuses a structure; "" if it accepts it."""
     from antiosc.extension import ModelErrors, refuse_dampers
 
     try:
         refuse_dampers(structure, "an error bar")
         ModelErrors(structure)
-    except InputError:
-        return False
-    return True
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _accuracy(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence on what limits the accuracy, and the remedy."""
     if budget is None:
         reason = "There is no error bar, for the mesh's error is not estimated"
+        if structure is not None and structure.matrices.assembled:
+            return f"{reason}: {without_bars(structure)}"
         if structure is None or not has_bars(structure):
             return f"{reason}."
         return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'

@@ -42,7 +42,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import mesh_note
+from antiosc_app.live import mesh_note, without_bars
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
@@ -390,8 +390,11 @@ def _impact(results: SceneResults) -> Presentation:
         bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
+    part = results.structure
+    jointed = budget is None and part is not None and part.matrices.assembled
+    bar = without_bars(part) if jointed else str(budget or "")
     return Presentation(
-        text=[hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])],
+        text=[hit.summary(), doubt, bar, format_rows([*probe_rows, *stresses])],
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -215,3 +216,12 @@ def test_the_patch_of_a_new_scene_is_one_that_its_mesh_resolves():
     with warnings.catch_warnings(record=True, action="always") as told:
         functional(part, ao.Site(look.point, look.direction, look.radius))
     assert [str(one.message) for one in told] == []
+
+
+def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, capsys):
+    deck = Path(__file__).parents[1] / "decks/rigid_body.inp"
+    assert cli.main(["new", str(tmp_path / "a.toml"), str(deck)]) == 0
+    page = tmp_path / "a.html"
+    assert cli.main(["run", str(tmp_path / "a.toml"), "--report", str(page)]) == 0
+    for told in (capsys.readouterr().out, page.read_text()):
+        assert "a rigid body, a coupling or a spring of a deck makes one of a single part" in told

@@ -17,6 +17,12 @@ from antiosc.reduce.site import Functional
 
 #: Message for matrices.
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
+#: Message for assemblies.
+JOINTED = (
+    "the mesh's error is estimated of one mesh without joints, and this is an assembly (a rigid"
+    " body, a coupling or a spring of a deck makes one of a single part, too): compare two element"
+    " sizes."
+)
 #: Element family -> reason why a recovery of strains does not show its errors.
 WHY = {
     "beam": (
@@ -59,6 +65,8 @@ class ModelErrors:
                 "error='estimate' is for models of one site: extract each site by itself, or leave "
                 "error=None."
             )
+        if structure.matrices.assembled:
+            raise InputError(JOINTED)
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
         self._errors: MeshErrors = HalvedBeams(part) if part.kind.name == "beam" else _of_part(part)
