@@ -1,14 +1,17 @@
 """What becomes of a folder of files by others: `antiosc new`, then `antiosc run --report`.
 
 `python benchmarks/foreign_files.py FOLDER` prints a line for each file. A file is "clean" if both
-commands end with 0 and the report is written; "told" if `new` ends with 1 and one sentence; "wrong"
-if only the run fails; "aborted" if a process died of a signal. `--only new` leaves the run out.
+commands end with 0 and the report is written; "told" if `new` ends with 1 and says why; "late" if a
+command was ended at its limit; "wrong" if only the run fails; "aborted" if a process died of a
+signal. `--only new` leaves the run out.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -23,6 +26,8 @@ ENDINGS = {
     *(".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb", ".unv", ".med", ".msh", ".vtu", ".vtk"),
     *(".e", ".exo", ".ex2", ".g", ".mphtxt", ".k", ".rad", ".sldprt"),
 }
+#: Exit code of a command that was ended at its limit.
+LATE = 124
 #: Width of the column of names, and of the sentences.
 NAME, SENTENCE = 44, 150
 
@@ -39,13 +44,21 @@ class Outcome:
 def command(arguments: list[str], folder: str, limit: float) -> tuple[int, str]:
     """(exit code, what it printed) of `antiosc` with these arguments."""
     line = [sys.executable, "-m", "antiosc", *arguments]
+    process = subprocess.Popen(
+        line,
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
     try:
-        done = subprocess.run(
-            line, cwd=folder, timeout=limit, text=True, capture_output=True, check=False
-        )
+        said, _ = process.communicate(timeout=limit)
     except subprocess.TimeoutExpired:
-        return 124, f"longer than {limit:g} s"
-    return done.returncode, f"{done.stdout}{done.stderr}".strip()
+        os.killpg(process.pid, signal.SIGKILL)  # compilers too, which hold the pipe open
+        process.communicate()
+        return LATE, f"longer than {limit:g} s"
+    return process.returncode, said.strip()
 
 
 def outcome(file: Path, limit: float, only_new: bool) -> Outcome:
@@ -53,22 +66,29 @@ def outcome(file: Path, limit: float, only_new: bool) -> Outcome:
     started = _seconds()
     with tempfile.TemporaryDirectory() as folder:
         code, text = command(["new", "scene.toml", str(file)], folder, limit)
-        verdict = "clean" if code == 0 else "told" if code == 1 else "wrong"
+        verdict = "clean" if code == 0 else "told" if code == 1 and _why(text) else "wrong"
         if code == 0 and not only_new:
             run = ["run", "scene.toml", "--report", "report.html"]
             code, text = command(run, folder, limit)
             if code or not Path(folder, "report.html").exists():
                 verdict = "wrong"
-    if code < 0 or "Traceback" in text:
+    if code == LATE:
+        verdict = "late"
+    elif code < 0 or "Traceback" in text:
         verdict = "aborted"
     return Outcome(verdict, _seconds() - started, _said(text))
+
+
+def _why(text: str) -> list[str]:
+    """The lines by which the command says why it ended."""
+    said = ("antiosc:", "Fatal", "scene.toml:")
+    return [line for line in text.splitlines() if line.startswith(said)]
 
 
 def _said(text: str) -> str:
     """The line that says what happened."""
     lines = [line for line in text.splitlines() if line.strip()]
-    told = [line for line in lines if line.startswith(("antiosc:", "Fatal", "scene.toml:"))]
-    return (told or lines or ["nothing said"])[-1][:SENTENCE]
+    return (_why(text) or lines or ["nothing said"])[-1][:SENTENCE]
 
 
 def _seconds() -> float:
