@@ -1,4 +1,4 @@
-"""What other packages use of antiosc besides its public names: readers, studies, reports.
+"""Names that other packages use of antiosc besides its public names: readers, studies, reports.
 
 `MODULES` are open as a whole, by their paths: the rooms that need NumPy and SciPy alone, below the
 impacts, and a few others, of the packages beside it too. The stub `extension.pyi` lists single

@@ -1,4 +1,4 @@
-"""Contact laws, and what they tell: `antiosc.laws.Hertz`."""
+"""Contact laws and their results: `antiosc.laws.Hertz`."""
 
 from antiosc.base import lazily
 

@@ -1,4 +1,4 @@
-"""Results, and what is computed from them: `antiosc.results.History`, `results.von_mises`."""
+"""Results, and functions of them: `antiosc.results.History`, `results.von_mises`."""
 
 from antiosc.base import lazily
 

@@ -1,4 +1,4 @@
-"""The commands on scene files: what each prints, writes and returns."""
+"""The commands on scene files: their output, the files that they write, and their exit codes."""
 
 from __future__ import annotations
 

@@ -285,9 +285,10 @@ def export(
     """Write an impact, a scene, or a model alone for another program.
 
     ==========  ==================================================================================
-    ending      what is written
+    ending      content
     ==========  ==================================================================================
-    ``.fmu``    FMI 2.0 or 3.0 for co-simulation, with C sources and the binaries at hand. An impact
+    ``.fmu``    FMI 2.0 or 3.0 for co-simulation, with C sources and the available binaries. An
+    impact
                 or a scene runs by itself and gives forces and motions. A model alone is a port:
                 forces on its sites are inputs, their motions outputs; its motion under them is
                 exact.
@@ -319,7 +320,7 @@ def export(
     ------
     InputError
         For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
-        or a source that the file cannot hold; nothing is written then.
+        or a source that the file cannot represent; nothing is written then.
     """
     exported, file = checks.what_and_path(source, path)
     ending = ending_of(file)

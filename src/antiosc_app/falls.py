@@ -129,7 +129,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
-    """Sentences on yielding of part and contacts, and on what limits the accuracy."""
+    """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
     sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
         sentences += [worst.margin().sentence, worst.doubt]

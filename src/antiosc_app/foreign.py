@@ -74,7 +74,7 @@ class ForeignPart:
 
 
 def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> ForeignPart:
-    """Read or mesh a part; `free`: a deck without its supports; `unit`: of the file, if known.
+    """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
 
     Raises
     ------

@@ -400,7 +400,7 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
 
 
 def _softest(impact_map: ImpactMap) -> str:
-    """Sentence on the site that gives way most to a static force."""
+    """Sentence on the site with the largest static compliance."""
     k0 = impact_map.models.k0
     i = min(trusted(impact_map), key=lambda site: k0[site])
     stiffness = engineering(float(k0[i]), "N/m")
@@ -562,7 +562,7 @@ def without_bars(structure: Structure) -> str:
 
 
 def _accuracy(budget: ErrorBudget | None, structure: Structure | None) -> str:
-    """Sentence on what limits the accuracy, and the remedy."""
+    """Sentence on the cause that limits the accuracy, and the remedy."""
     if budget is None:
         reason = "There is no error bar, for the mesh's error is not estimated"
         if structure is not None and structure.matrices.assembled:
@@ -593,9 +593,7 @@ def caption(data: Data) -> str:
 
 
 def striker_place(hit: History, blow: Data) -> Data | None:
-    """The striker's place in the picture, and what is drawn of it; None for a site without
-    coordinates.
-    """
+    """The striker's place in the picture and its drawing; None for a site without coordinates."""
     points = list(site_points(hit.model).values())
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:

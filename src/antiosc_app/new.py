@@ -165,7 +165,7 @@ class Inspection:
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
     material : name of the material; unused for a deck.
     bars : whether its models have error bars of mesh and truncation.
-    points, faces, held : nodes (P, 3), corners (F, k), mask of held nodes: for the picture.
+    points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
     flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
@@ -262,7 +262,7 @@ class Inspection:
         return [*sentences, *aligned(self.taken(drop))]
 
     def unit_text(self) -> str:
-        """The unit of the file; of a mesh, which states none, with the size in others."""
+        """The unit of the file; for a mesh, which states none, with its size in other units."""
         from antiosc.io.neutral import UnitSystem
 
         unit = str(self.read["unit"])
@@ -336,7 +336,7 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
 def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Inspection:
     """Read or mesh the file of a part and inspect it.
 
-    `free`: a deck without its supports; `unit`: of the file, if it is known.
+    `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known.
 
     Raises
     ------
@@ -509,7 +509,7 @@ def _held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
 def _far_from(
     held: Array, least: float, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """The sites; those nearer than `least` [m] to held points (n, 3) come last."""
+    """The sites; those nearer than `least` [m] to fixed points (n, 3) come last."""
     if not len(held):
         yield from sites
         return
@@ -716,7 +716,7 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
 
 
 def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
-    """Distances of points (n, 3) from the nearest held node; all equal for a free part."""
+    """Distances of points (n, 3) from the nearest fixed node; all equal for a free part."""
     if not supported.any():
         return np.ones(len(points))
     return np.asarray(cKDTree(x[supported]).query(points)[0])
@@ -843,7 +843,7 @@ Physical Curve("clamp") = {4};
 def text(name: str, source: str, inspection: Inspection | None, drop: bool = False) -> str:
     """The scene as text; `source` is the part's file as the scene names it.
 
-    `inspection`: of the part, if it exists. `drop`: it falls.
+    `inspection`: that of the part, if it exists. `drop`: whether the part falls.
     """
     ending = Path(source).suffix.lower()
     deck = ending in DECK_ENDINGS if inspection is None else inspection.of_deck
@@ -921,7 +921,7 @@ def write_scene(
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
-    `material`: name of the material of a part that is no deck; `unit`: of the file.
+    `material`: name of the material of a part that is no deck; `unit`: unit of the file.
 
     Raises
     ------

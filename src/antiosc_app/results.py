@@ -64,7 +64,7 @@ class Picture:
 
     Attributes
     ----------
-    heading, caption : what it shows, with units.
+    heading, caption : description of the picture, with units.
     draw : function that writes it to a file with this ending.
     same_view : whether it shows the same as the previous picture, and is left out if that failed.
     """

@@ -1,4 +1,4 @@
-"""A page and its calls for the browser of this user on this machine, and for nobody else.
+"""A page and its calls for the browser of this user on this machine, closed to all others.
 
 The server listens on 127.0.0.1. The page's address contains a random token, and each call repeats
 it in a header that foreign pages cannot send. A foreign Host (DNS rebinding) or Origin is refused,

@@ -53,7 +53,7 @@ class InspectedFile(NamedTuple):
     ----------
     name : name of the file.
     look : the inspected part.
-    faces : name -> table of the support that holds this face.
+    faces : name -> table of the support that fixes this face.
     geometry : whether it is meshed here.
     """
 
@@ -162,7 +162,7 @@ def read(values: object) -> SetUp:
 
 
 def _as_tuples(table: Table, names: Sequence[str]) -> None:
-    """Turn the lists of a table into tuples, in place; InputError for what is no list."""
+    """Turn the lists of a table into tuples, in place; InputError for a value that is no list."""
     for name in names:
         values = table.get(name, [])
         if not isinstance(values, list):
@@ -227,7 +227,7 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
 
 
 def face_of(source: InspectedFile, name: object) -> Mapping[str, Any]:
-    """The table of the support that holds a face."""
+    """The table of the support that fixes a face."""
     if not isinstance(name, str) or name not in source.faces:
         raise InputError(f"the part has no face {checks.shown(name)}.")
     return source.faces[name]

@@ -1,4 +1,4 @@
-"""The skin of a part for the page that opens it, and the faces that can be held."""
+"""The skin of a part for the page that opens it, and the faces that can be fixed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class PageSkin(NamedTuple):
     Attributes
     ----------
     data : data for the page; `tags` (T,) number the faces from 1, 0 for none.
-    faces : name -> support that holds it; groups of edges and points have no triangles.
-    held : names of the faces that a new scene holds.
+    faces : name -> support that fixes it; groups of edges and points have no triangles.
+    held : names of the faces that a new scene fixes.
     """
 
     data: Data
@@ -69,7 +69,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:
-    """The groups that can be held (faces, edges and points), the largest first."""
+    """The groups that can be fixed (faces, edges and points), the largest first."""
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()
@@ -79,7 +79,7 @@ def _groups(mesh: Mesh) -> dict[str, Held]:
 
 
 def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
-    """(faces with the plane at which a new scene supports the part, names of the held ones)."""
+    """(faces with the plane at which a new scene supports the part, names of the fixed ones)."""
     if look.of_deck:
         return {}, []
     if look.where:

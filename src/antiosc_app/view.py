@@ -103,7 +103,7 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
 
 
 def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
-    """Serve the page of a file until Ctrl-C; `unit`: of the file, if it is known."""
+    """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known."""
     shown = _shown(_file(path), None, NOBODY, unit)
     say(f"{path} is open at {shown.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:

@@ -2,8 +2,8 @@
 
 A deck is parsed into an `antiosc.io.deck.Deck` (`abaqus_mesh`, `nastran_mesh`), with rows instead
 of the numbers of the file. Its elements become cells of one mesh (`antiosc.io.conversion`), and its
-materials, sections, supports and masses a model in SI units (`abaqus_model`, `nastran_model`; of
+materials, sections, supports and masses a model in SI units (`abaqus_model`, `nastran_model`; for
 both: `properties`, `constraints`, `builder`, `finished`). antiosc finds the readers by entry
-points, and `read_model` (`from_deck`): a deck as a structure, with what its shared
-nodes and constraints join (`shared_nodes`). These two alone need the finite elements.
+points, and `read_model` (`from_deck`): a deck as a structure, joined at shared nodes and by
+constraints (`shared_nodes`). These two alone need the finite elements.
 """

@@ -93,7 +93,7 @@ class Scope(ABC):
         return int(nodes[0])
 
     def elements(self, word: str, place: DeckPlace) -> IntArray:
-        """Rows of the cells that a number or the name of an element set stands for."""
+        """Rows of the cells of a number or of a named element set."""
         rows = self.rows("ELSET", word, place)
         return rows[rows < OTHER]
 
@@ -407,7 +407,7 @@ def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
 
 
 def _option_fate(card: Card, option: str) -> Fate:
-    """What is done with one option of a card; the card itself is read."""
+    """The treatment of one option of a card; the card itself is read."""
     known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
     values = known.get(option, "").split("|")
     value = "".join(card.option(option).split()).upper()

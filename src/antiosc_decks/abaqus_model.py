@@ -32,7 +32,7 @@ NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
-    """The deck's model in SI units; its groups and fixed nodes go into the deck."""
+    """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     top = whole.instances[""]
     first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
     whole.account.refuse(BETWEEN_PIECES, alone=whole.deck.piece is not None)

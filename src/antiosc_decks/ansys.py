@@ -137,7 +137,7 @@ def _property(archive: Archive, label: str, number: str, value: str, place: Deck
 
 
 def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
-    """(where reals begin, width of an integer, of a real) in a format such as (3i9,6e21.13e3)."""
+    """(start of the reals, width of an integer, width of a real) in a format as (3i9,6e21.13e3)."""
     text, place = next(rows)
     whole = [(int(n), int(width)) for n, width in re.findall(r"(\d+)i(\d+)", text.lower())]
     place.needs(whole, f"the format of a block is as (3i9,6e21.13e3); got {text.strip()[:40]!r}.")

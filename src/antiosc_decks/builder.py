@@ -229,7 +229,7 @@ class ModelBuilder:
                 yield self.names[number], self.families[number], float(value), members
 
     def tell_once(self, ignored: str) -> None:
-        """Report what is ignored, once for all elements that it concerns."""
+        """Report an ignored property once for all elements that it concerns."""
         if ignored not in self.ignored:
             self.ignored.append(ignored)
 

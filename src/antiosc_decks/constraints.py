@@ -146,7 +146,7 @@ class DeckConstraints:
         return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
 
     def _used(self, node: int) -> bool:
-        """Whether a node is one of elements."""
+        """Whether a node belongs to an element."""
         return node < len(self.deck.points) and bool(self.used[node])
 
     def point(self, x: Array) -> int:

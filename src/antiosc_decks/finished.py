@@ -1,4 +1,4 @@
-"""The model of a deck: what its reader has collected, checked and joined; rods and shear panels.
+"""The model of a deck, completed, checked and joined; rods and shear panels.
 
 Supports, joints and masses on nodes of elements that are not chosen are left out. A support on an
 edge fixes the whole edge; a fixed middle node between free ends is fixed by a constraint.
@@ -378,7 +378,7 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
 
 
 def _keep(builder: ModelBuilder, mask: BoolArray) -> None:
-    """Keep the elements of `mask`; remove the others and what acts only on their nodes."""
+    """Keep the elements of `mask`; remove the others, and joints and masses only on their nodes."""
     if mask.all():
         return
     deck = builder.deck

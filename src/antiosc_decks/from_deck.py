@@ -206,9 +206,9 @@ def read_model(
     solver
         As for `Structure`.
 
-    The mesh's groups are the deck's sets; supports hold the motions that the deck holds in its
-    model and in its first step. B32 become two straight `Beam` elements each; a layered or
-    orthotropic shell becomes a `Laminate`.
+    The mesh's groups are the deck's sets; supports fix the motions that the deck fixes in its model
+    and in its first step. B32 become two straight `Beam` elements each; a layered or orthotropic
+    shell becomes a `Laminate`.
 
     Solids, shells and beams with common nodes, and elements joined by equations, multi-point
     constraints, rigid bodies, couplings, ties and springs, become one assembly of up to four parts:
@@ -221,7 +221,7 @@ def read_model(
     ------
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, names
-        of nodes, elements and sets that the deck does not define, and what is not supported and
+        of nodes, elements and sets that the deck does not define, and unsupported content that
         would change the result: contact pairs, cyclic symmetry, bolts with pre-tension, element
         types that no family carries. The message names the line.
 

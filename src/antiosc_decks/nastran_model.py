@@ -255,7 +255,7 @@ class NastranJoints:
                     self.builder.link(entry.name, what, terms, value, entry.place)
 
     def _constants(self, name: str, prop: Entry) -> Constants:
-        """(stiffnesses, dampings) of the six motions; what is ignored is reported."""
+        """(stiffnesses, dampings) of the six motions; ignored fields are reported."""
         tell = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CVISC":  # along the line, and against the twist about it
@@ -415,7 +415,7 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
 
 
 def model_of(deck: NastranDeck, units: UnitSystem, density: float | None) -> Model:
-    """The deck's model in SI units; its groups and fixed nodes go into the deck."""
+    """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     deck.account.refuse()
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")

@@ -128,7 +128,7 @@ class Properties:
             self.builder.tell_once(f"{message}, it is spread over the section")
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PSOLID."""
+        """Add the solids of a PSOLID entry."""
         material = self._material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
@@ -147,7 +147,7 @@ class Properties:
         self.builder.add(name, elements, family)
 
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PCOMPS, whose layers must be of one isotropic material: a solid."""
+        """Add the solid of a PCOMPS entry, whose layers must be of one isotropic material."""
         numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
         plain = Entry("PCOMPS", entry.place, [name, *numbers])
         one_isotropic = len(numbers) == 1 and self._material(plain, 1).isotropic is not None
@@ -155,7 +155,7 @@ class Properties:
         self._solid(plain, name, elements)
 
     def _rods(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PROD, PTUBE or CONROD."""
+        """Add the rods of a PROD, PTUBE or CONROD entry."""
         k = 3 if entry.name == "CONROD" else 1
         if entry.name == "PTUBE":
             outer = entry.real(2, None)
@@ -178,7 +178,7 @@ class Properties:
         self.builder.add("rods", elements, GroupSection("Truss", arguments, entry.place))
 
     def _panels(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PSHEAR."""
+        """Add the shear panels of a PSHEAR entry."""
         t, extra, *sides = entry.real(2, None), *entry.reals(3, 6)
         entry.needs(t > 0, "PSHEAR needs a thickness above 0.")
         arguments = self.builder.isotropic(self._material(entry, 1), "shear panels")
@@ -236,7 +236,7 @@ class Properties:
             self.builder.add(group, elements[members], GroupSection("Beam", arguments, entry.place))
 
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PSHELL."""
+        """Add the shells of a PSHELL entry."""
         number = entry.text(0)
         for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
             if not entry.text(k) and entry.text(other):
@@ -335,7 +335,7 @@ class Properties:
         }
 
     def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add PCOMP or PCOMPG."""
+        """Add the laminates of a PCOMP or PCOMPG entry."""
         plies = []
         material = ""
         thickness = ""

@@ -54,7 +54,7 @@ class _Sink:
         return self.place
 
     def flush(self) -> None:
-        """Do nothing: what is written reaches the disk when the file is closed."""
+        """Do nothing: the content reaches the disk when the file is closed."""
 
 
 @contextmanager

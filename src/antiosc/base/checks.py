@@ -252,7 +252,7 @@ def can_broadcast(*values: NDArray[np.generic]) -> bool:
 
 
 def read_only(values: NDArray[S]) -> NDArray[S]:
-    """A read-only copy: later changes of the caller's array do not reach what is stored."""
+    """A read-only copy: later changes of the caller's array do not change the stored one."""
     floats = np.array(values)
     floats.setflags(write=False)
     return floats
@@ -311,7 +311,9 @@ def path(name: str, value: object) -> Path:
 
 
 def what_and_path(what: Any, path: Any) -> tuple[Any, Any]:
-    """What is written and its path, in this order, also where the caller gave the path first."""
+    """The object that is written and its path, in this order, also if the caller gave the path
+    first.
+    """
     if isinstance(what, str | os.PathLike):
         return (path, what)
     return (what, path)
@@ -331,7 +333,7 @@ def new_file(name: str, value: object) -> Path:
 def function(
     name: str, value: object, what: str = "a function", count: int | None = None
 ) -> Callable[..., Any]:
-    """`value` if it can be called, with `count` arguments, or InputError; `what` says which."""
+    """`value` if it can be called, with `count` arguments, or InputError; `what` describes it."""
     if not callable(value):
         raise InputError(f"{name} must be {what}; got {shown(value)}.")
     if count is not None:
@@ -473,12 +475,12 @@ Check = Callable[[str, object], object]
 
 
 def checked_by(check: Callable[..., object], *others: object) -> Mapping[str, Check]:
-    """Metadata of a field that holds `check(name, value, *others)` of the value given for it."""
+    """Metadata of a field that stores the result of `check(name, value, *others)`."""
     return {"check": (lambda name, value: check(name, value, *others)) if others else check}
 
 
 class Checked(FieldsRepr):
-    """Base of frozen dataclasses whose fields say by which function they are checked.
+    """Base of frozen dataclasses whose fields name the function that checks them.
 
     A field with the default None may be None.
     """

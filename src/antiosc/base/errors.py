@@ -154,7 +154,7 @@ NEAREST = 5
 def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     """ "its groups are: 'a', 'b'", or of many "the nearest of its groups (90) are: 'a', 'b'".
 
-    `what` : the noun, as "its groups".
+    `what` : the noun of the sentence, as "its groups".
     """
     listed = sorted(names)
     if len(listed) <= FEW:

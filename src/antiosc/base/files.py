@@ -139,7 +139,7 @@ def table_text(text: str) -> str:
 
 
 def write_through(path: Path, content: bytes) -> None:
-    """Write a file, and wait until it is on the disk; for folders that nobody reads from yet."""
+    """Write a file, and wait until it is on the disk; for folders that no process reads yet."""
     path.write_bytes(content)
     _sync(path)
 
@@ -167,7 +167,7 @@ def _exchanged(first: Path, second: Path) -> bool:
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
-    """The error that says which file the system refuses to write, and why."""
+    """The error that names the file that the system refuses to write, and the reason."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")
 

@@ -1,4 +1,4 @@
-"""Materials by name: what `materials.toml` holds, each number with its source."""
+"""Materials by name: the content of `materials.toml`, each number with its source."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class MaterialRecord:
     rho : density [kg/m^3].
     yield_strength : yield strength [Pa]; None for a material that does not yield (`brittle`).
     yield_range : lowest and highest yield strength of the sources [Pa], or None.
-    rate : D [1/s] and q of Cowper and Symonds, and of what strength [Pa] if not of the yield
-        strength; None: not in the sources.
+    rate : D [1/s] and q of Cowper and Symonds, and the strength [Pa] that grows if it is not the
+        yield strength; None: not in the sources.
     loss : loss factor; 0: not in the sources.
     source, note : sources of the numbers (read, or from memory), and their limits.
     typical : numbers that no available source gives, with their range; "" for none.

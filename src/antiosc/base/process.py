@@ -1,4 +1,4 @@
-"""The process: what packages change in it, its BLAS threads, and the free memory of its machine.
+"""The process: changes made by packages, its BLAS threads, and the free memory of its machine.
 
 **Packages.** FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx
 changes the flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the
@@ -63,8 +63,8 @@ _lock = threading.RLock()
 def restored() -> Iterator[None]:
     """Restore logging, warnings, environment, paths, loader flags and locale at the end.
 
-    One thread at a time. What other threads do to the environment and the module path meanwhile
-    stays.
+    One thread at a time. Changes that other threads make to the environment and the module path
+    meanwhile stay.
     """
     with _lock:
         yield from _restored()
@@ -453,7 +453,7 @@ def shortage(what: str, need: float, free: float) -> str:
 def allocation_failed(
     what: str, error: BaseException | None = None, remedy: str = MEMORY_REMEDY
 ) -> OutOfMemoryError:
-    """The error for an allocation that failed in `what`."""
+    """The error for an allocation that failed in the step `what`."""
     said = "" if error is None else f" ({str(error) or 'Python itself'})"
     return OutOfMemoryError(f"{what} ran out of memory{said}: {remedy}.")
 

@@ -1,6 +1,6 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-Where the amount of work is known, the line tells what remains of it.
+If the amount of work is known, the line shows the remaining share.
 
 A notebook shows the line below the cell, and in the end how long the work took. Nothing is written
 to files and pipes, and on MPI ranks other than the first.

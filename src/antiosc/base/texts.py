@@ -212,8 +212,8 @@ PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     """A number with this many significant digits and a prefix of its unit, as "2.20 kN".
 
-    Masses below 1 kg are written in grams, speeds below 0.1 m/s in mm/s; a dash for what is not
-    finite.
+    Masses below 1 kg are written in grams, speeds below 0.1 m/s in mm/s; a dash stands for numbers
+    that are not finite.
     """
     value = float(value)
     if not isfinite(value):

@@ -393,7 +393,7 @@ def energies(states: Array, omega: Array) -> Array:
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
-    """Time integral [N s] and peak [N], (C, 2), of the force (n, m) in a row over C spans.
+    """Time integral [N s] and peak [N], (C, 2), for the force (n, m) of a row over C spans.
 
     Each of `spans` (C, 2) is a first step and the step behind the last one.
     """
@@ -408,8 +408,8 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
 def compare(
     time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
 ) -> tuple[float, float, float]:
-    """Differences between the forces of two runs: (force, peak, time), of the contact that differs
-    most.
+    """Differences between the forces of two runs: (force, peak, time) of the contact with the
+    largest.
 
     `force`: relative difference, the larger of the L2 norm's and the impulse's; `peak`: relative
     difference of the peak forces; `time`: instant [s] up to which the L2 norm of the difference is

@@ -44,8 +44,8 @@ class Run:
     steps : number of steps taken.
     attempts : number of steps tried, including those given up for shorter ones.
     refused : number of steps given up because of their error.
-    gained : largest energy [J] of the bodies beyond what was supplied to them.
-    highest : largest energy [J] that was there or was supplied.
+    gained : largest energy [J] of the bodies beyond the supplied energy.
+    highest : largest energy [J] that was present or supplied.
     """
 
     time: Array

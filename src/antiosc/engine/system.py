@@ -1,4 +1,4 @@
-"""What the march integrates: modes, rows and contacts, and their state at the start.
+"""The system that the march integrates: modes, rows, contacts, and their state at the start.
 
 `posed` makes a `System` of bodies side by side, `PackedSystem` the C structure of a `System`.
 """
@@ -201,7 +201,7 @@ class System:
     def expect_contact(self, mass: float, duration: float) -> float:
         """Estimate indentation and closing speed of the only contact; returns its duration [s].
 
-        mass : inertia [kg] behind the contact, of the slowest motion of each body.
+        mass : inertia [kg] behind the contact, from the slowest motion of each body.
         """
         packed = self.packed
         (contact,) = packed.contacts

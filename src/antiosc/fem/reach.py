@@ -21,7 +21,7 @@ class Reach:
 
     Attributes
     ----------
-    what : the point in words.
+    what : the point in words, for messages.
     snap : largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element.
     remedy : the remedy for messages.
     """

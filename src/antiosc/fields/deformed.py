@@ -77,7 +77,7 @@ def deformed(
     body: str,
     field: str | None = None,
 ) -> Deformed:
-    """The surface of a part at one time; arguments as of `plot_deformed`."""
+    """The surface of a part at one time; arguments as for `plot_deformed`."""
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)
     if time is None:

@@ -104,7 +104,7 @@ def write_series(
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
     body : str
-        The body whose structure is `structure`: "structure" or "impactor"; of a scene its name
+        The body whose structure is `structure`: "structure" or "impactor"; for a scene its name
         (default: the only one that has shapes).
 
     Returns
@@ -314,7 +314,7 @@ class Reactions(ReprMixin):
 
     Supports are named by their groups, or "support 1", "support 2", … in the order of the
     structure's list; in an assembly those of the parts come first, as "part:group" and
-    "part:support 1". A dof that two supports hold belongs to the first. Springs, dampers and
+    "part:support 1". A dof that two supports fix belongs to the first. Springs, dampers and
     footings follow by name, or "spring 1", "spring 2", …; those of a deck's joints count as one.
     """
 
@@ -346,7 +346,7 @@ def reactions(
     Parameters
     ----------
     structure : Structure
-        The structure from which the model of the body was extracted: of a mesh, or an assembly.
+        The structure from which the model of the body was extracted: a mesh, or an assembly.
     history : History
     site : Site or mapping of names to Site
         The sites with which the model was extracted.
@@ -360,7 +360,7 @@ def reactions(
     The reactions are changes due to the impact, without the weight that the supports carry at rest.
     The force of a footing's soil is one row. Dampers and branches use the velocities and states of
     the model. Modal damping ratios (`Damping`) contribute nothing; the forces of
-    `Damping(alpha=…)` act on the ground without the supports. If supports hold both sides of a
+    `Damping(alpha=…)` act on the ground without the supports. If supports fix both sides of a
     joint, the joint carries no force there and each support carries the load of its own part.
 
     Raises

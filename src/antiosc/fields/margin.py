@@ -61,7 +61,7 @@ class Margin(ReprMixin):
     contact : whether the contact itself yields, which the values do not include.
     beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: three radii of each
         contact that yields, or of its patch, in solids.
-    nearer : the worst point of what is left out; None if nothing is.
+    nearer : the worst point in the balls that are left out; None without balls.
     """
 
     criterion: str
@@ -126,7 +126,9 @@ class Margin(ReprMixin):
 
     @property
     def _verdict(self) -> str:
-        """Sentence on whether yield or failure is reached, and on what the margin leaves out."""
+        """Sentence on whether yield or failure is reached, and on the zones that the margin leaves
+        out.
+        """
         what = CRITERIA[self.criterion][0]
         verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
         if self.scope:
@@ -283,7 +285,7 @@ def stresses(
 ) -> Maxima:
     """The largest values of tensors, with exposures and margin if the strengths are known.
 
-    `leave_out`: as of `margin_of`.
+    `leave_out`: as for `margin_of`.
     """
     criterion = quantity
     if quantity in PLY_SURFACES:

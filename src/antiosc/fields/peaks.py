@@ -291,7 +291,8 @@ class PeakField(Completed):
         and beams beside solids, otherwise None.
     doubt : why the judged stress is unreliable: a re-entrant corner, the edge of a support, cells
         that are too large; for sheets, that the mesh error is not estimated; "" otherwise.
-    judged : node of the largest value, apart from what the margin leaves out (`Margin.beyond`).
+    judged : node of the largest value, outside the zones that the margin leaves out
+        (`Margin.beyond`).
     """
 
     quantity: str
@@ -332,7 +333,7 @@ class PeakField(Completed):
 
     @property
     def judged(self) -> int:
-        """Node of the largest value, apart from what the margin leaves out."""
+        """Node of the largest value outside the zones that the margin leaves out."""
         beyond = margin.NOTHING if self._margin is None else self._margin.beyond
         left = ~margin.is_within(self.points, beyond)
         return int(np.argmax(np.where(left, self.values, -np.inf)))

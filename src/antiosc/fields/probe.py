@@ -1,8 +1,8 @@
 """Quantities at one point of a body after an impact: motion, strain, stress, section forces.
 
-The shapes of the model are evaluated once at the point (their strains, say), and combined with the
-coordinates of the model at all times. The static shape has the stress near the site; points far
-from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
+The shapes of the model are evaluated once at the point (for instance their strains), and combined
+with the coordinates of the model at all times. The static shape has the stress near the site;
+points far from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ def probe(
         A BodyHistory is `hit.bodies[name]` of a scene.
     point : sequence of floats, or str
         Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
-        group, of an assembly "part:group": the point next to the centroid of its entities is taken,
-        where a `Site` of the same name lies. Of an assembly it may also name a reference point, or
+        group, in an assembly "part:group": the point next to the centroid of its entities is taken,
+        where a `Site` of the same name lies. In an assembly it may also name a reference point, or
         a site of a superelement, which have displacements and rotations alone.
     quantity : str
         "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
@@ -95,7 +95,7 @@ def probe(
     node : int
         In place of a point: the number of a node in the file of the mesh or deck.
     body : str
-        The body whose structure is `structure`: "structure" or "impactor"; of a scene its name
+        The body whose structure is `structure`: "structure" or "impactor"; for a scene its name
         (default: the only one that has shapes).
     part : str, optional
         For an assembly: the part whose nearest point is taken; default: all parts.
@@ -124,9 +124,8 @@ def probe(
     Strains are those of the cell that has the point, not averaged with its neighbours'. The stress
     under the contact itself is that of the contact law (Hertz), not that of the mesh. Velocity and
     acceleration follow from the equations of motion; they do not contain the part of the
-    displacement that follows the force without inertia (`ModalBody.residual`). The weight of a body
-    that supports hold is in none of the quantities, which are those from its equilibrium under
-    gravity.
+    displacement that follows the force without inertia (`ModalBody.residual`). No quantity includes
+    the weight of a supported body: all are measured from its equilibrium under gravity.
 
     Raises
     ------

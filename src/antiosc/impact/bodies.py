@@ -48,7 +48,7 @@ class RigidMass(Checked, Body):
     yield_strength : float, optional
         Yield strength of the tip [Pa].
     material : str or a material, optional
-        Material of the tip, in place of E, nu and yield_strength: a name, as of `material`, or a
+        Material of the tip, in place of E, nu and yield_strength: a name, as for `material`, or a
         `Solid`.
     """
 
@@ -115,7 +115,7 @@ class Sphere(FieldsRepr, Body):
     yield_strength : float, optional
         [Pa].
     material : str or a material, optional
-        In place of E, nu, rho and yield_strength: a name, as of `material`, or a `Solid`.
+        In place of E, nu, rho and yield_strength: a name, as for `material`, or a `Solid`.
     """
 
     radius: float
@@ -271,12 +271,13 @@ class NamedImpactor(FieldsRepr):
     name : its name in `named_impactor`.
     source : the document that gives the numbers.
     mass : kg; None: it follows from the diameter.
-    speed : m/s, of the test that the standard prescribes; None: none is prescribed.
+    speed : speed of the test that the standard prescribes, m/s; None: none is prescribed.
     tip_radius : m; None: not in the source.
     steel : whether its surface is steel.
-    stiffness : N/m, of its contact with a plane, for a law F = k δ; None: not in the source.
+    stiffness : stiffness of its contact with a plane for a law F = k δ, N/m; None: not in the
+        source.
     restitution : coefficient of restitution on a rigid surface; None: not in the source.
-    note : what is unknown, or left to the user.
+    note : unknown properties, and choices left to the user.
     """
 
     name: str
@@ -386,11 +387,11 @@ def named_impactor(
         "IK01" to "IK11" (hammers of IEC 60068-2-75), "EN 12600 class 1" to "3" (twin-tyre
         pendulum), "child headform", "adult headform", "golf ball", "tennis ball", "steel ball",
         "ice ball", "hail 25 mm", "hail 45 mm". `antiosc.IMPACTORS[name]`
-        has its numbers, their source, and what is not known.
+        has its numbers, their source, and unknown properties.
     velocity : float, optional
         [m/s]; default: that of the test, √(2 energy/mass) or √(2 g h). Balls need it.
     diameter : float
-        [m], of the steel ball and the ice ball.
+        Diameter [m] of the steel ball and the ice ball.
 
     Raises
     ------

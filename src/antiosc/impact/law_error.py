@@ -40,7 +40,7 @@ ByLaw = Callable[[ContactLaw, float], History]
 def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float] | None, str]:
     """(errors of the three quantities due to the law, or None; the reason if they are missing).
 
-    The impact is repeated to `tol`. The errors are 0 for a law of the caller's own.
+    The impact is repeated to `tol`. The errors are 0 for a law that the caller gave.
     """
     if not raw.contacts:
         return NO_ERROR, ""

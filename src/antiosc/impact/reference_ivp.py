@@ -535,7 +535,7 @@ class SceneIVP(SceneMethod):
         return change
 
     def _slip(self, c: int, free: Array, z: Array, rate: Array, force: Array) -> float:
-        """Sliding speed [m/s] of a contact: of its point minus that of its friction spring."""
+        """Sliding speed [m/s] of a contact: that of its point minus that of its friction spring."""
         p = self.p
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]

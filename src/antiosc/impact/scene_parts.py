@@ -1,7 +1,7 @@
 """The parts of a scene: bodies, contacts, loads, and the rows that give the indentation from the
 motion.
 
-All bodies stand in one system of axes. A contact of the ends a and b has a direction d, that of
+All bodies have one system of axes. A contact of the ends a and b has a direction d, that of
 a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
 
     delta = (displacement of b - displacement of a) along d - gap.
@@ -58,7 +58,7 @@ class Contact(Checked):
         no direction, as an obstacle, the force pushes b against its own: two stops on either side
         of a tip are ("tip", "one") and ("other", "tip"). The history's message says so.
     law : ContactLaw or "auto"
-        Force along the direction of the contact; "auto": as of `simulate`.
+        Force along the direction of the contact; "auto": as for `simulate`.
     gap : float, optional
         Distance at the start [m], >= 0; default 0, or the obstacle's own.
     friction : float

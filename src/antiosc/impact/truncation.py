@@ -9,17 +9,17 @@ therefore at least half the largest of them. With the factor `TRUNCATION_SAFETY`
 ten true errors are below the estimate; the median overestimation is 4 to 8, of models of the Krylov
 method, whose softest extreme is a Gauss rule, 6 to 18 (tests/simulation/test_truncation.py).
 
-Without a further run (`truncation_share`): what the anti-oscillators of the Krylov method leave
-out of Z lies between two extremes. With λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are the
-Gauss–Radau rule of the measure of all masses over λ; the Gauss rule with the same moments, without
-a mass at λ = 0, is the other extreme (Golub and Meurant, *Matrices, Moments and Quadrature*, 2010,
-ch. 6). With σ = 1/s² its Z lacks
+Without a further run (`truncation_share`): the part of Z that the anti-oscillators of the Krylov
+method omit lies between two extremes. With λ_i = 1/ω_i² and λ_0 = 0 of the residual mass they are
+the Gauss–Radau rule of the measure of all masses over λ; the Gauss rule with the same moments,
+without a mass at λ = 0, is the other extreme (Golub and Meurant, *Matrices, Moments and
+Quadrature*, 2010, ch. 6). With σ = 1/s² its Z lacks
 
     D(s) = 1/Σ_i [(λ_i + σ)/m_i Π_(j≠i) ((λ_j + σ)/(λ_i - λ_j))²].
 
 At a complex s the force of a blow is v/(s C), C the compliance of both bodies and of the contact in
 series. The difference of the two forces over the force, on a ray of s whose |s| are those of the
-contact, tells whether the truth is known. On thin and thick plates and a bracket with 3 to 120
+contact, shows how well the force is known. On thin and thick plates and a bracket with 3 to 120
 anti-oscillators, peak forces were wrong by less than the share where it was above `WARN_SHARE`, and
 by less than 8 % below. For several sites both are block rules: the difference of the compliances
 along the contact replaces that by D.

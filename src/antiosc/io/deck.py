@@ -79,7 +79,7 @@ class DeckPlace:
         return MeshError(f"{self}: {text}")
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise `error(text)` unless the condition `holds` is true."""
+        """Raise `error(text)` unless the condition `holds` is met."""
         if not holds:
             raise self.error(text)
 
@@ -95,7 +95,9 @@ class Placed:
     place: DeckPlace
 
     def needs(self, holds: object, text: str) -> None:
-        """Raise MeshError with file, line and the sentence `text` unless `holds` is true."""
+        """Raise MeshError with file, line and the sentence `text` unless the condition `holds` is
+        met.
+        """
         self.place.needs(holds, text)
 
 

@@ -159,7 +159,7 @@ class Entries:
 def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
     """Entries from a table (node, component, node, component, value), rows sorted by label.
 
-    `triangle` None: the file does not say whether it holds one triangle or both.
+    `triangle` None: the file does not state whether it contains one triangle or both.
     """
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
     labels, index = np.unique(pairs, axis=0, return_inverse=True)

@@ -1,4 +1,4 @@
-"""MED files of Salome and code_aster, cut down to what meshio reads: one mesh, without results."""
+"""MED files of Salome and code_aster, reduced to one mesh without results, as meshio reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The neutral model: what every file reader returns, as arrays.
+"""The neutral model: the arrays that every file reader returns.
 
 Points, cells by kind and groups by name. Cells are in VTK's order: corners, then middle nodes of
 edges; straight and second-order cells of all shapes are known, including those (wedges, pyramids)

@@ -216,7 +216,7 @@ def _outer_facets(raw: RawMesh) -> IntArray:
 def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> None:
     """Add a node set as boundary facets with all vertices in it, and remaining vertices.
 
-    A support on a node set must also hold the mid-side motions between its nodes.
+    A support on a node set must also fix the mid-side motions between its nodes.
     """
     marked = np.zeros(len(raw.points), dtype=bool)
     marked[nodes] = True
@@ -298,8 +298,8 @@ def read(
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`.
 
-    `sizes`: element sizes all over a geometry; `sound`: checks the mesh, and may raise;
-    `options`: others of a `Request`.
+    `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
+    `options`: other fields of a `Request`.
     """
     drawn = path.suffix.lower() in CAD
     whole = (drawn or options.get("solid")) and not options.get("fragments")

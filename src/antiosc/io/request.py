@@ -130,7 +130,7 @@ OWN = "antiosc_decks."
 def registered(group: str) -> tuple[metadata.EntryPoint, ...]:
     """The unloaded entry points of a group, those of other packages first.
 
-    "" in `sys.path` stands for the working folder, where nobody installs packages.
+    "" in `sys.path` is the working folder, where no packages are installed.
     """
     return _found(group, tuple(filter(None, sys.path)))
 

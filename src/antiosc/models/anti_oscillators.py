@@ -8,7 +8,8 @@ F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force
     ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
 
 At p sites k0, m0 and m_i are matrices (p, p), m_i = P_i P_i' of rank one: P_i (p,) is the inertia
-of the constraint mode i of unit mass, with all sites held, against unit accelerations of the sites.
+of the constraint mode i of unit mass, with all sites fixed, against unit accelerations of the
+sites.
 """
 
 from __future__ import annotations
@@ -112,8 +113,8 @@ class AntiOscillators(ReprMixin, Parameters):
         One site: energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh
         leaves, by `extract(..., error="estimate")`; see `corrected`.
     strain_misfit : array_like, shape (N + 1, N + 1), optional
-        With `strain_error`, of shells: work [N/m] of the section forces of one shape on what the
-        elements' interpolation changes in the strains of the other, of either sign.
+        For shells with `strain_error`: work [N/m] of the section forces of one shape on the change
+        of the strains of the other by the interpolation of the elements, of either sign.
 
     stretch : Stretch, optional
         Second-order forces of some free modes, by `extract(..., stretch=...)`.
@@ -324,7 +325,7 @@ class AntiOscillators(ReprMixin, Parameters):
     ) -> ReducedMatrices:
         """K and M of the undamped model, the dofs of the sites first: a superelement.
 
-        A warning tells that a model has damping, which is left out. Hidden rigid-body motions,
+        A warning names damping of the model, which is left out. Hidden rigid-body motions,
         which do not move the sites, are left out.
 
         Parameters

@@ -2,8 +2,9 @@
 
 `ModelInfo` records the origin of a model, its computation, and the data for its error bars.
 
-`LinearBody` is what a foreign body must implement; `Body` is what the simulations read. The bodies
-of this package are `Body`s; a foreign body gets defaults for missing attributes (`checked_body`).
+`LinearBody` is the interface that a foreign body must implement; `Body` is the one that the
+simulations read. The bodies of this package are `Body`s; a foreign body gets defaults for missing
+attributes (`checked_body`).
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class BeamSection(TypedDict):
     """Data for the error of beam theory.
 
     compliance : 1/(E √A) [m/N]; omega : frequency of the section's deformation [rad/s]; clamps :
-    number of held ends times the larger side over the length.
+    number of fixed ends times the larger side over the length.
     """
 
     compliance: float
@@ -121,8 +122,8 @@ class ModelInfo(ReprMixin):
     patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
         the estimate of the mesh error leaves out.
     measured : data of the error bars of a model from measured frequency responses.
-    doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
-    surfaces : site ("" without a name) -> material and curvature as of `Surface.as_dict`, or why
+    doubts : sentences on implausible properties of the part; wave_speed : largest √(E/ρ) [m/s].
+    surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
         they are unknown; the law of a contact follows from them.
     thickness : least thickness [m] of its sheets, whose theory holds for small deflections; None
         for sheets that are supported along one line alone, as a cantilever.
@@ -321,7 +322,7 @@ class LinearBody(Protocol):
     """The one protocol of bodies in an impact: models, impactors and foreign models alike.
 
     The `basis` of its `ModalBody` gives the fields of a history. A body may also have `velocity`,
-    `gap`, `local_compliance` and `radius` of its patch; they mean what they do in `Body`.
+    `gap`, `local_compliance` and `radius` of its patch; they have the same meaning as in `Body`.
     """
 
     def modal(self) -> ModalBody:

@@ -232,7 +232,7 @@ def error_bound(
     band: float,
     shift: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Bounds on |dZ|/|Z|, (S,) and (S,), of the models up to `band` [rad/s].
+    """Bounds on |dZ|/|Z|, (S,) and (S,), for the models up to `band` [rad/s].
 
     First by the modes left out (see above), then by keeping only n anti-oscillators; the whole
     error is at most their sum. Z is taken with one per cent of damping; `band` must lie below

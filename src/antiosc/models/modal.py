@@ -237,7 +237,7 @@ class FreeModes(ReprMixin):
         return superposed(self.basis, self.amplitudes(coordinates))
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
-        """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
+        """H(omega) = u/F [m/N], damping included; (..., P, P) for several contact points."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         first = self.first_order
         if first is None:

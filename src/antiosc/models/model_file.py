@@ -218,7 +218,7 @@ def arguments(path: str | os.PathLike[str]) -> Named:
 
 
 def _stretch(arrays: Arrays, count: Count | None) -> Stretch | None:
-    """The second-order forces in a model file, if it holds some."""
+    """The second-order forces in a model file; None if it has none."""
     if count is None:
         return None
     modes, quadratic, cubic = (arrays[f"stretch.{name}"] for name in _STRETCH)

@@ -243,7 +243,8 @@ def with_rigid_mode(
 ) -> tuple[float, Array, Array, Array, Array]:
     """The elastic anti-oscillators joined with a rigid-body mode that displaces the site by `a`.
 
-    k0, m0, m, omega : of the elastic motions: stiffness [N/m] > 0, residual mass [kg], masses and
+    k0, m0, m, omega : values of the elastic motions: stiffness [N/m] > 0, residual mass [kg],
+        masses and
     distinct ascending frequencies (N,). a : > 0 [kg^-1/2], in the rigid-body mode of unit mass.
     Returns m0 of the whole, whose k0 is 0; m and omega (N + 1,); the residual shape (N + 2,), and
     the shapes of the anti-oscillators (N + 2, N + 1), in terms of r, phi_st, psi_1 ... psi_N.

@@ -1,4 +1,4 @@
-"""Parameters of an anti-oscillator model: checks, what follows, and the correction for the mesh.
+"""Parameters of an anti-oscillator model: checks, derived properties, and the mesh correction.
 
 `corrected` softens a model by the energies of the errors of its strains. A displacement element is
 too stiff. With the shapes psi of a model, K = diag(k0, k_i) their stiffness and E_ij the energies
@@ -9,11 +9,11 @@ of the errors of their strains, the reduced flexibility
 is that of the exact structure to first order: its loads K q stay, and the strains that the mesh
 lacks are added. The anti-oscillators of F and of the unchanged masses are the corrected model. The
 off-diagonal terms of E matter: k0 and omega_i changed one by one have even the wrong sign. The
-first column of F is the static mode; what remains of F when the site is held belongs to the
+first column of F is the static mode; the part of F that remains with the site fixed belongs to the
 constraint modes. With k0 = 0 the first shape is a rigid motion, and only the others soften.
 
-Elements that interpolate strains (shells) are too soft by the work of the section forces on what
-the interpolation changes: this `strain_misfit`, of either sign, is added to E.
+Elements that interpolate strains (shells) are too soft by the work of the section forces on the
+strains changed by the interpolation: this `strain_misfit`, of either sign, is added to E.
 """
 
 from __future__ import annotations
@@ -324,7 +324,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
     """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
     The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
-    motions where the momenta do not tell it.
+    motions if the momenta do not give it.
     """
     stored: Stored = {}
     in_order = np.array_equal(rows, np.arange(rows.size))

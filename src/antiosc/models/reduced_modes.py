@@ -1,4 +1,4 @@
-"""Free modes of the anti-oscillator model: a body of an impact, of one site or several.
+"""Free modes of the anti-oscillator model of one site or several: a body of an impact.
 
 Those of one site are found by `arrow_modes`. With the displacements u (p,) of several sites, and
 the amplitudes eta (N,) of the constraint modes of unit mass, the model is
@@ -8,7 +8,7 @@ the amplitudes eta (N,) of the constraint modes of unit mass, the model is
 with the forces on u alone. Its free modes are those of the flexibility G = L^-1 M L^-T,
 K + s M = L L', s > 0 only where k0 is singular: eigenvalues theta = 1/(omega^2 + s). The mass form
 M^-1 K would lose the low modes to the rounding of the highest as m0 -> 0; here theta -> 0, and such
-modes are what they should be, a residual compliance without inertia.
+modes become a residual compliance without inertia, as they should.
 """
 
 from __future__ import annotations

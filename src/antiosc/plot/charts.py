@@ -260,7 +260,7 @@ class HistoryLike(Protocol):
 
 
 def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
-    """Contact force over time, of one history or of several by name; the largest is marked.
+    """Contact force over time for one history or several by name; the largest force is marked.
 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
     peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
@@ -318,7 +318,7 @@ def _mark_yield(ax: Axes, hit: HistoryLike) -> None:
 
 
 def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
-    """Displacements of the site and, dashed, of what strikes it over time; contacts are shaded.
+    """Displacements of the site and, dashed, of the striker over time; contacts are shaded.
 
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
     covers the motion of the site, that of the other body during contact, and a stop at rest.

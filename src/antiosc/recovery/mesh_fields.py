@@ -5,7 +5,8 @@ node, so that a node between two materials has two. In sheets and beams each cel
 neighbours may meet at a fold.
 
 In a corner of more than 180° the stress of linear elasticity is infinite, growing as r^-0.46 at
-270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); what a mesh shows grows with every refinement.
+270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); the value on a mesh grows with every
+refinement.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def tensors_of_part(
     """Tensors at the nodes of this rank: (nodes (S,), materials (S,), components (S, 6, columns)).
 
     `quantity` is "strain" or "stress", and `shapes` has the shape (rows of this rank, columns).
-    Only cells of `materials`, numbers in `part.parts`, contribute. `shares` as of `shares_of`. To
+    Only cells of `materials`, numbers in `part.parts`, contribute. `shares` as for `shares_of`. To
     be called on all ranks.
     """
     mesh = part.mesh
@@ -250,7 +251,7 @@ def _recovered(
     reach: Reach,
     shares: Sequence[Array | None],
 ) -> Array:
-    """As `recovered`, on the candidate nearest to the points; `shares` as of `shares_of`."""
+    """As `recovered`, on the candidate nearest to the points; `shares` as for `shares_of`."""
     number, closest = _nearest(candidates, points, reach)
     member, shapes_of_part = candidates[number]
     mesh = member.part.mesh
@@ -353,7 +354,7 @@ def tensors_at_nodes(
     ply: Place | None = None,
     whole: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
-    """(points (P, 3), cells as of `at_nodes`, tensors at the points), on rank 0.
+    """(points (P, 3), cells as for `at_nodes`, tensors at the points), on rank 0.
 
     A point has a tensor for each material, each cell of a sheet and each of `places`. `ply`, a
     place with a layer, selects the laminates that have this layer, instead of `places`. Without

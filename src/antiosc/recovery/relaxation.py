@@ -1,4 +1,4 @@
-"""Stress of materials that relax: the strains of the springs of their branches beside the strain.
+"""Stress of materials that relax, from the strain and the strains of the springs of the branches.
 
 With the long-term stiffness C, the shares g of the Maxwell branches and the strains z in their
 dashpots,

@@ -40,7 +40,7 @@ NUMBERS = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 
 
 class Frames:
-    """Points (n, 3) [m] and cells, in VTK's node order, of a series of files with fields.
+    """Points (n, 3) [m] and cells, in VTK's node order, for a series of files with fields.
 
     `cells`: (kind, (m, nodes)) of each kind.
     """

@@ -63,7 +63,7 @@ class Advice(FieldsRepr):
     contact_radius : radius of Hertz's contact at its peak [m].
     inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
     limits : family -> highest frequency [Hz] at which it is valid.
-    reasons : why the simpler families are not sufficient, and what limits the element size.
+    reasons : why the simpler families are not sufficient, and the limit of the element size.
     """
 
     family: str
@@ -99,7 +99,7 @@ def advise(
         Length, width and thickness of the bounding box, m, with the impact along the thickness; or
         a structure, from which the dimensions and the material are taken.
     impactor : Sphere, or RigidMass with a tip
-        Any other object with a mass, a velocity and a method `hertz(E, nu)` will do.
+        Any other object with a mass, a velocity and a method `hertz(E, nu)` is accepted too.
     E, nu, rho : float
         Young's modulus [Pa], Poisson's ratio and density [kg/m^3] of the part; needed with bare
         dimensions.

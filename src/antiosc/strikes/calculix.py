@@ -176,7 +176,7 @@ def _step(blow: Blow, striker: int) -> Iterator[str]:
 
 
 def _first(blow: Blow) -> int:
-    """The number of the first element beside the cells."""
+    """The number of the first element after the cells."""
     return cast("MeshedStructure", blow.structure.matrices).mesh.n_cells + 1
 
 

@@ -126,7 +126,7 @@ def impact_map(
         With a mesh.
     where : str, list of str, or array_like (P, 2 or 3), optional
         A group of faces (cells of shells and beams) whose vertices are the sites, several groups,
-        or points. None: the whole surface. Of an assembly "part:group", or "part" for its whole
+        or points. None: the whole surface. In an assembly "part:group", or "part" for its whole
         surface, or several of them; None: all parts, faces that are tied included. A vertex of
         two groups is a site of each.
     impactor, contact, duration
@@ -154,8 +154,8 @@ def impact_map(
         as `peak_field` does for one impact: 0.12 s a site for 14 400 nodes. The material's
         `yield_strength` makes a share of the strength of it.
     stretch : int, "auto" or False
-        Second-order forces, as of `extract`: of a flat part once for all sites, in 24 combinations
-        of 60 free modes; of a curved one at each site. "auto": blows that deflect a flat sheet by
+        Second-order forces, as in `extract`: for a flat part once for all sites, in 24 combinations
+        of 60 free modes; for a curved one at each site. "auto": blows that deflect a flat sheet by
         0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
         stresses. Only for supported parts.
 

@@ -53,8 +53,8 @@ class ImpactMap(Completed):
     direct : (P,) bool, sites that were extracted separately.
     skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     names : (P,) the group or part of each site, by its name in `where`; "" without a name.
-    doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports hold
-        a part of it, so that its half-space compliance is not valid, the striker meets the part
+    doubtful : (P,) bool, sites whose impact is unreliable: an edge cuts the patch or supports fix a
+        part of it, so that its half-space compliance is not valid, the striker meets the part
         elsewhere, or the force exceeds that on a rigid wall. `summary` and `plot` omit them.
     reasons : (P,) the first reason why a site is doubtful; "" for reliable sites.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the

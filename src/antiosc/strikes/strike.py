@@ -148,10 +148,10 @@ def strike(
     site : Site
         If it has no radius, one is chosen between those of the contact and of half the thickness
         of the part; beams are struck at a point, shells on a patch of their thickness.
-    impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
+    impactor, contact, duration, initial_velocity, gravity, gap : as for `simulate`.
     tol : float
         Largest relative error of the three quantities, as the error budget promises it.
-    material, supports, prestress : as of `Structure`, for a file or a mesh.
+    material, supports, prestress : as for `Structure`, for a file or a mesh.
     order : 1 or 2
         Degree of the displacements, and of the faces of a geometry's cells.
     limit : float, optional
@@ -164,15 +164,15 @@ def strike(
         The history on the last mesh and its corrected model, which is nearer to the truth: the bars
         of the mesh are those of `simulate` minus the correction. For shells it is the raw model.
         `error_budget` is known, `model.info.strike` lists the meshes. Sheets with a large
-        deflection have second-order forces, as of `extract(…, stretch="auto")`. Status 1 and a
-        sentence in the message if the budget exceeds `tol`, and what meeting it would cost, or that
-        the share of the beam model exceeds it.
+        deflection have second-order forces, as for `extract(…, stretch="auto")`. Status 1 and a
+        sentence in the message if the budget exceeds `tol`, with the cost of meeting it, or if the
+        share of the beam model exceeds it.
 
     Raises
     ------
     InputError
-        No material, or one of a family without an error estimate; what `extract` and `simulate`
-        refuse.
+        No material, or one of a family without an error estimate; arguments that `extract` and
+        `simulate` refuse.
     """
     shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
     run = partial(simulated, impactor, contact, duration, shared)

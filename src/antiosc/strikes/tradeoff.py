@@ -146,7 +146,7 @@ class Tradeoff(Result):
     ----------
     table : the members.
     tol : relative tolerance that was asked for.
-    hit : the history of the last mesh, as of `strike`.
+    hit : the history of the last mesh, as for `strike`.
     others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
     notes : sentences on methods that were not run.
     compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
@@ -294,16 +294,16 @@ def tradeoff(
     Parameters
     ----------
     source, site, impactor, contact, duration, material, supports, order, limit
-        As of `strike`.
+        As for `strike`.
     initial_velocity, gravity, gap
-        As of `strike`.
+        As for `strike`.
     tol : float
         Relative error of peak force, impulse and contact time of interest; members are made until
         one has half of it. A `Structure`, and a mesh that is not divided, have one mesh.
     compare : float, optional
         Seconds that each other method may take, on the mesh of `best(tol)`: the unreduced model in
         time and, for solids of quadratic tetrahedra and rigid impactors, CalculiX where `ccx` is on
-        the PATH. What is forecast to take longer is not run; `notes` say so.
+        the PATH. Methods that are forecast to take longer are not run; `notes` name them.
 
     Returns
     -------
@@ -313,7 +313,7 @@ def tradeoff(
     Raises
     ------
     InputError
-        What `strike` refuses.
+        Arguments that `strike` refuses.
     """
     tol = checks.tolerance(tol)
     if compare is not None:
@@ -353,7 +353,7 @@ def tradeoff(
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A member with what made it."""
+    """A member of the table, with its result and its site."""
 
     answer: Answer
     site: Site

@@ -118,7 +118,7 @@ def blow_of(structure: Structure, site: Site, hit: History, duration: float) -> 
 
 
 def entries_of(structure: Structure) -> float:
-    """Entries of the factor of K; of the symbolic factor where K has another solver."""
+    """Number of entries of the factor of K, or of its symbolic factor if K has another solver."""
     solver = structure.factorize()
     return solver.entries if isinstance(solver, Factorization) else Plan(structure.K).entries
 

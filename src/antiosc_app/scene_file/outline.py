@@ -57,7 +57,7 @@ class Outline:
     name : name of the file.
     groups : names of its groups.
     low, high : (3,) corners of the box around it [m].
-    element : size of its largest cell [m]; of a geometry the size that the scene gives, or 0.
+    element : size of its largest cell [m]; for a geometry the size that the scene gives, or 0.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Running a scene: its objects one by one, the same on all ranks, with their messages."""
+"""Running a scene: its objects are made in turn, the same on all ranks, with their messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene file as objects: which sections make which, and how they refer to each other.
+"""A scene file as objects: the sections that make them, and their references to each other.
 
 geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
                                                          bodies, contacts → scene → history

@@ -1,7 +1,7 @@
 """Content of a scene file: its sections, the objects that they make, and the keys of each.
 
-What a section takes is read from the signature and the docstring of what it makes, so that a new
-parameter becomes a key without changes here.
+The keys of a section are read from the signature and the docstring of the object that it makes, so
+that a new parameter becomes a key without changes here.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def plural(kinds: Sequence[ValueKind]) -> str:
 
 
 class Unknown:
-    """Replaces a name that is imported only for type checkers, and that no file can hold."""
+    """Replaces a name that is imported only for type checkers, and that no file can contain."""
 
 
 class _Names(dict[str, object]):
@@ -329,8 +329,8 @@ class Output:
     Parameters
     ----------
     csv : bool
-        The histories as tables: history.csv, probes.csv, of a sweep or a map sweep.csv, map.csv, of
-        a blow that is found force.csv.
+        The histories as tables: history.csv, probes.csv, for a sweep or a map sweep.csv, map.csv,
+        for an identified impact force.csv.
     json : bool
         All numbers of the result: result.json.
     plot : "svg", "png" or "pdf", optional
@@ -565,7 +565,7 @@ _NAME = {"type": "string"}
 def _one_of(
     makes: Sequence[str], passed: Iterable[str] = (), methods: bool = False
 ) -> dict[str, object]:
-    """JSON schema of a table of one of several kinds; `methods`: and of laws of bodies."""
+    """JSON schema of a table of several kinds; `methods`: whether laws of bodies are kinds too."""
     tables = []
     for name in makes:
         known = {n: p for n, p in parameters(name).items() if n not in set(passed)}

@@ -170,7 +170,7 @@ def monte_carlo(
     run : callable
         A function of the inputs' names. It returns the arguments of `simulate`, (model, impactor,
         contact, duration), and the impacts are then simulated in batches; or a `History`; or
-        numbers by name; or one number. Create what no input changes, such as a model, once and
+        numbers by name; or one number. Create objects that no input changes, such as a model, once
         outside of it. An AntioscError that it raises is stored as the failure of that run.
     inputs : dict
         Name -> distribution: `normal`, `lognormal`, `uniform`, any frozen one of scipy.stats; a

@@ -32,8 +32,8 @@ LEAST = 50
 class Quantile(FieldsRepr):
     """A quantile or a probability with its confidence interval (low, high).
 
-    An end is infinite if the sample is too small for it; `note` then says how many results it
-    takes, and how many runs lack the result.
+    An end is infinite if the sample is too small for it; `note` then gives the number of results
+    that it takes, and of runs that lack the result.
     """
 
     value: float

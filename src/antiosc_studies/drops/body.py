@@ -181,9 +181,7 @@ def _matters(structure: Structure) -> Iterator[Matter]:
 
 
 def _least(structure: Structure, skin: Skin) -> float:
-    """Least dimension of a part [m]; of nodes alone, the least nonzero side of their bounding
-    box.
-    """
+    """Least dimension of a part [m]; for nodes alone, the least nonzero side of their box."""
     matrices: Any = structure.matrices
     if not matrices.located:
         return structure.dimensions[2]

@@ -370,7 +370,7 @@ def drop(
     floor : Floor, optional
         Default: rigid, without friction.
     until : "rest", int or float
-        Where the fall ends: at rest, after a number of impacts, or at a time [s]. The part is at
+        When the fall ends: at rest, after a number of impacts, or at a time [s]. The part is at
         rest on points around its centre of mass when the energy that the floor could still take
         from its rigid motion is at most that of a lift by 0.1 % of the height: a ball that rolls,
         and a part that slides without friction, are at rest. "rest" also ends after 200

@@ -413,7 +413,7 @@ def _heights(touch: Touch, path: Path) -> Array:
 def handed_over(
     touch: Touch, history: SceneHistory, path: Path, which: IntArray
 ) -> tuple[State, dict[int, OngoingContact]]:
-    """The state at the end of a path, and the contacts of the points (n,) that go on.
+    """The state at the end of a path, and the contacts of the points (n,) that continue.
 
     Contacts that have parted and left a dent are included. Centre and orientation are those of the
     path; momentum, angular momentum and modes are those of the scene, so that the energy is that of
@@ -848,9 +848,10 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
 
 
 def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
-    """Number, as an array, of the point that sinks deepest without a contact; empty if none does.
+    """Number, as an array, of the point that sinks deepest without a contact; empty if there is
+    none.
 
-    On a layer all such points. heights : (V,) of all points at the start [m].
+    On a layer: all such points. heights : (V,) of all points at the start [m].
     """
     body = touch.body
     up = path.R[:, 2]

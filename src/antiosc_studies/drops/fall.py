@@ -330,9 +330,9 @@ class Fall(Trajectory, Result):
     def worst(
         self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
     ) -> WorstField:
-        """The largest value at every node, and its time; options as of `peak_field`.
+        """The largest value at every node, and its time; options as for `peak_field`.
 
-        impacts: numbers from 0; default: all.
+        impacts: numbers of the impacts from 0; default: all.
         """
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")

@@ -65,7 +65,7 @@ def layer_law(layer: SoftLayer, stiffness: float, exponent: float) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class Floor(FieldsRepr):
-    """The floor of a fall: the plane z = 0 of a half-space, of a rigid ground or of a model.
+    """The floor of a fall: the plane z = 0, the surface of a half-space, a rigid ground or a model.
 
     Parameters
     ----------

@@ -62,9 +62,7 @@ def overview(fall: Trajectory, path: str | os.PathLike[str] | None) -> Figure | 
 
 
 def surface_of(fall: Trajectory) -> tuple[Array, IntArray]:
-    """Points (P, 3) relative to the centre of mass, and triangles (T, 3), of the surface or
-    hull.
-    """
+    """Points (P, 3) from the centre of mass, and triangles (T, 3), of the surface or the hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     body = fall.body

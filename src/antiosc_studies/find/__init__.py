@@ -53,8 +53,8 @@ class FoundImpact(Result):
     Attributes
     ----------
     place, direction : (3,) struck point [m], and unit vector of the blow.
-    mass [kg], velocity [m/s], stiffness (of the contact law; None of a law without one) : of the
-        impactor.
+    mass [kg], velocity [m/s], stiffness : those of the impactor, and of the contact law (None for a
+        law without one).
     start : time of the first touch after the first sample [s]; may be negative.
     E : factor of the stiffness of the structure; 1 unless it was unknown.
     bars : name -> half-width of the 95 % confidence interval: "place" [m], "start" [s]; relative
@@ -346,7 +346,7 @@ def prepared(
     modes: int | None,
     band: float | None,
 ) -> Monitored:
-    """The model of all sites and sensors; arguments as of `find_impact`."""
+    """The model of all sites and sensors; arguments as for `find_impact`."""
     matrices = with_parts(structure, "finding a blow needs a mesh: matrices have no points.")
     refuse_dampers(structure, "find_impact")
     if radius is not None:

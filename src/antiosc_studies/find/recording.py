@@ -44,7 +44,7 @@ class Sensor(FieldsRepr):
     Parameters
     ----------
     point : sequence of 3 (2) floats, or str
-        Coordinates [m], or the name of a group, as of `probe`.
+        Coordinates [m], or the name of a group, as for `probe`.
     direction : sequence of 3 (2) floats
         Direction in which it measures; for strains that of the gauge.
     quantity : "acceleration" m/s², "velocity" m/s, "displacement" m or "strain"

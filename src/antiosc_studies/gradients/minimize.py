@@ -87,14 +87,14 @@ def minimize(
     build : callable
         Inputs (n,) -> the arguments (model, impactor, contact, duration) of `simulate`.
     goal : str or callable
-        As of `gradient`: "peak_force", "impulse", "contact_time", "restitution",
+        As for `gradient`: "peak_force", "impulse", "contact_time", "restitution",
         "peak_displacement", or a function of the run.
     x0 : array_like, shape (n,)
         Start of the search; the magnitudes of its entries are the scales of the inputs.
     bounds : sequence of (low, high), optional
         None: no bound.
     constraints : dict or sequence of dict, optional
-        As of `scipy.optimize.minimize`: {"type": "ineq", "fun": f} for f(x) >= 0, "eq" for = 0.
+        As for `scipy.optimize.minimize`: {"type": "ineq", "fun": f} for f(x) >= 0, "eq" for = 0.
     tol : float
         Change of the goal, over its first value, at which the search ends. The peak force of
         several sub-impacts has many shallow local minima, for which 1e-2 saves most of the runs.
@@ -106,7 +106,7 @@ def minimize(
     Raises
     ------
     InputError
-        For input that breaks a rule, and what `simulate` and `gradient` refuse.
+        For input that breaks a rule, or that `simulate` and `gradient` refuse.
     NotDifferentiableError
         If the search meets inputs at which the result has no derivative.
     """

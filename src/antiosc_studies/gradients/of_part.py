@@ -450,17 +450,17 @@ def design_map(
     part : Structure
         Structure of one mesh, from which the run's model was extracted.
     hit, goal, contact, time
-        As of `gradient`.
+        As for `gradient`.
     by : "thickness", "E" or "rho"
         Parameter of the cells' materials; stiffeners of a sheet are left out.
 
     Raises
     ------
     InputError
-        For a part that is not the run's, or whose materials do not have `by`; and what `gradient`
+        For a part that is not the run's, or whose materials do not have `by`; or that `gradient`
         refuses.
     NotDifferentiableError
-        As of `gradient`.
+        As for `gradient`.
     """
     checks.choice("by", by, tuple(BY))
     checks.instance("part", part, Structure, "a Structure")

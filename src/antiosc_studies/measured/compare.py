@@ -1,4 +1,4 @@
-"""`compare`: a measured force history against the computed one."""
+"""`compare`: comparison of a measured force history with the computed one."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FEWEST = 8
 
 @runtime_checkable
 class ForceHistory(Protocol):
-    """The attributes that are compared, of a `History` or of a contact's history."""
+    """The attributes that are compared: those of a `History` or of a contact's history."""
 
     @property
     def time(self) -> Array:

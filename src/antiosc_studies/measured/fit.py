@@ -6,7 +6,7 @@
    added where the residual has a peak above the noise.
 3. The modes above the band are expected to continue those in it, with an uncertainty
    (`expected_tail`): the fit is the most probable body. Fits to other noise, and with other equally
-   probable tails, show what the measurement does not determine.
+   probable tails, show the properties that the measurement does not determine.
 
 Vector fitting: the poles of measured receptances (Gustavsen and Semlyen 1999, relaxed 2006).
 
@@ -191,7 +191,7 @@ def refined(
 ) -> tuple[FittedModes, Array, float]:
     """(most probable body near `modes`, its normal matrix, chi^2 over the degrees of freedom).
 
-    `shift` is added to all residuals: it stands for other noise.
+    `shift` is added to all residuals: it represents other noise.
     """
     damping = 1e-6
     residual = residuals(data, weight, modes) + shift

@@ -406,7 +406,7 @@ class FRF(ReprMixin):
 
     @property
     def receptance(self) -> ComplexArray:
-        """Displacement per force [m/N], of the shape of `values`."""
+        """Displacement per force [m/N], with the shape of `values`."""
         return self.values / self._power
 
     @property

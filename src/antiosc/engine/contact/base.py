@@ -12,15 +12,16 @@ contact (the deepest indentation, the speed of approach) is stored in `state`, a
 4.  `advance` is called after each accepted step, in order of time, and returns the new state.
 5.  `origin(state)` [m] is where unloading ends and where contact starts again: 0, or the permanent
     indentation.
-6.  `energy(delta, state)` [J] is what the contact can still give back; `lost(state)` [J] what it
-    has turned into plastic work so far; `damping` [N] is the part of the force that depends on the
-    rate, so that damping * rate is the power lost besides. Over a closed cycle the work done on the
-    contact equals `lost` plus the damping's work.
+6.  `energy(delta, state)` [J] is the recoverable energy of the contact; `lost(state)` [J] the
+energy that it has turned into plastic work so far; `damping` [N] is the part of the force that
+depends on the
+    rate, so that damping * rate is the additional power loss. Over a closed cycle the work done on
+    the contact equals `lost` plus the damping's work.
 7.  `implicit` solves force and a linear relation between force and motion together. The base class
     does it for any law that keeps rules 2 and 3; a law overrides it where a closed form is quicker.
 
 `Compiled` is the base of laws whose functions are kernels of the march's C library
-(`csrc/laws.c`): a subclass gives the kind and the parameters, the formulas stand in C alone.
+(`csrc/laws.c`): a subclass gives the kind and the parameters, the formulas are in C alone.
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ class ContactLaw(ABC):
         return 0.0
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
-        """Why a peak force above `valid_force` is doubtful, and the remedy; `radius` [m]: of the
-        patch.
+        """Why a peak force above `valid_force` is doubtful, and the remedy; `radius` [m]: radius of
+        the patch.
         """
         if not self.compliance:
             return (

@@ -68,7 +68,7 @@ class Choice:
     unknown : the unknown property on which the error of the law depends, in words; "" if none.
     shares : smallest and largest possible `elastic_share`; None if it is exact.
     error : relative error of the force, due to the circle in place of an elliptic contact.
-    curvature : the larger relative curvature of both surfaces [1/m], of a contact at a point.
+    curvature : the larger relative curvature of both surfaces [1/m], for a contact at a point.
     """
 
     law: ContactLaw

@@ -4,8 +4,8 @@ Powers F = k delta^n are Hertz's, linear, or of any exponent, elastic or with da
 grows with the indentation: F = k delta^n (1 + d delta'/v0) >= 0. v0 is the speed of approach of the
 present contact and d follows from a coefficient of restitution e. For two free rigid bodies the
 motion has the first integral d (1 + e') = ln[(1 + d)/(1 - d e')] between d and the ratio e' of
-parting and closing speed, whatever k, n and the masses (`restitution_of`); of the laws here only
-Gonthier's returns e itself. In chatter v0 -> 0 and d/v0 would grow without bound: v0 is held above
+parting and closing speed, whatever k, n and the masses (`restitution_of`); among the laws here only
+Gonthier's returns e itself. In chatter v0 -> 0 and d/v0 would grow without bound: v0 is kept above
 1 % of the fastest approach so far.
 
 Of laws with a permanent indentation, loading, unloading and reloading follow different curves. All

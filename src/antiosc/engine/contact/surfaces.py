@@ -77,8 +77,8 @@ class Surface:
     Attributes
     ----------
     matter : its material.
-    curvatures : principal curvatures [1/m], ascending; < 0: hollow; of an edge or a corner those
-        of the radius that is assumed.
+    curvatures : principal curvatures [1/m], ascending; < 0: hollow; for an edge or a corner those
+        of the assumed radius.
     error : bound on the error of the curvatures [1/m].
     kind : "plane", "line", "curved", "edge" or "corner", as of a `Curvature`.
     length : length of the straight line along which a "line" extends [m].

@@ -108,7 +108,7 @@ def eliminate(
     rows : constraints of all joints, the supports first.
     fixed : (n,) dofs that are zero.
     scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
-    basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
+    basis : (n, n), orthogonal; then T = basis · T', and the constraints determine T'.
     prescribed : (m, k) values of the rows, for `particular`. Values of dependent rows are ignored.
     """
     n = len(fixed)

@@ -1,8 +1,8 @@
 """Contributions of joints, supports and attachments: C u = 0, springs, masses; motions of ends.
 
 An end is "part:group", ("part", point), ("part", point, radius), or the name of a reference point.
-Its motion at a point is a set of linear functionals of u: of one node those of the node; of a group
-of several, or of the surface within the radius, the mean displacement and the mean rotation, by
+Its motion at a point is a set of linear functionals of u: for one node those of the node; for a
+group of several, or the surface within the radius, the mean displacement and the mean rotation, by
 which a force spreads without stiffening the part. The mean rotation is that of the rigid motion
 closest to the motion of the group.
 """

@@ -2,13 +2,13 @@
 
 The displacement of one side, the follower, is the L2 projection of that of the other onto the
 functions of its own mesh (mortar method; Bernardi, Maday, Patera 1994): with the functions φ of the
-follower's nodes and ψ of the leader's, both integrated over what the surfaces have in common,
+follower's nodes and ψ of the leader's, both integrated over the intersection of the surfaces,
 
     u_f = D⁻¹ M u_l,   D = ∫ φ φᵀ,   M = ∫ φ ψᵀ.
 
 A state of constant stress passes through the tie, and the order of convergence is that of the
-coarser side. Where nodes of the follower are held or follow another joint already, their test
-functions are added to those of the nodes beside them, so that the sum of all stays 1.
+coarser side. Where nodes of the follower are fixed or follow another joint already, their test
+functions are added to those of the adjacent nodes, so that the sum of all stays 1.
 
 An edge of a shell on a face of a solid, which has no rotations: through the thickness t of the
 shell, along its normal n, the displacement of the face is compared with a straight line, u(s) ≈ u₀

@@ -311,7 +311,7 @@ class Truss(Isotropic):
         For the margin of safety (`peak_field`), Pa.
 
     Components: x, y, z, or x, y in a plane. The elements are linear whatever the `order` of
-    `Structure`, with half of the mass of a bar at each end. A node that only collinear bars hold is
+    `Structure`, with half of the mass of a bar at each end. A node between collinear bars alone is
     a mechanism: a bar that is divided into several cells needs supports or other bars there.
     """
 

@@ -307,7 +307,7 @@ class Family(Protocol):
     def dimensions(self, box: Box, materials: Sequence[Material]) -> Box:
         """Length, width and thickness [m] of a part whose bounding box is `box`.
 
-        The thickness is the depth along which it bends: of a plane part, which bends in its plane,
+        The thickness is the depth along which it bends: for a plane part, which bends in its plane,
         the lesser side. `materials`: all materials of the part.
         """
         ...

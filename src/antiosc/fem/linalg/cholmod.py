@@ -196,7 +196,7 @@ def _unlike_defaults(lib: ctypes.CDLL) -> str:
 
 
 def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
-    """The error for a failed CHOLMOD call; `what` names the step, which needs `size` bytes."""
+    """The error for a failed CHOLMOD call in the step `what`, which needs `size` bytes."""
     if common.status == NO_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
         return allocation_failed(
@@ -429,7 +429,7 @@ class Cholesky:
     block, permutation, last
         As for `Analysis`, if A is a matrix.
 
-    NotPositiveDefiniteError where A has no such factor; other errors as of `Analysis`.
+    NotPositiveDefiniteError where A has no such factor; other errors as for `Analysis`.
     """
 
     def __init__(

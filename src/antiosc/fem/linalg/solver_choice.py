@@ -298,7 +298,7 @@ class Substructures(Factorization):
 
 
 def _triangle(L: Array, X: Array, trans: int = 0) -> Array:
-    """L X, or Lᵀ X, of a lower triangle; for one vector only the triangle is read."""
+    """Product L X, or Lᵀ X, with a lower triangle L; for one vector only the triangle is read."""
     if X.shape[1] != 1 or not len(X):
         return np.asarray((L.T if trans else L) @ X)
     (product,) = scipy.linalg.get_blas_funcs(("trmv",), (L,))

@@ -19,8 +19,7 @@ MOST = 1e-3
 
 
 def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
-    """The mesh without its `flat` cells at the surface, and with a sentence that tells their
-    number.
+    """The mesh without its `flat` cells at the surface, and with a note of their number.
 
     A flat cell inside the part stays: without it the mesh would be cracked there.
     """

@@ -129,7 +129,7 @@ def read_mesh(
     Groups of a CAD file or a filled surface are its solids by their labels, its outer faces ("face
     1", "face 2", …; besides by labels and by colours, "colour #ff0000", where the file has several)
     and its holes by their diameter ("hole 6 mm (1)"). A geometry that gmsh cannot mesh is tried
-    again with other sizes, algorithms and repairs; a warning says what helped.
+    again with other sizes, algorithms and repairs; a warning names the change that helped.
 
     Raises
     ------

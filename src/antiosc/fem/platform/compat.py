@@ -625,7 +625,8 @@ def quadratic(
 
 
 class CellKernel:
-    """The kernel of a form with one integral, with what it reads of the cells of this rank.
+    """The kernel of a form with one integral, with the data that it reads for the cells of this
+    rank.
 
     Parameters
     ----------

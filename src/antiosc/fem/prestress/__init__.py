@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def _vector(name: str, value: object, unit: str) -> tuple[float, ...]:
-    """A checked vector of three numbers; two numbers, of a plane part, get a zero third one."""
+    """A checked vector of three numbers; the two numbers of a plane part get a zero third one."""
     components = coordinates(name, value, unit)
     return (*components, 0.0)[:3]
 

@@ -1,4 +1,4 @@
-"""K and M with their supports applied, what is known of their dofs, and null vectors of K.
+"""K and M with their supports applied, the data of their dofs, and the null vectors of K.
 
 Inverse iteration finds the null vectors of a singular K as the motions without strain, and the
 shift that makes K factorable from the lowest elastic ω² beside them.
@@ -415,7 +415,8 @@ CLOSER = 6
 class Plausibility(TypedDict, total=False):
     """The data from which the validity of linear theory is judged.
 
-    doubts : sentences on what is implausible of a part; wave_speed : the fastest along bars [m/s];
+    doubts : sentences on implausible properties of a part; wave_speed : largest speed of waves in
+        bars [m/s];
     thickness : least thickness of sheets [m]; None if they are supported along one line alone.
     """
 
@@ -523,7 +524,7 @@ class StructureMatrices:
     def uniform_inertia(self, direction: Array) -> Array | None:
         """M e on the rows of this rank, for a uniform unit motion e along `direction` (3,).
 
-        None: matrices alone do not tell the direction of each row.
+        None for matrices alone, which do not define the direction of each row.
         """
         floats("direction", direction, (3,))
         return None

@@ -1,7 +1,7 @@
 """`Structure`: K and M with supports, and the one factor of them that every site and mode uses.
 
 Its `matrices` are those of a mesh (`antiosc.fem.structure.meshed`), which know their geometry, or
-given ones. Extraction reads what both have.
+given ones. Extraction uses only their common attributes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 class Options(TypedDict):
-    """Arguments of a `Structure` of a mesh beside its material and its supports."""
+    """Arguments of a `Structure` of a mesh other than its material and its supports."""
 
     order: int
     attached: Sequence[Attachment]
@@ -59,7 +59,7 @@ class Structure(ReprMixin):
         From `read_mesh`.
     material : Solid, Shell, Laminate, Beam, Truss or dict
         One material, or {group name: material} that covers every cell once. On a shell's mesh
-        groups of edges may carry a `Beam` besides: a stiffener that moves with the sheet.
+        groups of edges may also carry a `Beam`: a stiffener that moves with the sheet.
     supports : sequence of Support
         None: a free body.
     order : 1 or 2
@@ -96,7 +96,7 @@ class Structure(ReprMixin):
     shift : float
         s of K + sM, the matrix that `factorize` factors, rad²/s²; 0 without rigid-body modes.
     matrices : StructureMatrices
-        K and M with what is known of their dofs.
+        K and M with the data of their dofs.
     seconds : dict
         Times [s] of assembly and of factorization (its forecast of memory included).
 
@@ -320,7 +320,7 @@ class Structure(ReprMixin):
     def uniform_inertia(self, direction: Array) -> Array | None:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
 
-        None for matrices, which do not tell where e points.
+        None for matrices, which do not define the direction of e.
         """
         return self.matrices.uniform_inertia(direction)
 
@@ -370,7 +370,7 @@ def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
 
 
 def refuse_prestress(structure: Structure, what: str) -> None:
-    """InputError for a prestressed structure, which `what` does not support."""
+    """InputError for a prestressed structure, which the function `what` does not support."""
     if structure.matrices.preload is not None:
         raise InputError(
             f"{what} does not take a structure with a prestress: leave prestress= out of it."
@@ -378,7 +378,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
 
 
 def refuse_dampers(structure: Structure, what: str) -> None:
-    """InputError for a structure with dampers, which `what` does not support."""
+    """InputError for a structure with dampers, which the function `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
             f"{what} does not take dampers, nor materials with loss= or prony=: leave them out;"

@@ -231,7 +231,7 @@ class Region:
     outside: Callable[[Array], Array]  # how far points x (3, n) lie outside of it [m] (n,)
 
     def __call__(self, x: Array, size: float | None = None) -> BoolArray:
-        """Mask of the points x (3, n) in the region; `size`: of the mesh, m."""
+        """Mask of the points x (3, n) in the region; `size`: size of the mesh, m."""
         if size is None:
             size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
         return np.asarray(self.outside(x) <= AT_FACE * size)
@@ -306,7 +306,7 @@ def of_mesh(
 ) -> tuple[Array, float]:
     """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²).
 
-    `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs hold.
+    `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs resist.
     """
     comm: MPI.Comm = K.getComm().tompi4py()
     motions = _vanishing(comm, _fields(form, comm, rigid=True), fixed, springs)

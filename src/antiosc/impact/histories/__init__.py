@@ -1,4 +1,4 @@
-"""What a simulation returns: `History`, with its numbers, tables and texts."""
+"""The result of a simulation: `History`, with its numbers, tables and texts."""
 
 from __future__ import annotations
 
@@ -262,7 +262,7 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 
 
 def error_scope(history: History) -> str:
-    """Text: what the `error` of a history covers, and where the error of the mesh stands."""
+    """Text: causes that the `error` of a history covers, and the place of the mesh error."""
     bodies = [placed.body for placed in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if not any(info.structure for info in facts):

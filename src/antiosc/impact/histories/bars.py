@@ -86,7 +86,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     ----------
     bars : quantity -> ErrorBar.
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
-    notes : what the bars do not include, and what makes them doubtful.
+    notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
     law : why the error of the contact's law is not in the bars; "" where it is.
     unknown : the causes that were not estimated, with 0 in the bars.

@@ -103,7 +103,7 @@ def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0
 
 
 def stretch_amplitudes(history: AnyHistory, times: Array, body: str) -> Array:
-    """Amplitudes (n, m), at times, of the modes with second-order forces."""
+    """Amplitudes (n, m) of the modes with second-order forces at times."""
     forces = stretch_in(history, body)
     assert forces is not None
     return np.asarray(_motion_at(history, times, body).q @ forces.modes)

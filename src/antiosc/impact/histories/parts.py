@@ -1,4 +1,4 @@
-"""What a history consists of: one contact, and one body."""
+"""The parts of a history: one contact, and one body."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ LARGEST = 2**30
 class Results(ReprMixin):
     """Base of histories that can be written as tables, numbers and files.
 
-    `columns` and `numbers` say what it has.
+    Subclasses define `columns` and `numbers`.
     """
 
     def columns(self) -> dict[str, Array]:

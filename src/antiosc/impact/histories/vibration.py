@@ -32,9 +32,7 @@ class BodyEnergy(ReprMixin):
 
     @property
     def vibration(self) -> Array:
-        """Energy (n,) of the vibration: what remains in the elastic modes when the contact is
-        over.
-        """
+        """Energy (n,) of the vibration: the energy left in the elastic modes after the contact."""
         return self.kinetic + self.strain
 
     @property

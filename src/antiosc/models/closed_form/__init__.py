@@ -1,9 +1,9 @@
 """Structures with exact solutions: beams, supported plates and laminates, Zener's impact, a layer.
 
-`docs/closed_forms.md` lists them with their theory, sources and an example. Of a beam the
-anti-oscillators and modes are known to rounding.
-Timoshenko's beam, or Euler-Bernoulli's (`UniformBeam.euler_bernoulli`), on any supports of its two
-ends and struck at any point, is a `StruckBeam`; the functions below name the usual ones.
+`docs/closed_forms.md` lists them with their theory, sources and an example. The anti-oscillators
+and modes of a beam are known to rounding. Timoshenko's beam, or Euler-Bernoulli's
+(`UniformBeam.euler_bernoulli`), on any supports of its two ends and struck at any point, is a
+`StruckBeam`; the functions below name the usual ones.
 
 >>> beam = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 >>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)

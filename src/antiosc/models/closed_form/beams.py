@@ -291,7 +291,7 @@ class UnitBeam:
 
     Attributes
     ----------
-    alpha, eta : rotary inertia and shear compliance over those of the length, as of `UniformBeam`.
+    alpha, eta : rotary inertia and shear compliance over those of the length, as for `UniformBeam`.
     left, right : names of `ENDS`.
     site : distance of the site from the left end, 0 to 1.
     """

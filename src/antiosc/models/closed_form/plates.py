@@ -37,7 +37,7 @@ are spread over a disc with Hertz's pressure P(k) moves by P²/(Dk⁴) + P²/(κ
     P = 3 (sin z − z cos z)/z³,   z = ka.
 
 The terms in 1/k⁴ agree. Those in 1/k² are h²/5D and 1/κGh − a²/5D: they agree for
-a = h √(ν/(1 − ν)) with κ = 5/6. What is left of the difference has a finite integral, a compliance
+a = h √(ν/(1 − ν)) with κ = 5/6. The rest of the difference has a finite integral, a compliance
 of the contact. A wider disc radiates too little into the plate, so that the impactor rebounds too
 fast: the share that is lost is (kh)² (1 − 2ν)/(5(1 − ν)) for a disc of radius h.
 
@@ -443,7 +443,7 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 
 @lru_cache(maxsize=64)
 def _compliance(nu: float) -> float:
-    """The compliance integral for E = h = 1: of the plate minus that of the layer."""
+    """The compliance integral for E = h = 1: that of the plate minus that of the layer."""
     from scipy.integrate import quad  # loaded where it is used: it takes long
 
     G = 1 / (2 * (1 + nu))

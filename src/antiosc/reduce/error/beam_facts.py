@@ -40,7 +40,7 @@ def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
     """Data for the error of beam theory as JSON values, or a sentence why there are none.
 
     "compliance" is 1/(E √A) [m/N], "omega" the circular frequency at which the section deforms
-    [rad/s], "clamps" the number of held ends times the larger side over the length.
+    [rad/s], "clamps" the number of fixed ends times the larger side over the length.
     """
     try:
         return _facts(part, site)
@@ -108,7 +108,7 @@ def _line(part: MeshedStructure) -> tuple[Array, Array]:
 
 
 def _along_height(part: MeshedStructure, beam: Beam, axis: Array, direction: Array) -> bool:
-    """Whether the section's height lies along the impact; otherwise its width must do so."""
+    """Whether the section's height lies along the impact; raises `_Unknown` if no side does."""
     if part.mesh.gdim == 2 or beam.section.isotropic:
         return True
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[:1]

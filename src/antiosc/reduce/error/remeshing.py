@@ -1,4 +1,4 @@
-"""Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving.
+"""Meshes with required sizes of cells: gmsh meshes a geometry again, others are halved.
 
 Meshes of lines are made finer everywhere alike: they are small, and to estimate the error of each
 cell would cost more than the cells that this saves.

@@ -67,7 +67,7 @@ class SiteShapes:
     kept : (p,) numbers of the independent columns of B.
     dependence : (c, p) displacements at all columns for unit displacements at the independent ones.
     W : (p, p) transformation to the basis (see the module).
-    load : (rows, p) reactions that hold the sites: BW without its load on the rigid modes `nodal`.
+    load : (rows, p) reactions that fix the sites: BW without its load on the rigid modes `nodal`.
     phi, m_phi : (rows, p) the shapes, and M times them.
     k0 : (p, p) ΦᵀKΦ.
     mass : (p, p) ΦᵀMΦ.

@@ -282,7 +282,7 @@ def extract(
         chosen so that the error of Z(ω) up to this frequency is at most `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
-        that was reached, including truncation and rounding. Of several sites: the largest relative
+        that was reached, including truncation and rounding. For several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
         identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [Hz] on.
     shapes : bool
@@ -304,12 +304,11 @@ def extract(
     Returns
     -------
     AntiOscillators, or a list of them for a sequence of sites
-        A site that cannot move independently of those before it (a second site on a rigid part,
-        say) follows them: `dependence` of the model.
-        `info` holds the numbers of modes that were found and dropped, and the checks. If the share
-        of the rigid-body modes in the compliance of the site (`rigid_share`) is below 1e-4, they
-        are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
-        out, and k0 > 0.
+        A site that cannot move independently of those before it (for instance a second site on a
+        rigid part) follows them: `dependence` of the model. `info` holds the numbers of modes that
+        were found and dropped, and the checks. If the share of the rigid-body modes in the
+        compliance of the site (`rigid_share`) is below 1e-4, they are represented by an
+        anti-oscillator of nearly zero frequency; below 1e-16 they are left out, and k0 > 0.
 
     Raises
     ------

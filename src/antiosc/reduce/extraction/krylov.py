@@ -1,10 +1,10 @@
 """Krylov anti-oscillators: N solves for N anti-oscillators, and the most accurate Z(ω) for them.
 
 With the shapes Φ of unit displacements at p ≥ 1 sites (`site_shapes`), A = K + sM and the operator
-T = A⁻¹M - Y(loadᵀY)⁻¹YᵀM under the constraint that all sites are held, the block Lanczos recurrence
-starts at TΦ and runs in the inner product of A, in which T is symmetric. Its Ritz pairs are those
-of (K, M) on the space {TΦ, …, TᴺΦ}: a Galerkin model, so every m_i is positive semidefinite and
-Σm_i ≤ M_st. With z = ω² + s,
+T = A⁻¹M - Y(loadᵀY)⁻¹YᵀM under the constraint that all sites are fixed, the block Lanczos
+recurrence starts at TΦ and runs in the inner product of A, in which T is symmetric. Its Ritz pairs
+are those of (K, M) on the space {TΦ, …, TᴺΦ}: a Galerkin model, so every m_i is positive
+semidefinite and Σm_i ≤ M_st. With z = ω² + s,
 
     Z = K0 - ω²M_st - ω⁴G,    G = ΦᵀM (I - zT)⁻¹TΦ = Σ_j z^j ΦᵀM T^(j+1) Φ,
 
@@ -411,7 +411,7 @@ def by_krylov(
 ) -> list[tuple[Modes, Remainder | Reached | None]]:
     """(Ritz pairs; with a band the bound on their truncation error) of each model.
 
-    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
+    Without a band there are `counts` pairs with more than the share `tol` in Z,
     if the structure has so many and the largest number of steps finds them. With a band, it is the
     least number of blocks for which the error of Z is at most `accuracy`, and at most `counts`.
     Each step solves one block of right-hand sides.

@@ -62,7 +62,7 @@ def checked_modes(
 
     Returns
     -------
-    What was measured, and the number of modes that have converged.
+    The measured errors by name, and the number of modes that have converged.
     """
     modes = known.modes
     static = known.static

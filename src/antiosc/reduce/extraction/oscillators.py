@@ -8,7 +8,7 @@ The error of Z at every damped frequency of a band is the sum of the truncation 
 of the limited number of anti-oscillators, and of rounding. The latter is the effect of a relative
 change ε of every entry of K and M on Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shapes φ(x) of the
 structure at that frequency, estimated with the diagonals of K and M. ‖ΔZ‖₂‖Z⁻¹‖₂ bounds the
-relative error of the displacements of the sites under any forces on them, of one site |ΔZ|/|Z|.
+relative error of the displacements of the sites under any forces on them, for one site |ΔZ|/|Z|.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def _forces_left(
     """Residual forces of the modes relative to their elastic forces (n,); KΦ and MΦ are
     overwritten.
 
-    The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
+    The reactions fix the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
     """
     sizes = static.solver.force_sizes
     size = sizes(k_phi)
@@ -178,8 +178,8 @@ class Selection:
 def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     """The n lowest anti-oscillators with a share in Z above `tol`.
 
-    Modes of one frequency are reduced to those that the sites can tell apart, at most p. The masses
-    of all others are added to m0.
+    Modes of one frequency are reduced to those that move the sites differently, at most p. The
+    masses of all others are added to m0.
     """
     static = known.static
     omega = known.modes.omega
@@ -248,7 +248,7 @@ class OneSite:
 
     Attributes
     ----------
-    k0, m0, omega, m : as of `AntiOscillators`.
+    k0, m0, omega, m : as in `AntiOscillators`.
     residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
     hidden : (rows, h) rigid-body modes that are not in the model.
     """

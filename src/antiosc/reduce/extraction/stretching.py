@@ -171,7 +171,7 @@ def work_on(
     """Work of second-order forces on motions w (dofs, R): (P, R) of pairs, (m, P, R) of mode and
     pair.
 
-    phi (dofs, m) and follows (dofs, P) as of `tensors`; to third order in the amplitudes
+    phi (dofs, m) and follows (dofs, P) as for `tensors`; to third order in the amplitudes
 
         w·f = Σ a_i a_j g_ijᵀw + Σ a_k a_i a_j ∫ (C ε(v_ij) + C η(φ_i, φ_j)/2) : η(φ_k, w)
               + ε(φ_k):C:η(v_ij, w) + ε(w):C:η(φ_k, v_ij).

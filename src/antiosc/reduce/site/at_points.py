@@ -317,7 +317,8 @@ def cell_and_waves(
     """(longest edge of a cell [m], wave speed × radius of gyration in bending [m²/s], wave speed
     [m/s]).
 
-    `sides` (3,) [m]: of the box around the part; `thickness`: of a sheet or beam, or of that box.
+    `sides` (3,) [m]: sides of the box around the part; `thickness`: that of a sheet or beam, or of
+    that box.
     """
     mesh = structure.mesh
     x = corners_at(mesh, nearest)

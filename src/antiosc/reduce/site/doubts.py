@@ -170,7 +170,7 @@ def _cut(sites: Sites) -> BoolArray:
 
 
 def _supported(sites: Sites) -> BoolArray:
-    """Mask of the patches that supports hold partly."""
+    """Mask of the patches that supports fix partly."""
     return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
 
 

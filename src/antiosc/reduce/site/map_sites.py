@@ -288,9 +288,7 @@ def sites_on(
 
 
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
-    """The vertices of a group of facets, or of cells for shells and beams; None: of the whole
-    surface.
-    """
+    """Vertices of a group of facets, or of cells for shells and beams; None: the whole surface."""
     mesh = structure.mesh
     outside = structure.kind.outside
     faces = Faces(mesh, not outside)

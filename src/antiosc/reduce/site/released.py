@@ -72,7 +72,7 @@ class Released:
     and of its parts, then the ground ends of springs. Each element on the ground has the name of a
     support; dampers carry no static force.
 
-    If a joint and supports hold the same motion, the constraints of the joint that follow from the
+    If a joint and supports fix the same motion, the constraints of the joint that follow from the
     supports carry no force, as in the assembly itself, which omits them.
 
     Attributes

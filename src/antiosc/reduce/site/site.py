@@ -36,13 +36,13 @@ class Site(FieldsRepr):
     Parameters
     ----------
     point : sequence of 2 or 3 floats, or str
-        Coordinates in m; any point of the structure, on or off the nodes. A text names a group (of
-        an assembly "part:group"): its point, or the point next to the centroid of its entities. Of
+        Coordinates in m; any point of the structure, on or off the nodes. A text names a group (in
+        an assembly "part:group"): its point, or the point next to the centroid of its entities. In
         an assembly it may also be a reference point, or "part:site" of a superelement.
     face : str, optional
-        In place of a point: a group of faces ("face 12", "hole 6 mm (1)", of an assembly
-        "part:face 12"). The site is its point next to its centroid, and the direction is by default
-        that into the part.
+        In place of a point: a group of faces ("face 12", "hole 6 mm (1)", in an assembly "part:face
+        12"). The site is its point next to its centroid, and the direction is by default that into
+        the part.
     direction : sequence of 2 or 3 floats
         The direction in which the impactor pushes; need not be a unit vector.
     radius : float, optional

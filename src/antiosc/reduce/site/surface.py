@@ -110,7 +110,7 @@ def curvature_at(
     Parameters
     ----------
     structure : Structure
-        A structure of solids or shells; of several meshes the nearest one is used.
+        A structure of solids or shells; among several meshes the nearest one is used.
     point : array_like (2,) or (3,)
         [m]
     direction : sequence of floats, optional
@@ -152,7 +152,7 @@ class _Struck:
     def of(
         cls, matrices: MeshedParts, point: Array, direction: Array | None, name: str | None = None
     ) -> _Struck:
-        """The struck part of a structure; `name`: of the part, by default the nearest one."""
+        """The struck part of a structure; `name`: name of the part, by default the nearest one."""
         point_row = point[None]
         if name is None:
             way = np.zeros(3) if direction is None else direction
