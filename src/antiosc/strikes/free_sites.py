@@ -63,7 +63,7 @@ def free_sites(
     most: float = math.inf,
     least: int = FREE_MODES,
 ) -> FreeSites:
-    """The sites of a map with at most `most` free modes; the other arguments as for `impact_map`."""
+    """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
     started = time.perf_counter()
     map_sites = sites_of(matrices, where, direction, radius)
     structure.factorize(math.inf)
