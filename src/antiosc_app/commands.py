@@ -155,12 +155,12 @@ def to_a_tolerance(document: Document) -> Document:
     ):
         return document
     struck = {name: value for name, value in simulated.items() if name in OF_BOTH}
-    kept = {name: value for name, value in data.items() if name not in NOT_STRUCK}
-    geometry = kept["geometry"]
+    sections = {name: value for name, value in data.items() if name not in NOT_STRUCK}
+    geometry = sections["geometry"]
     if isinstance(geometry, dict) and set(geometry) <= {"source", "size", "refine"}:
         geometry = {"source": geometry.get("source")}
     strike = {"tol": USUAL_TOL, **struck}
-    return replace(document, data={**kept, "geometry": geometry, "strike": strike})
+    return replace(document, data={**sections, "geometry": geometry, "strike": strike})
 
 
 def one_impact(scene: CompiledScene, path: str) -> Table:

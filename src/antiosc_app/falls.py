@@ -66,12 +66,12 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
 
     try:
         nodes, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        drawn = surface(nodes, cells)
+        outer = surface(nodes, cells)
     except AntioscError:  # given matrices have no cells
         return surface_of(fall)
-    drawn = structure.comm.bcast(drawn, root=0)
-    used, faces = np.unique(drawn.faces, return_inverse=True)
-    return drawn.points[used] - fall.body.centre, faces.reshape(-1, 3)
+    outer = structure.comm.bcast(outer, root=0)
+    used, faces = np.unique(outer.faces, return_inverse=True)
+    return outer.points[used] - fall.body.centre, faces.reshape(-1, 3)
 
 
 def _impact(fall: Fall, k: int, times: Array) -> Data:

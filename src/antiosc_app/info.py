@@ -241,10 +241,12 @@ def _gmsh() -> str:
         "print(gmsh.option.getString('General.Version'))"
     )
     program = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
-    if done.returncode:
-        raise ImportError(" ".join(done.stderr.split()[-20:]) or f"it ends with {done.returncode}")
-    return done.stdout.split()[-1]
+    completed = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
+    if completed.returncode:
+        raise ImportError(
+            " ".join(completed.stderr.split()[-20:]) or f"it ends with {completed.returncode}"
+        )
+    return completed.stdout.split()[-1]
 
 
 def _package(

@@ -598,8 +598,13 @@ def striker_place(hit: History, blow: Data) -> Data | None:
     direction = info_of(hit.model).direction
     if len(points) != 1 or len(points[0]) != 3 or direction is None or len(direction) != 3:
         return None
-    radius, told = _drawn_striker(hit.impactor, blow)
-    return {"point": list(points[0]), "direction": list(direction), "radius": radius, "told": told}
+    radius, sentence = _drawn_striker(hit.impactor, blow)
+    return {
+        "point": list(points[0]),
+        "direction": list(direction),
+        "radius": radius,
+        "told": sentence,
+    }
 
 
 def _drawn_striker(striker: LinearBody, blow: Data) -> tuple[float | None, str]:

@@ -499,21 +499,21 @@ def _held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
         nodes, _, moved = source(structure).at_nodes(structure, motion)
     except AntioscError:  # matrices alone have no nodes
         return np.zeros(len(x), dtype=bool)
-    still = ~np.any(moved, axis=(1, 2))
-    if not still.any():
+    fixed = ~np.any(moved, axis=(1, 2))
+    if not fixed.any():
         return np.zeros(len(x), dtype=bool)
-    distance = cKDTree(nodes[still]).query(x)[0]
+    distance = cKDTree(nodes[fixed]).query(x)[0]
     return np.asarray(distance < SAME_PLACE * size)
 
 
 def _far_from(
-    held: Array, least: float, sites: Iterator[tuple[Array, Array, float | None]]
+    fixed_points: Array, least: float, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
     """The sites; those nearer than `least` [m] to fixed points (n, 3) come last."""
-    if not len(held):
+    if not len(fixed_points):
         yield from sites
         return
-    tree = cKDTree(held)
+    tree = cKDTree(fixed_points)
     near = []
     for site in sites:
         if tree.query(site[0])[0] < least:
@@ -819,13 +819,13 @@ def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
         figure = deformed_figure(part, whole_scale=True)
     else:  # each face has points of its own, so that it is held or not
         count = faces.shape[1]
-        held = np.repeat(inspection.held[faces].any(axis=1), count).astype(float)
+        fixed = np.repeat(inspection.held[faces].any(axis=1), count).astype(float)
         points = points[faces.ravel()]
         faces = np.arange(len(points)).reshape(-1, count)
         arrow = np.array(inspection.point), np.array(inspection.direction)
-        part = Deformed(points, points, faces, held, "", 1.0)
+        part = Deformed(points, points, faces, fixed, "", 1.0)
         figure = deformed_figure(part, arrow=arrow, whole_scale=True)
-        held_text = "yellow: held; " if held.any() else ""
+        held_text = "yellow: held; " if fixed.any() else ""
         figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")
     save_figure(figure, path, dpi=100)
 
@@ -889,10 +889,10 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
 
 def _listed(groups: Sequence[str]) -> list[str]:
     """The names of groups as lines of a comment."""
-    kept = "\0"  # in place of a space in a name, at which no line may end
-    names = ", ".join(json.dumps(name, ensure_ascii=False).replace(" ", kept) for name in groups)
+    blank = "\0"  # in place of a space in a name, at which no line may end
+    names = ", ".join(json.dumps(name, ensure_ascii=False).replace(" ", blank) for name in groups)
     lines = textwrap.wrap(names, WIDTH, break_long_words=False, break_on_hyphens=False)
-    return [line.replace(kept, " ") for line in lines]
+    return [line.replace(blank, " ") for line in lines]
 
 
 def _band(radius: float) -> float:

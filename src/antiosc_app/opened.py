@@ -501,10 +501,10 @@ class Opened:
 def _told_of_file(look: new.Inspection) -> str:
     """Sentences on the part's size, and on the choices made while reading its file."""
     side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
-    taken = ""
+    choices = ""
     if "unit" in look.read:
-        taken = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
-    return " ".join([f"{side} mm{taken}.", *map(capitalised, look.notes)])
+        choices = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
+    return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes)])
 
 
 def _corner(look: new.Inspection) -> float:

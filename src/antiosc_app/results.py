@@ -375,12 +375,12 @@ def _impact(results: SceneResults) -> Presentation:
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     groups: list[Columns] = []  # of probes with equal times
     for probe in probes:
-        same = (
+        same_view = (
             group_of_times
             for group_of_times in groups
             if np.array_equal(group_of_times["time (s)"], probe.times)
         )
-        group = next(same, None)
+        group = next(same_view, None)
         if group is None:
             groups.append(group := {"time (s)": probe.times})
         group |= probe.table()

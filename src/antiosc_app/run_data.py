@@ -340,8 +340,8 @@ def _contact_outputs(
         for kind, (name, unit) in OF_CONTACT.items():
             specs.append((kind, c))
             full = name if plain else f"{a},{b}.{name}"
-            of = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
-            variables.append(Variable(full, unit, of))
+            description = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
+            variables.append(Variable(full, unit, description))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 
@@ -350,10 +350,10 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     specs = []
     variables = []
     for i, prefix in enumerate(names):
-        of = f"the {prefix.rstrip('._')}" if prefix else "the site"
+        place = f"the {prefix.rstrip('._')}" if prefix else "the site"
         for kind, (name, unit) in OF_SITE.items():
             specs.append((kind, i))
-            variables.append(Variable(prefix + name, unit, f"{name} of {of}"))
+            variables.append(Variable(prefix + name, unit, f"{name} of {place}"))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 
@@ -378,15 +378,15 @@ def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Ar
 
 def distinct(names: Iterable[str]) -> list[str]:
     """The names, made distinct by "_2", "_3", …."""
-    taken: dict[str, None] = {}
+    used: dict[str, None] = {}
     for name in names:
         unique = name
         copies = 1
-        while unique in taken:
+        while unique in used:
             copies += 1
             unique = f"{name}_{copies}"
-        taken[unique] = None
-    return list(taken)
+        used[unique] = None
+    return list(used)
 
 
 def model_file(data: RunData) -> bytes:

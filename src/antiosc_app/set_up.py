@@ -142,7 +142,7 @@ class SetUp:
         checks.flag("finer", self.finer)
         if self.material:
             checks.choice("the material", self.material, MATERIALS)
-        if len(self.held) > MOST_HELD or not all(isinstance(one, str) for one in self.held):
+        if len(self.held) > MOST_HELD or not all(isinstance(face, str) for face in self.held):
             raise InputError(f"held lists at most {MOST_HELD} names of faces.")
 
 

@@ -47,12 +47,12 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
         return PageSkin(shape, *_with_usual(_groups(mesh), look))
     outer = Faces(mesh, mesh.tdim < 3)
-    held = _groups(mesh)
+    groups = _groups(mesh)
     owner = np.zeros(len(outer), dtype=int)
-    for number, name in enumerate(held, start=1):
+    for number, name in enumerate(groups, start=1):
         owner[np.isin(outer.facets, mesh.groups[name].get(outer.dim, []))] = number
     if not outer.sheet:
-        held |= _flat_sides(mesh, outer, owner, len(held))
+        groups |= _flat_sides(mesh, outer, owner, len(groups))
     corners = outer.vertices
     if corners.shape[1] == 4:  # in tensor order: 0 1 / 2 3
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
@@ -62,9 +62,9 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     on_plane = _faces_on(outer, look.plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     beyond = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
-    names = [name for number, name in enumerate(held, start=1) if number in numbers]
+    names = [name for number, name in enumerate(groups, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
-    all_faces, held_first = _with_usual(held, look) if beyond or not names else (held, names)
+    all_faces, held_first = _with_usual(groups, look) if beyond or not names else (groups, names)
     return PageSkin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
 
 

@@ -86,8 +86,8 @@ def _decades_off(materials: Array) -> float:
     `materials` : (n, 2) Young's moduli [Pa] and densities [kg/m³]; NaN: not known.
     """
     decades = np.nan_to_num(np.abs(np.log10(materials[:, None] / _real_materials())))
-    off = DECADES_OF_MODULUS * decades[:, :, 0] + np.minimum(decades[:, :, 1], DUMMY)
-    return float(np.quantile(off.min(axis=1), 0.5, method="lower"))
+    decades_off = DECADES_OF_MODULUS * decades[:, :, 0] + np.minimum(decades[:, :, 1], DUMMY)
+    return float(np.quantile(decades_off.min(axis=1), 0.5, method="lower"))
 
 
 @cache

@@ -228,27 +228,27 @@ def read(sources: Sources) -> Whole:
     """Read a deck from its files."""
     cards = read_cards(sources)
     name = sources.name
-    whole = Whole(Deck(name), account_for(cards, name))
-    whole.deck.told += whole.account.unknown()
-    top, parts, placed = _divided(cards, whole.steps)
-    whole.add(Instance("", np.eye(3), np.zeros(3), whole, top, mesh_of(top, name)))
+    assembled = Whole(Deck(name), account_for(cards, name))
+    assembled.deck.told += assembled.account.unknown()
+    top, parts, placed = _divided(cards, assembled.steps)
+    assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
     used = {card.option("PART").upper() for card, _ in placed}
     for part, (spelled, _) in parts.items():
         if part not in used:
-            whole.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
+            assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
     for card, moves in placed:
-        whole.add(_placed(whole, card, moves, parts, meshes))
-    for card in sorted(whole.named(*WHAT), key=lambda card: not card.within.name):
-        whole.read_set(card)
-    named = {"NSET": whole.deck.node_sets, "ELSET": whole.deck.element_sets}
-    for (keyword, label), rows in whole.sets.items():  # without elements that are not cells
+        assembled.add(_placed(assembled, card, moves, parts, meshes))
+    for card in sorted(assembled.named(*WHAT), key=lambda card: not card.within.name):
+        assembled.read_set(card)
+    named = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
+    for (keyword, label), rows in assembled.sets.items():  # without elements that are not cells
         cells = rows[rows < OTHER]
         if len(cells) or not len(rows):
-            named[keyword][whole.spelling[label]] = cells
-    if not len(whole.deck.points):
+            named[keyword][assembled.spelling[label]] = cells
+    if not len(assembled.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE).")
-    return whole
+    return assembled
 
 
 Parts = dict[str, tuple[str, list[Card]]]
@@ -287,7 +287,7 @@ def _divided(
 
 
 def _placed(
-    whole: Whole,
+    assembled: Whole,
     card: Card,
     instance_cards: list[Card],
     parts: Parts,
@@ -319,4 +319,4 @@ def _placed(
         K = -lever((b - a) / length)
         turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
         shift = a + turn @ (shift - a)
-    return Instance(name, turn, shift, whole, cards, mesh)
+    return Instance(name, turn, shift, assembled, cards, mesh)

@@ -153,9 +153,9 @@ class Card(Placed):
 
     def refuse_turned(self) -> None:
         """Raise MeshError if the instance is rotated: the card's axes would be ambiguous."""
-        alike = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
+        unrotated = np.allclose(self.within.turn, np.eye(3), rtol=0, atol=1e-9)
         self.needs(
-            alike,
+            unrotated,
             f"the instance {self.within.name!r} is rotated, and the axes of this "
             f"*{self.keyword} in its part may be those before or after; give it outside the "
             "part, or by vectors (n1, *ORIENTATION).",

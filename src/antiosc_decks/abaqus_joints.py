@@ -41,7 +41,7 @@ class DeckFaces:
         return nodes[nodes >= 0]
 
 
-def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
+def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
     """The surfaces of a deck by their names in upper case."""
     surfaces: dict[str, DeckFaces] = {}
     for card in cards:
@@ -57,7 +57,7 @@ def surfaces_of(whole: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
                 continue
             elements = card.within.elements(row.word(0), row.place)
             side = row.word(1).upper()
-            for block, _ in whole.deck.blocks_of(elements):
+            for block, _ in assembled.deck.blocks_of(elements):
                 faces = _faces(block, side, row.place)
                 surface.faces += faces
                 edge = _edge(block, side, row.place)
@@ -221,25 +221,25 @@ LONGEST_EQUATION = 1_000_000
 TEMPERATURE = "11"
 
 
-def read_joints(whole: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
+def read_joints(assembled: Whole, joints: DeckConstraints, cards: Sequence[Card]) -> None:
     """Add the constraints of the cards to `joints`."""
-    reader = _Joints(whole, joints, surfaces_of(whole, cards))
+    reader = _Joints(assembled, joints, surfaces_of(assembled, cards))
     for card in cards:
         if card.keyword in READERS:
             READERS[card.keyword](reader, card)
-    whole.deck.left = Counter({kind: n for kind, n in whole.deck.left.items() if n})
+    assembled.deck.left = Counter({kind: n for kind, n in assembled.deck.left.items() if n})
 
 
 class _Joints:
     """Reads cards that join nodes: one method for each card."""
 
     def __init__(
-        self, whole: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
+        self, assembled: Whole, joints: DeckConstraints, surfaces: dict[str, DeckFaces]
     ) -> None:
-        self.whole = whole
+        self.whole = assembled
         self.joints = joints
         self.surfaces = surfaces
-        self.orientations = Orientations(whole.cards)
+        self.orientations = Orientations(assembled.cards)
         #: of the last *COUPLING: reference node, nodes, card
         self.current: tuple[int, IntArray, Card] | None = None
 
@@ -317,8 +317,8 @@ class _Joints:
             if kind in GEOMETRIC:
                 least, read = GEOMETRIC[kind]
                 nodes = list(dict.fromkeys(nodes))
-                enough = len(nodes) >= least
-                place.needs(enough, f"the *MPC of type {kind} needs {least} nodes or more.")
+                complete = len(nodes) >= least
+                place.needs(complete, f"the *MPC of type {kind} needs {least} nodes or more.")
                 x = np.array([self.joints.place(node) for node in nodes])
                 equations = list(read(nodes, x, place))
                 for terms in equations:
@@ -414,7 +414,7 @@ class _Joints:
         groups = [row.nodes() for row in card.rows()]
         weights = [row.real(1, 1.0) for row in card.rows()]
         nodes = np.concatenate([NONE, *groups])
-        node_weights = np.repeat(weights, [len(some) for some in groups])
+        node_weights = np.repeat(weights, [len(members) for members in groups])
         weighted = len(nodes) and node_weights.sum() > 0
         card.needs(weighted, "*DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in self.whole.elements_of(card):
@@ -516,10 +516,10 @@ def _mean_rotation(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[lis
     r = x[:-1] - x[:-1].mean(axis=0)
     r = r - np.outer(r @ axis, axis)
     size = np.einsum("pi,pi->p", r, r)
-    off = size > 1e-18 * size.max()
-    place.needs(off.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
-    if not off.all():  # as CalculiX leaves them out
-        members = np.append(np.flatnonzero(off), len(off))
+    nonzero = size > 1e-18 * size.max()
+    place.needs(nonzero.any(), "the nodes of the *MPC of type MEANROT lie on its axis.")
+    if not nonzero.all():  # as CalculiX leaves them out
+        members = np.append(np.flatnonzero(nonzero), len(nonzero))
         yield from _mean_rotation([nodes[k] for k in members], x[members], place)
         return
     weights = np.cross(axis, r) / size[:, None] / len(r)  # a·(r × u)/r²

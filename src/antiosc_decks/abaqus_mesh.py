@@ -227,14 +227,14 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL."""
     labels: list[int] = []
     points: list[list[float]] = []
-    made: dict[str, list[int]] = {}
+    created: dict[str, list[int]] = {}
     makers = {"NGEN": generated, "NFILL": filled}
     for card in cards:
         start = len(labels)
         name = card.option("NSET")
         if card.keyword in makers:
             known = dict(zip(labels, points, strict=True))
-            for label, x in makers[card.keyword](card, known, made):
+            for label, x in makers[card.keyword](card, known, created):
                 labels.append(label)
                 points.append(x)
         elif card.keyword == "NODE" and "PRINT" not in card.options:
@@ -249,7 +249,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         else:
             continue
         if name:
-            made.setdefault(name.upper(), []).extend(labels[start:])
+            created.setdefault(name.upper(), []).extend(labels[start:])
             mesh.sets.append(("NSET", name, np.array(labels[start:], dtype=np.int64)))
     numbers = np.array(labels, dtype=np.int64)
     # later definitions replace earlier ones
@@ -273,30 +273,30 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     others: list[int] = []
     sets: list[tuple[str, IntArray]] = []
     for card in cards:
-        made = [NONE]
+        numbers_read = [NONE]
         if card.keyword == "ELGEN":
             for block, labels, master in element_copies(card, mesh.blocks, cells, mesh.nodes):
                 mesh.blocks.append(block)
                 cells.append(labels)
-                made += [labels, np.array([master])]
+                numbers_read += [labels, np.array([master])]
         elif card.keyword == "ELEMENT" and "OUTPUT" not in card.options:
             kind = card.needed("TYPE").upper().replace(" ", "")
             if element_type(kind) is None:
-                made.append(np.array(_others(mesh, card, kind), dtype=np.int64))
-                others += made[-1].tolist()
+                numbers_read.append(np.array(_others(mesh, card, kind), dtype=np.int64))
+                others += numbers_read[-1].tolist()
             else:
-                made.append(_cells(mesh, card, kind))
-                cells.append(made[-1])
-        if card.option("ELSET") and len(every := np.concatenate(made)):
-            sets.append((card.option("ELSET"), every))
+                numbers_read.append(_cells(mesh, card, kind))
+                cells.append(numbers_read[-1])
+        if card.option("ELSET") and len(all_numbers := np.concatenate(numbers_read)):
+            sets.append((card.option("ELSET"), all_numbers))
     mesh.cells = sum(map(len, cells))
-    every = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
-    numbers, count = np.unique(every, return_counts=True)
+    all_numbers = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
+    numbers, count = np.unique(all_numbers, return_counts=True)
     if (count > 1).any():
         message = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
         message += f"{numbers[count > 1][0]}; every element needs a number of its own."
         raise MeshError(message)
-    mesh.elements = Numbering(every)
+    mesh.elements = Numbering(all_numbers)
     mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
 

@@ -31,20 +31,20 @@ NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
 NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
-def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
+def model_of(assembled: Whole, units: UnitSystem, density: float | None) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
-    top = whole.instances[""]
-    first = [card.of(top) for card in (whole.steps[0] if whole.steps else [])]
-    whole.account.refuse(BETWEEN_PIECES, alone=whole.deck.piece is not None)
-    whole.deck.told += whole.account.unknown(options=True)
-    builder = ModelBuilder(whole.deck, units, density, lumped=bool(whole.named("MASS")))
-    sections = Sections(whole, builder)
-    for card in whole.named("NONSTRUCTURALMASS"):
+    top = assembled.instances[""]
+    first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
+    assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
+    assembled.deck.told += assembled.account.unknown(options=True)
+    builder = ModelBuilder(assembled.deck, units, density, lumped=bool(assembled.named("MASS")))
+    sections = Sections(assembled, builder)
+    for card in assembled.named("NONSTRUCTURALMASS"):
         _nonstructural(builder, card)
     builder.find_nodes()
-    for card in whole.named("TRANSFORM"):
+    for card in assembled.named("TRANSFORM"):
         _transform(builder, card)
-    for card in whole.named("BOUNDARY"):
+    for card in assembled.named("BOUNDARY"):
         _boundary(builder, card)
     boundaries = [card for card in first if card.keyword == "BOUNDARY"]
     if any(card.option("OP").upper() == "NEW" for card in boundaries):
@@ -52,12 +52,12 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> Model:
     for card in boundaries:
         _boundary(builder, card)
     builder.hold()
-    for block in whole.deck.blocks:
+    for block in assembled.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
-    read_joints(whole, builder.joints, [*whole.cards, *first])
-    _add_points_and_links(whole, builder, sections.orientations)
-    builder.ignored += whole.account.ignored()
+    read_joints(assembled, builder.joints, [*assembled.cards, *first])
+    _add_points_and_links(assembled, builder, sections.orientations)
+    builder.ignored += assembled.account.ignored()
     return finished(builder)
 
 
@@ -94,8 +94,8 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
     nodes = card.nodes("NSET")
     values = card.numbers()[:6]
     kind = card.option("TYPE", "R").upper()[:1]
-    enough = len(values) == 6 and kind in "RC"
-    card.needs(enough, "*TRANSFORM needs six coordinates, TYPE=R or C.")
+    complete = len(values) == 6 and kind in "RC"
+    card.needs(complete, "*TRANSFORM needs six coordinates, TYPE=R or C.")
     shift = card.within.shift if kind == "C" else 0.0
     a, b = np.reshape(values, (2, 3)) @ card.within.turn.T + shift
     if kind == "C" and (a != b).any():
@@ -142,13 +142,15 @@ def _nonstructural(builder: ModelBuilder, card: Card) -> None:
         raise card.place.error(f"{message} PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH.")
 
 
-def _add_points_and_links(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
+def _add_points_and_links(
+    assembled: Whole, builder: ModelBuilder, orientations: Orientations
+) -> None:
     """Add masses, springs and dashpots; each of their elements needs a card."""
     counts = dict.fromkeys(BESIDE, 0)
-    for card in whole.named(*BESIDE):
+    for card in assembled.named(*BESIDE):
         rows = card.rows()
         card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
-        for kind, nodes in whole.elements_of(card):
+        for kind, nodes in assembled.elements_of(card):
             counts[card.keyword] += 1
             if card.keyword == "MASS":
                 builder.mass(nodes[0], rows[0].real(0), [0.0] * 3, card.place)
@@ -157,20 +159,20 @@ def _add_points_and_links(whole: Whole, builder: ModelBuilder, orientations: Ori
             else:
                 _link(builder, orientations, card, kind, nodes)
     counts["MASS"] += counts.pop("ROTARYINERTIA")
-    left = whole.deck.left
+    left = assembled.deck.left
     for keyword, number in counts.items():
         kinds = [kind for kind in BESIDE[keyword][1] if kind in left]
         count = sum(left.pop(kind) for kind in kinds)
         if count != number:
             names = " and ".join(kinds or BESIDE[keyword][1])
             raise MeshError(
-                f"{whole.deck.name} has {count} {names} elements, but *{keyword} cards "
+                f"{assembled.deck.name} has {count} {names} elements, but *{keyword} cards "
                 f"give values to {number} of them."
             )
     if left:
         kind = next(iter(left))
         raise MeshError(
-            f"{whole.deck.name} has {left[kind]} {kind} elements, which are not "
+            f"{assembled.deck.name} has {left[kind]} {kind} elements, which are not "
             "supported here and would change the result."
         )
 

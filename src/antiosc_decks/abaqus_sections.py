@@ -171,8 +171,8 @@ def profile_of(card: Card) -> Profile:
         short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
     )
     needed, positive, profile = BEAM_SECTIONS[short]
-    enough = len(d) >= needed and min(d[:positive]) > 0
-    card.needs(enough, f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
+    complete = len(d) >= needed and min(d[:positive]) > 0
+    card.needs(complete, f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
     if short == "BOX":
         card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
     if short == "GENERAL":
@@ -196,18 +196,18 @@ PLANE = {"plane stress", "plane strain"}
 class Sections:
     """Adds the sections of a deck to a model builder."""
 
-    def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
-        self.whole = whole
+    def __init__(self, assembled: Whole, builder: ModelBuilder) -> None:
+        self.whole = assembled
         self.builder = builder
-        self.materials = materials_of(whole.cards, builder)
-        self.orientations = Orientations(whole.cards)
-        cards = whole.named("NODALTHICKNESS")
+        self.materials = materials_of(assembled.cards, builder)
+        self.orientations = Orientations(assembled.cards)
+        cards = assembled.named("NODALTHICKNESS")
         #: thickness at the nodes, nan if not given; number of elements in which it varies
-        self.thickness = np.full(len(whole.deck.points) if cards else 0, np.nan)
+        self.thickness = np.full(len(assembled.deck.points) if cards else 0, np.nan)
         self.varying = 0
         for row in (row for card in cards for row in card.rows() if row.word(1)):
             self.thickness[row.nodes()] = row.real(1)
-        for card in whole.named(*SECTION_CARDS):
+        for card in assembled.named(*SECTION_CARDS):
             self._read(card)
         if self.varying:
             message = f"the variation of the thickness within {self.varying} elements (*NODAL "

@@ -139,10 +139,12 @@ def _property(archive: Archive, label: str, number: str, value: str, place: Deck
 def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
     """(start of the reals, width of an integer, width of a real) in a format as (3i9,6e21.13e3)."""
     text, place = next(rows)
-    whole = [(int(n), int(width)) for n, width in re.findall(r"(\d+)i(\d+)", text.lower())]
-    place.needs(whole, f"the format of a block is as (3i9,6e21.13e3); got {text.strip()[:40]!r}.")
+    integers = [(int(n), int(width)) for n, width in re.findall(r"(\d+)i(\d+)", text.lower())]
+    place.needs(
+        integers, f"the format of a block is as (3i9,6e21.13e3); got {text.strip()[:40]!r}."
+    )
     real = re.search(r"e(\d+)\.", text.lower())
-    return sum(n * width for n, width in whole), whole[0][1], int(real[1]) if real else 1
+    return sum(n * width for n, width in integers), integers[0][1], int(real[1]) if real else 1
 
 
 def _cut(text: str, width: int, start: int = 0) -> list[str]:
@@ -310,8 +312,10 @@ def _material(archive: Archive, number: int, place: DeckPlace) -> Material:
     constants = archive.materials.get(number, {})
     place.needs("EX" in constants, f"the material {number} has no EX (MP, MPDATA).")
     directional = {"EY", "EZ", "GXY"} & constants.keys()
-    same = all(constants[key] == constants["EX"] for key in directional - {"GXY"})
-    place.needs(same, f"the material {number} is orthotropic ({', '.join(sorted(directional))}).")
+    isotropic = all(constants[key] == constants["EX"] for key in directional - {"GXY"})
+    place.needs(
+        isotropic, f"the material {number} is orthotropic ({', '.join(sorted(directional))})."
+    )
     material = Material(str(number), place)
     material.set_isotropic(constants["EX"], constants.get("PRXY", constants.get("NUXY", 0.3)))
     material.density = constants.get("DENS")

@@ -103,8 +103,8 @@ class BeamProfiles:
                 values[:] = pipe.A, pipe.I, pipe.I_side, 0.0, pipe.J, entry.real(10)
                 start = len(entry.fields)
                 last = 11
-            beside = entry.real(last) or entry.real(last + 1)
-            entry.needs(not beside, "PBEND with RC or ZC is not supported; move its nodes.")
+            extra = entry.real(last) or entry.real(last + 1)
+            entry.needs(not extra, "PBEND with RC or ZC is not supported; move its nodes.")
         elif entry.name == "PBEAM":
             start = self._along(rows)
             # blank at the second end: as at the first
@@ -333,10 +333,12 @@ def divide(deck: NastranDeck) -> list[End]:
             neutral = beam_profiles.neutral if beam_profiles else np.zeros((2, 2))
             ends_moved = _own_ends(deck, entry, nodes, neutral)
             rows = list(nodes)
-            for end, (place, held, axes) in ends_moved.items():
+            for end, (place, motions, axes) in ends_moved.items():
                 rows[end] = len(points)
                 points.append(place)
-                ends.append(End(rows[end], nodes[end], held, axes, entry, neutral[end] @ axes[1:]))
+                ends.append(
+                    End(rows[end], nodes[end], motions, axes, entry, neutral[end] @ axes[1:])
+                )
             bend = beam_profiles.entry if beam_profiles and entry.name == "CBEND" else None
             pieces = PIECES if bend or entry.property_number() in tapered else 1
             heights: list[Array | None] = [None] * pieces
@@ -448,10 +450,10 @@ def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Arr
     chord = x[1] - x[0]
     chord_length = float(np.linalg.norm(chord))
     label = f"CBEND {entry.text(0)}"
-    up = v - (v @ chord) * chord / chord_length**2
-    across = np.linalg.norm(up) > ALONG * np.linalg.norm(v)
+    height = v - (v @ chord) * chord / chord_length**2
+    across = np.linalg.norm(height) > ALONG * np.linalg.norm(v)
     entry.needs(across, f"the plane of {label} is not known: its vector lies along its chord.")
-    up /= np.linalg.norm(up)
+    height /= np.linalg.norm(height)
     kind = entry.whole(7)
     entry.needs(kind in (1, 2, 3, 4), f"GEOM of CBEND is 1 to 4; got {kind}.")
     if kind in (3, 4):  # radius or angle; the centre lies across the chord from the point
@@ -461,16 +463,16 @@ def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Arr
         message = f"the radius of {label} is {radius:.4g}, its chord {chord_length:.4g}: "
         message += "give RB or THETAB "
         entry.needs(radius >= chord_length / 2, message + "of its PBEND.")
-        centre = x.mean(axis=0) - math.sqrt(radius**2 - chord_length**2 / 4) * up
+        centre = x.mean(axis=0) - math.sqrt(radius**2 - chord_length**2 / 4) * height
     else:  # the vector points to the centre, or along the arc
-        w = v if kind == 1 else (v @ up) * chord - (v @ chord) * up
+        w = v if kind == 1 else (v @ height) * chord - (v @ chord) * height
         curved = abs(w @ chord) > ALONG * chord_length * np.linalg.norm(w)
         entry.needs(curved, f"{label} has no centre of curvature.")
         centre = x[0] + w * chord_length**2 / (2 * (w @ chord))
     first, last = x - centre
     angle = math.atan2(float(np.linalg.norm(np.cross(first, last))), float(first @ last))
-    ahead = last - first * math.cos(angle)
-    ahead *= np.linalg.norm(first) / np.linalg.norm(ahead)
+    difference = last - first * math.cos(angle)
+    difference *= np.linalg.norm(first) / np.linalg.norm(difference)
     angles = np.arange(2 * pieces + 1)[1:-1, None] * angle / (2 * pieces)
-    arms = np.cos(angles) * first + np.sin(angles) * ahead
+    arms = np.cos(angles) * first + np.sin(angles) * difference
     return centre + arms[1::2], -arms[::2] / np.linalg.norm(first)

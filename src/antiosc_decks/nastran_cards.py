@@ -278,8 +278,8 @@ class Bulk:
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
-            few = 0 < times <= MOST_COPIES and self._changes is not None
-            place.needs(few, f"{name[:20]!r} repeats no copy, or one too often.")
+            allowed = 0 < times <= MOST_COPIES and self._changes is not None
+            place.needs(allowed, f"{name[:20]!r} repeats no copy, or one too often.")
         else:
             self._changes = [*takewhile(lambda word: word != "==", fields)]
         changes = self._changes or []

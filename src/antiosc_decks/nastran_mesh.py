@@ -38,12 +38,12 @@ class CoordinateSystem:
         if self.kind != "R":
             theta = math.radians(c[1])
             phi = math.radians(c[2 if self.kind == "S" else 1])
-            across, up = (
+            across, height = (
                 (c[0], c[2])
                 if self.kind == "C"
                 else (c[0] * math.sin(theta), c[0] * math.cos(theta))
             )
-            c = np.array([across * math.cos(phi), across * math.sin(phi), up])
+            c = np.array([across * math.cos(phi), across * math.sin(phi), height])
         return np.asarray(self.origin + c @ self.axes)
 
     def frame(self, x: Array) -> Array:
@@ -54,13 +54,13 @@ class CoordinateSystem:
         phi = math.atan2(b, a)
         outward = np.array([math.cos(phi), math.sin(phi), 0.0])
         around = np.array([-outward[1], outward[0], 0.0])
-        up = np.array([0.0, 0.0, 1.0])
-        rows = [outward, around, up]
+        z_axis = np.array([0.0, 0.0, 1.0])
+        rows = [outward, around, z_axis]
         if self.kind == "S":
             theta = math.atan2(math.hypot(a, b), c)
             sine = math.sin(theta)
             cosine = math.cos(theta)
-            rows = [sine * outward + cosine * up, cosine * outward - sine * up, around]
+            rows = [sine * outward + cosine * z_axis, cosine * outward - sine * z_axis, around]
         return np.asarray(np.stack(rows) @ self.axes)
 
 
@@ -240,8 +240,8 @@ class NastranDeck:
         present = {entry.whole(0) for entry in self.named(*SETS[what])}
         if self.bulk.selected is None:
             if len(present) > 1:
-                some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
-                self.deck.told.append(some)
+                sentence = f"{name} has no case control: its {what} {_sets(present)} are all taken."
+                self.deck.told.append(sentence)
             return present
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
@@ -343,12 +343,12 @@ class NastranDeck:
             return
         from scipy.spatial import cKDTree  # few decks need it, and it loads slowly
 
-        done: set[int] = set()
+        used: set[int] = set()
         pairs = cKDTree(self.deck.points[: len(scopes)]).query_pairs(NEAR)
         for first, second in sorted(pairs):
             pair_scopes = {scopes[first], scopes[second]}
-            if len(pair_scopes) == 2 and second not in done and not pair_scopes & manual:
-                done.add(second)
+            if len(pair_scopes) == 2 and second not in used and not pair_scopes & manual:
+                used.add(second)
                 yield second, first
 
     def axes(self, entry: Entry, number: int) -> Array:
@@ -478,15 +478,15 @@ def _without_fluids(deck: NastranDeck) -> None:
         solid.text(0): solid for solid in deck.named("PSOLID") if solid.text(6) not in ("", "SMECH")
     }
     solids = {name for name, cell in CELLS.items() if "PSOLID" in cell.properties}
-    kept = []
+    blocks = []
     count = Counter[str]()
     for entry in deck.bulk.entries:
         prop = entry.text(1) or entry.text(0)
         if entry.name in solids and prop in fluids:
             count[prop] += 1
         else:
-            kept.append(entry)
-    deck.bulk.entries = kept
+            blocks.append(entry)
+    deck.bulk.entries = blocks
     for prop, number in count.items():
         message = f"PSOLID of a fluid (FCTN={fluids[prop].text(6)}) with its {number} elements"
         deck.account.options.append((message, fluids[prop].place, Fate("ignored")))

@@ -160,8 +160,8 @@ class Properties:
         if entry.name == "PTUBE":
             outer = entry.real(2, None)
             t = entry.real(3)
-            same = entry.real(5, outer) == outer
-            entry.needs(same, "tapered tubes (PTUBE with OD2) are not supported.")
+            uniform = entry.real(5, outer) == outer
+            entry.needs(uniform, "tapered tubes (PTUBE with OD2) are not supported.")
             pipe = tube(outer / 2, t or outer / 2)
             area = pipe.A
             torsion = pipe.J
@@ -253,8 +253,8 @@ class Properties:
             "is not supported; give the layers by PCOMP, or an offset.",
         )
         material = self._material(entry, 1)
-        same = material.plane is None and entry.whole(3) == entry.whole(1)
-        plain = same and entry.real(4, 1.0) == 1
+        same_material = material.plane is None and entry.whole(3) == entry.whole(1)
+        plain = same_material and entry.real(4, 1.0) == 1
         share = entry.real(6, 5 / 6)
         shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
         if not entry.text(5):

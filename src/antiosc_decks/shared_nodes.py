@@ -254,8 +254,8 @@ class CoincidentNodes:
                 return None
             if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
                 return None
-            there = sum(share * self._position(n) for n, share in shares.items())
-            if not float(np.linalg.norm(there - x)) <= reach:
+            place = sum(share * self._position(n) for n, share in shares.items())
+            if not float(np.linalg.norm(place - x)) <= reach:
                 return None
             for n, share in shares.items():
                 total[n] = total.get(n, 0.0) + weight * share
@@ -337,12 +337,12 @@ def _dofs(
     weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
     needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
     dofs = compat.cell_dofs(space, path, touching)
-    done: set[int] = set()
+    used: set[int] = set()
     for position, cell in enumerate(touching):
         for d, members in enumerate(needed):
             column = member.first + int(dofs[position, d])
-            if column not in done:
-                done.add(column)
+            if column not in used:
+                used.add(column)
                 functional = _of_the_deck(numbers[cell, members], weights[d, members], among)
                 if len(functional) > 1 and any(n in selected for n in functional):
                     yield column, list(functional), np.array(list(functional.values()))
@@ -494,9 +494,9 @@ def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
     numbers = np.concatenate([mesh.places[0] for mesh in meshes])
     positions = np.vstack([mesh.places[1] for mesh in meshes])
     order = np.argsort(numbers, kind="stable")
-    same = np.flatnonzero(np.diff(numbers[order]) == 0)
-    first = order[same]
-    second = order[same + 1]
+    equal = np.flatnonzero(np.diff(numbers[order]) == 0)
+    first = order[equal]
+    second = order[equal + 1]
     apart = np.linalg.norm(positions[first] - positions[second], axis=1)
     if len(apart) and apart.max() > SAME_PLACE * layout.size:
         k = int(np.argmax(apart))
@@ -511,22 +511,22 @@ def _following(
     """Constraints by which a part follows earlier parts at shared nodes."""
     constraints: list[Rows] = []
     for names in (DISPLACEMENTS, ROTATIONS):
-        done: set[int] = set()
+        followed: set[int] = set()
         for leader in leaders:
             components = [mesh.member.part.form.components.keys() for mesh in (follower, leader)]
             where = (
-                _shared(follower, leader, done)
+                _shared(follower, leader, followed)
                 if components[0] & components[1] & set(names)
                 else {}
             )
-            done |= set(where)
+            followed |= set(where)
             if where:
                 constraints.append(_tied(layout, follower.member, leader.member, where, names))
     return constraints
 
 
-def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dict[int, int]:
-    """Node of the follower -> a cell of the leader that contains it, for nodes not in `done`."""
+def _shared(follower: NumberedMesh, leader: NumberedMesh, followed: set[int]) -> dict[int, int]:
+    """Node of the follower -> cell of the leader that contains it; without nodes in `followed`."""
     member = follower.member
     space = member.part.form.space
     (path, *_) = member.part.form.components.values()
@@ -543,12 +543,12 @@ def _shared(follower: NumberedMesh, leader: NumberedMesh, done: set[int]) -> dic
                 if not len(local) or not common[cell, corners].all():
                     continue
                 dofs_here = [int(n) for n in nodes[row, local]]
-                if all(n in done or n in where for n in dofs_here):
+                if all(n in followed or n in where for n in dofs_here):
                     continue
                 vertices = [int(n) for n in follower.vertices[cell, corners]]
                 holder = leader.cell_with(vertices, member.part.mesh.tdim)
                 if holder is not None:
-                    where |= {n: holder for n in dofs_here if n not in done}
+                    where |= {n: holder for n in dofs_here if n not in followed}
     return where
 
 

@@ -160,8 +160,8 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     if len(listed) <= FEW:
         return f"{what} are: {', '.join(map(repr, listed)) or 'none'}"
     lowered = {name.lower(): name for name in listed}
-    alike = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
-    nearest = ", ".join(repr(lowered[name]) for name in alike)
+    similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
+    nearest = ", ".join(repr(lowered[name]) for name in similar)
     return f"the nearest of {what} ({len(listed)}) are: {nearest}"
 
 
@@ -216,10 +216,10 @@ def _guarded(function: Callable[P, T], name: str, leading: int) -> Callable[P, T
             try:
                 return inner(*args, **kwargs)
             except TypeError:
-                said = call_error(inner, name, leading, args, kwargs)
-                if said is None:
+                sentence = call_error(inner, name, leading, args, kwargs)
+                if sentence is None:
                     raise
-                raise CallError(said) from None
+                raise CallError(sentence) from None
         except Exception as error:  # the traceback leads from the call into the function itself
             error.__traceback__ = error.__traceback__ and error.__traceback__.tb_next
             raise
@@ -252,8 +252,8 @@ def check_signature(
 ) -> None:
     """InputError unless a user's function accepts `count` arguments and those of these names."""
     try:
-        said = call_error(function, name, 0, (None,) * count, dict.fromkeys(names))
+        sentence = call_error(function, name, 0, (None,) * count, dict.fromkeys(names))
     except (TypeError, ValueError):  # its signature is not known
         return
-    if said is not None:
-        raise InputError(said)
+    if sentence is not None:
+        raise InputError(sentence)

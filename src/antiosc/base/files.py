@@ -162,8 +162,11 @@ def _exchanged(first: Path, second: Path) -> bool:
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
     if rename is None:
         return False
-    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
-    return rename(here, os.fsencode(first), here, os.fsencode(second), exchange) == 0
+    current_folder, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return (
+        rename(current_folder, os.fsencode(first), current_folder, os.fsencode(second), exchange)
+        == 0
+    )
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:

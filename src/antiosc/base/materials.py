@@ -66,14 +66,14 @@ def record(name: object) -> MaterialRecord:
     known = names()
     checked = checks.text("material", name)
     words = _words(checked)
-    alike = [other for other in known if all(_begins(word, _words(other)) for word in words)]
+    matches = [other for other in known if all(_begins(word, _words(other)) for word in words)]
     exact = [other for other in known if _words(other) == words]
-    for candidates in (exact, alike):
+    for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
-    near = alike or sorted(known, key=lambda other: -_likeness(checked, other))
+    near = matches or sorted(known, key=lambda other: -_likeness(checked, other))
     proposed = ", ".join(map(repr, near[:PROPOSED]))
-    what = "is the name of several materials" if alike else "is not in the table of materials"
+    what = "is the name of several materials" if matches else "is not in the table of materials"
     raise InputError(
         f"{checked!r} {what}: did you mean {proposed}? `antiosc materials` lists all; others are "
         "given by their constants, Solid(E, nu, rho, yield_strength=…)."

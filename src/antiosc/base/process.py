@@ -143,7 +143,7 @@ def loading() -> Iterator[None]:
     _give_home()
     with _lock:
         try:
-            here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
+            working_folder = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
         except OSError:  # nothing can be read there
             yield
             return
@@ -151,8 +151,8 @@ def loading() -> Iterator[None]:
             os.chdir("/")
             yield
         finally:
-            os.fchdir(here)
-            os.close(here)
+            os.fchdir(working_folder)
+            os.close(working_folder)
 
 
 def _give_home() -> None:
@@ -454,8 +454,8 @@ def allocation_failed(
     what: str, error: BaseException | None = None, remedy: str = MEMORY_REMEDY
 ) -> OutOfMemoryError:
     """The error for an allocation that failed in the step `what`."""
-    said = "" if error is None else f" ({str(error) or 'Python itself'})"
-    return OutOfMemoryError(f"{what} ran out of memory{said}: {remedy}.")
+    reason = "" if error is None else f" ({str(error) or 'Python itself'})"
+    return OutOfMemoryError(f"{what} ran out of memory{reason}: {remedy}.")
 
 
 def within_memory(function: Callable[P, T]) -> Callable[P, T]:

@@ -172,9 +172,9 @@ def world_rank() -> int:
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi is not None:
         return int(mpi.COMM_WORLD.rank)
-    said = next((os.environ[name] for name in RANK if name in os.environ), "0")
-    if said.isdigit():
-        return int(said)
+    rank_text = next((os.environ[name] for name in RANK if name in os.environ), "0")
+    if rank_text.isdigit():
+        return int(rank_text)
     return 0
 
 

@@ -171,8 +171,8 @@ def equivalent_parts(columns: Array) -> Array:
     r is 5 in solids; a sheet's plane stress has 3.
     """
     parts = DEVIATOR @ columns
-    some = np.linalg.svd(parts[:: 1 + len(parts) // LOOKED_AT], compute_uv=False)
-    if not len(parts) or (some[:, -1] > RANK * some[:, 0]).any():
+    sampled_values = np.linalg.svd(parts[:: 1 + len(parts) // LOOKED_AT], compute_uv=False)
+    if not len(parts) or (sampled_values[:, -1] > RANK * sampled_values[:, 0]).any():
         return np.asarray(parts)
     reduced = np.zeros_like(parts[:, : columns.shape[2]])
     rank = 0

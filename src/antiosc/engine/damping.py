@@ -138,10 +138,10 @@ def in_coordinates(damping: DampingMatrix, turn: Array) -> DampingMatrix:
 
 
 def _store_factors(
-    of: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]
+    damping: DampingMatrix, factor: Array, branches: Sequence[tuple[Array, float]]
 ) -> None:
     checks.store(
-        of,
+        damping,
         factor=factor,
         factors=tuple(branches),
         matrix=checks.read_only(factor.T @ factor),
@@ -350,9 +350,9 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
         )
         with np.errstate(all="ignore"):
             modes = _first_order_modes(omega, nudged)
-            off = _receptance_error(modes, omega, damping)
-        if off < least:
-            least = off
+            error = _receptance_error(modes, omega, damping)
+        if error < least:
+            least = error
             best = modes
         if least <= EXACT:
             break
@@ -403,11 +403,11 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
         moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
         springs.append(moved)
         row = end
-    whole = scipy.linalg.block_diag(turn, turn)
+    shapes = scipy.linalg.block_diag(turn, turn)
     w = np.append(omega[alone], w)
     d = np.append(np.zeros(free), d)
-    states = whole @ states
-    dual = whole @ dual
+    states = shapes @ states
+    dual = shapes @ dual
     upper, lower = np.split(dual.T, 2)  # T^-1 of them
     inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
     return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse, springs)
@@ -567,7 +567,7 @@ def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -
     exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
     receptance = modes.receptance(np.eye(omega.size), at).real
     scale = np.sqrt(exact.diagonal())
-    off = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
-    if np.isfinite(off):
-        return off
+    error = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
+    if np.isfinite(error):
+        return error
     return np.inf

@@ -222,9 +222,9 @@ class Workspace:
     def fits(self, packed: PackedSystem) -> bool:
         """Whether another system has as many modes and rows, and needs no more memory."""
         system = packed.system
-        same = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
-        need = library.library.aom_memory_size(byref(system)) if same else 0
-        return same and int(need) <= self.memory.nbytes
+        same_shape = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
+        need = library.library.aom_memory_size(byref(system)) if same_shape else 0
+        return same_shape and int(need) <= self.memory.nbytes
 
     def renew(self, packed: PackedSystem) -> None:
         """Use the memory for another system of this size, as allocation costs more than a run."""

@@ -73,8 +73,8 @@ def history_key(history: AnyHistory) -> tuple[object, ...]:
     """Rounded data of a history, compared between ranks."""
     if isinstance(history, BodyHistory):
         return "body", history.placed.name, f"{history.time[-1]:.6g}"
-    of = list(history.assembly.bodies) if history.named else history.model
-    return of, history.status, f"{history.time[-1]:.6g}"
+    bodies = list(history.assembly.bodies) if history.named else history.model
+    return bodies, history.status, f"{history.time[-1]:.6g}"
 
 
 @collective(history=history_key)

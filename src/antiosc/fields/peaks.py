@@ -238,9 +238,9 @@ def _refined_near(
         axis=1,
     )
     for first in range(0, len(used), WINDOW // fine.shape[1]):
-        some = slice(first, first + WINDOW // fine.shape[1])
-        factors = motion.factors(fine[some].ravel()).reshape(*fine[some].shape, -1)
-        for factors_of_group, t, group in zip(factors, fine[some], groups[some], strict=True):
+        block = slice(first, first + WINDOW // fine.shape[1])
+        factors = motion.factors(fine[block].ravel()).reshape(*fine[block].shape, -1)
+        for factors_of_group, t, group in zip(factors, fine[block], groups[block], strict=True):
             values[group], when[group] = sampled_maxima(columns[group], factors_of_group, t, scalar)
     return values, when
 
@@ -421,8 +421,8 @@ class PeakField(Completed):
         factor = magnification(self.points, size)
         label += f", motion drawn × {factor:g}" if size else ""
         faces = outer_faces(self._cells)
-        there = self.points + factor * moved
-        return Deformed(self.points, there, faces, values, label, float(values.max()))
+        displaced = self.points + factor * moved
+        return Deformed(self.points, displaced, faces, values, label, float(values.max()))
 
     def write(self, path: str | Path) -> Path:
         """Write the values and their times to a `.vtu` file, which ParaView opens.
@@ -615,8 +615,8 @@ def _with_pairs(
     pairs = np.where(moved > 0, moved, 1.0)
     size = moved if derivative == 0 else bends if derivative == 2 else np.sqrt(moved * bends)
     of_motion = np.eye(len(moved), count + len(moved), count)
-    whole = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), of_motion])
-    return np.append(omega, np.sqrt(bends / pairs)), whole, np.append(sizes, size)
+    all_shapes = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), of_motion])
+    return np.append(omega, np.sqrt(bends / pairs)), all_shapes, np.append(sizes, size)
 
 
 def static_stress(structure: Structure) -> PeakField:

@@ -195,12 +195,12 @@ def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
     faces = [_outer(kind, cells) for kind, cells in blocks]
     most = max(f.shape[1] for f in faces)
-    drawn = [f for f in faces if f.shape[1] >= min(most, 3)]
-    if len({f.shape[1] for f in drawn}) > 1:  # quadrilaterals as triangles
-        drawn = [
-            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in drawn
+    visible = [f for f in faces if f.shape[1] >= min(most, 3)]
+    if len({f.shape[1] for f in visible}) > 1:  # quadrilaterals as triangles
+        visible = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in visible
         ]
-    return np.vstack(drawn)
+    return np.vstack(visible)
 
 
 def _outer(kind: str, cells: IntArray) -> IntArray:
@@ -326,7 +326,9 @@ def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
     steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
     if impact_map.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
         return np.ones(len(corners), dtype=bool)
-    up = np.radians(axes.elev)
+    elevation = np.radians(axes.elev)
     around = np.radians(axes.azim)
-    view = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    view = np.array(
+        [np.cos(elevation) * np.cos(around), np.cos(elevation) * np.sin(around), np.sin(elevation)]
+    )
     return np.asarray((normal @ view) * -np.sign(across) > 0)

@@ -140,7 +140,7 @@ def probe(
         quantity, times = "displacement", times if quantity is None else quantity
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
-    there = place(surface, layer, fibre, axes, stiffener)
+    position = place(surface, layer, fibre, axes, stiffener)
     if snap is not None:
         snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
     elif isinstance(point, str):
@@ -152,7 +152,7 @@ def probe(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     if end is None:
-        places = _on_outline(structure, part, there) if quantity == "von_mises" else [there]
+        places = _on_outline(structure, part, position) if quantity == "von_mises" else [position]
         columns = [
             _columns(structure, history, body, shapes, x[None], quantity, part, tensors, reach)[0]
             for tensors in places
@@ -172,19 +172,19 @@ def _over_time(columns: Array, factors: Array) -> Array:
     return np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
 
 
-def _on_outline(structure: Structure, part: str | None, there: Place) -> list[Place]:
+def _on_outline(structure: Structure, part: str | None, position: Place) -> list[Place]:
     """The places on the outlines of the beams' sections at which von Mises stress is evaluated."""
-    materials = source(structure).materials_of(structure, part, there.stiffener)
+    materials = source(structure).materials_of(structure, part, position.stiffener)
     sections = [getattr(material, "section", None) for material in materials]
     of_beams = [section for section in sections if isinstance(section, Section)]
-    if not of_beams or there.fibre is not None:
-        return [there]
-    on_edge = on_outlines(of_beams, there)
+    if not of_beams or position.fibre is not None:
+        return [position]
+    on_edge = on_outlines(of_beams, position)
     if on_edge:
         return on_edge
-    said = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."
-    on_root(structure.comm, partial(warn, said, AccuracyWarning))
-    return [there]
+    sentence = f"the von Mises stress is that of the centroid, without bending: {NO_OUTLINE}."
+    on_root(structure.comm, partial(warn, sentence, AccuracyWarning))
+    return [position]
 
 
 @collective(history=history_key)
@@ -221,7 +221,7 @@ def strain_gauge(
     InputError
         As `probe`; a gauge whose ends do not lie on the structure.
     """
-    there = place(surface, layer, fibre, "global")
+    position = place(surface, layer, fibre, "global")
     checks.instance("structure", structure, Structure, "a Structure")
     length = checks.positive("length", length, "m")
     d = np.zeros(3)
@@ -238,7 +238,7 @@ def strain_gauge(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
-    columns = _columns(structure, history, body, shapes, points, "strain", part, there, reach)
+    columns = _columns(structure, history, body, shapes, points, "strain", part, position, reach)
     along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
     return np.asarray(amplitudes(history, at, body) @ along)
 
@@ -251,7 +251,7 @@ def _columns(
     points: Array,
     quantity: str,
     part: str | None,
-    there: Place,
+    position: Place,
     reach: Reach,
 ) -> Array:
     """The quantity (P, …, columns) for every shape at points (P, 3)."""
@@ -259,9 +259,11 @@ def _columns(
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
         return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
-    selection = points, part, recovered, there, reach
+    selection = points, part, recovered, position, reach
 
-    def at(columns: Array, whole: bool) -> Array:
-        return cast(Array, where.recovered(structure, columns, *selection, whole=whole))
+    def at(columns: Array, second_order: bool) -> Array:
+        return cast(
+            Array, where.recovered(structure, columns, *selection, second_order=second_order)
+        )
 
     return with_pairs(at, structure, history, body, shapes)

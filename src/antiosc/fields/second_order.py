@@ -96,8 +96,10 @@ def tensors_at_nodes(
     """`mesh_fields.tensors_at_nodes` for the motion of a body."""
     results: list[Any] = []
 
-    def at(columns: Array, whole: bool) -> Array:
-        result = source(structure).tensors_at_nodes(structure, columns, *selection, whole=whole)
+    def at(columns: Array, second_order: bool) -> Array:
+        result = source(structure).tensors_at_nodes(
+            structure, columns, *selection, second_order=second_order
+        )
         results.append(result)
         return np.asarray(result[2].columns)
 

@@ -302,9 +302,9 @@ def _even_step(t: Array) -> tuple[float, bool]:
 
 def _resampled(t: Array, x: Array, step: float) -> tuple[Array, Array]:
     """The signal at equal steps of at most `step`, linear between its samples."""
-    sample_step, even = _even_step(t)
+    sample_step, is_even = _even_step(t)
     span = float(t[-1] - t[0])
-    if even:
+    if is_even:
         count = _checked_samples(
             (t.size - 1) * max(1.0, np.ceil(sample_step / step * (1 - UNEVEN)))
         )
@@ -330,8 +330,8 @@ def _extremes(
     """Largest positive and negative response of one oscillator."""
     from scipy.signal import lfilter
 
-    even, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
-    h = (even[-1] - even[0]) / (even.size - 1)
+    times, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
+    h = (times[-1] - times[0]) / (times.size - 1)
     after = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
     if signal == "velocity":  # the mean acceleration of each step
         means = np.concatenate([np.diff(x) / h, np.zeros(after + 1)])

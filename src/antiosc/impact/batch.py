@@ -170,9 +170,9 @@ def _result(future: Future[T] | AntioscError) -> T | AntioscError:
 
 def _executor_error(error: Exception) -> AntioscError:
     """The error for a call for which the executor returned no result."""
-    said = " ".join(f"{type(error).__name__}: {error}".split())
+    sentence = " ".join(f"{type(error).__name__}: {error}".split())
     failure = AntioscError(
-        f"the executor returned no result ({said}): arguments must be such that they can be"
+        f"the executor returned no result ({sentence}): arguments must be such that they can be"
         " pickled, and workers must live; what is finished can be passed as `earlier`."
     )
     failure.__cause__ = error
@@ -261,11 +261,11 @@ class Batch(Result):
 
     def summary(self) -> str:
         """How many scenes completed, and the range of their peak forces."""
-        done = np.isfinite(self.peak_force)
-        rows = [f"{done.sum()} of {len(self)} scenes have results"]
-        if done.any():
-            low = self.peak_force[done].min()
-            high = self.peak_force[done].max()
+        completed = np.isfinite(self.peak_force)
+        rows = [f"{completed.sum()} of {len(self)} scenes have results"]
+        if completed.any():
+            low = self.peak_force[completed].min()
+            high = self.peak_force[completed].max()
             rows.append(f"peak force {range_text(low, high, 'N')}")
         messages = dict.fromkeys(m for m, s in zip(self.message, self.status, strict=True) if s)
         return "\n".join([*rows, *messages])
@@ -362,13 +362,13 @@ def simulate_many(
 
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
-            found: Iterable[list[_Row] | AntioscError] = (
+            chunks: Iterable[list[_Row] | AntioscError] = (
                 _solve_chunk(*given_of(part), partial(_report_progress, ready, k * chunk))
                 for k, part in enumerate(parts)
             )
         else:
-            found = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
-        for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
+            chunks = call_results(executor, _solve_chunk, [(given_of(part), {}) for part in parts])
+        for count, (part, result) in enumerate(zip(parts, chunks, strict=True), start=1):
             result = rows_of(result, len(part))
             if isinstance(result, AntioscError):
                 result = [_failed(result)] * len(part)
@@ -381,16 +381,16 @@ def simulate_many(
     rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
     sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in struck]
     if n != "auto":
-        reduced = [one for one in sharpness if _info(scenes[one[1]]).method == "krylov"]
+        reduced = [entry for entry in sharpness if _info(scenes[entry[1]]).method == "krylov"]
         rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
-    meshed = [one for one in sharpness if _info(scenes[one[1]]).cells]
+    meshed = [entry for entry in sharpness if _info(scenes[entry[1]]).cells]
     rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
     hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
     rerun(deflections, large_deflection_message)
-    if told := [(i, row.told) for i, row in enumerate(rows) if row.told]:
-        first, sentence = told[0]
-        warn(f"{len(told)} of {size} scenes, as scene {first}: {sentence}", AccuracyWarning)
+    if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
+        first, sentence = warned[0]
+        warn(f"{len(warned)} of {size} scenes, as scene {first}: {sentence}", AccuracyWarning)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
     warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
     return _batch_of(rows)
@@ -486,7 +486,7 @@ def _solve_chunk(
     steps: Sequence[float | None],
     n: int | str | None,
     settings: Settings,
-    done: Callable[[int], None] = lambda count: None,
+    report: Callable[[int], None] = lambda count: None,
 ) -> list[_Row]:
     """Results of scenes: those of a group in one call of the C library, the others one by one.
 
@@ -503,7 +503,7 @@ def _solve_chunk(
             groups.setdefault(key, []).append(i)
     for group in groups.values():
         members = [linear[i] for i in group]
-        group_rows = _solve_group(members, settings, partial(_report_progress, done, len(rows)))
+        group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
         for i, row in zip(group, group_rows, strict=True):
             stands = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
             if row is not None and stands:
@@ -511,7 +511,7 @@ def _solve_chunk(
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
             rows[i] = _solve_single(scene, step, n, settings)
-            done(len(rows))
+            report(len(rows))
     return [rows[i] for i in range(len(scenes))]
 
 
@@ -536,13 +536,13 @@ def _slight(model: LinearBody, row: _Row) -> bool:
     return ratio <= SLIGHT_DEFLECTION and curved <= SLIGHT_CHANGE
 
 
-def _report_progress(done: Callable[[int], None], before: int, count: int) -> None:
+def _report_progress(report: Callable[[int], None], before: int, count: int) -> None:
     """Report the number of completed scenes, including earlier ones."""
-    done(before + count)
+    report(before + count)
 
 
 def _solve_group(
-    scenes: Sequence[Impact], settings: Settings, done: Callable[[int], None]
+    scenes: Sequence[Impact], settings: Settings, report: Callable[[int], None]
 ) -> list[_Row | None]:
     """Rows of a group of impacts; None for an impact that must be integrated separately."""
     try:
@@ -550,7 +550,7 @@ def _solve_group(
             group = ImpactRows(scenes, settings.tol, *settings.limits)
     except (AntioscError, ArithmeticError):  # it tells itself of which
         return [None] * len(scenes)
-    outcomes, pulses = group.solved(done)
+    outcomes, pulses = group.solved(report)
     solved = zip(scenes, group.laws, outcomes.tolist(), pulses, strict=True)
     return [_row_of(*outcome, group.pair, settings) for outcome in solved]
 

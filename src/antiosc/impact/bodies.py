@@ -630,8 +630,8 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
         placed = _rigid_body(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
         modes = body if isinstance(body, SiteModes) else body.site_modes()
-        still = np.zeros(modes.omega.size)
-        placed = SceneBody(name, body, modes, still, local_compliance=modes.local_compliance)
+        at_rest = np.zeros(modes.omega.size)
+        placed = SceneBody(name, body, modes, at_rest, local_compliance=modes.local_compliance)
     else:
         placed = _modal_body(name, body)
     if motion is not None:

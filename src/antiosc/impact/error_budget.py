@@ -139,18 +139,18 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     if facts is None:
         return bars.NO_ERROR, bars.NO_ERROR
     bodies = zip(*(np.asarray(facts[name]) for name in ("omega", "b", "r", "decay")), strict=True)
-    off = [
+    changes = [
         impact.change(ModalModel(ModalBody(omega, b, float(r), decay)))
         for omega, b, r, decay in bodies
     ]
-    drawn = off[: int(facts["draws"])]
-    others = off[int(facts["draws"]) :]
+    noise_changes = changes[: int(facts["draws"])]
+    others = changes[int(facts["draws"]) :]
     noise, band = (
         {
             name: BAR * float(np.sqrt(np.mean([shares[name] ** 2 for shares in part])))
             for name in QUANTITIES
         }
-        for part in (drawn, others)
+        for part in (noise_changes, others)
     )
     return bars.with_floor(noise), bars.with_floor(band)
 
@@ -299,14 +299,14 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     """
     if model.stretch is None:
         return bars.NO_ERROR
-    taken = hit.assembly.stretched.get("structure")
-    if taken is None:
+    stretch = hit.assembly.stretched.get("structure")
+    if stretch is None:
         return dict.fromkeys(QUANTITIES, NEGLIGIBLE)
     if model.stretch.count == "auto":
         names = (*QUANTITIES, "deflection")
         known = {name: hit.error.get(f"stretch {name}", 0.0) for name in names}
     else:
-        more = min(taken.size + 2, model.stretch.size)
+        more = min(stretch.size + 2, model.stretch.size)
         known = differences(hit, rerun(with_count(model, more), tol))
     worst = max(known[name] for name in DECIDING)
     least = max(bars.FLOOR * worst, STRETCH_LEAST)
@@ -478,4 +478,6 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
         participation=None if p is None else p * heavier,
     )
     changed = impact.change(curved)
-    return bars.with_floor({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]
+    return bars.with_floor({name: SAFETY * change for name, change in changed.items()}), [
+        facts["note"]
+    ]

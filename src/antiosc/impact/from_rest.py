@@ -71,8 +71,8 @@ def motions(
     The times [s] are those of each force and `samples` over the duration; a body with fewer times
     than another repeats its last one. omega, b, decay : (S, J) of the modes.
     """
-    even = np.linspace(0, duration, samples)
-    times = [np.union1d(even, force_times) for force_times, _ in forces]
+    even_times = np.linspace(0, duration, samples)
+    times = [np.union1d(even_times, force_times) for force_times, _ in forces]
     values = [_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)

@@ -259,10 +259,10 @@ class SceneMethod(ABC):
             else:
                 piece, answer = self._flight(t, begin, duration, max_contacts)
             pieces.append(piece)
-        whole = joined_segments(pieces)
-        start_energy = s.contact_energy + float(library.energies(whole.states[:1], s.omega)[0])
+        segment = joined_segments(pieces)
+        start_energy = s.contact_energy + float(library.energies(segment.states[:1], s.omega)[0])
         return Run(
-            *whole,
+            *segment,
             events=np.array(contacts.events, dtype=float).reshape(-1, 4),
             answer=answer,
             steps=self.steps,
@@ -300,7 +300,7 @@ class SceneMethod(ABC):
         origins[: self.p] = [self.contacts.origin(c) for c in range(self.p)]
         later = s.breaks > t
         load, gap, _ = self.loads_at(t)
-        ahead = replace(
+        flight_system = replace(
             s,
             R=np.zeros_like(s.R),
             breaks=np.append(0.0, s.breaks[later] - t),
@@ -312,9 +312,11 @@ class SceneMethod(ABC):
             pressed=np.zeros(self.p),
             contact_states=None,
         )
-        flight = run(ahead, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0)
+        flight = run(
+            flight_system, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0
+        )
         ends = np.arange(flight.time.size // 2 + 1)
-        moved = starts(flight, ahead, ends)
+        moved = starts(flight, flight_system, ends)
         depth = flight.depth + origins
         piece = Segment(t + flight.time, flight.force, depth, np.stack(moved, axis=1))
         if flight.answer != library.TOO_MANY_CONTACTS:

@@ -146,21 +146,23 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
         return run.states[step, 0], run.states[step, 1]
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
     stored, which = np.unique(step // run.every, return_inverse=True)
-    ahead = step % run.every
+    steps_ahead = step % run.every
     most = max(BLOCK // max(run.states.shape[2], 1), 1)
     for begin in range(0, stored.size, most):
-        here = np.flatnonzero((which >= begin) & (which < begin + most))
+        in_block = np.flatnonzero((which >= begin) & (which < begin + most))
         x, y = (run.states[stored[begin : begin + most], i] for i in range(2))
         most_ahead = np.zeros(len(x), dtype=np.intp)
-        np.maximum.at(most_ahead, which[here] - begin, ahead[here])
+        np.maximum.at(most_ahead, which[in_block] - begin, steps_ahead[in_block])
         for k in range(int(most_ahead.max()) + 1):
-            there = here[ahead[here] == k]
-            q[there] = x[which[there] - begin]
-            v[there] = y[which[there] - begin]
-            on = np.flatnonzero(most_ahead > k)
-            numbers = stored[begin + on] * run.every + k
+            at_step = in_block[steps_ahead[in_block] == k]
+            q[at_step] = x[which[at_step] - begin]
+            v[at_step] = y[which[at_step] - begin]
+            remaining = np.flatnonzero(most_ahead > k)
+            numbers = stored[begin + remaining] * run.every + k
             h = run.time[2 * numbers + 2] - run.time[2 * numbers]
-            x[on], y[on] = _advanced(run, system, numbers, h, x[on], y[on])
+            x[remaining], y[remaining] = _advanced(
+                run, system, numbers, h, x[remaining], y[remaining]
+            )
     return q, v
 
 
@@ -175,7 +177,7 @@ def _advanced(
     """Modal displacements and velocities after the times `since`, from those at the starts of
     steps.
     """
-    whole = system
+    full_system = system
     system = system.marched
     P, W, S, J0, J1, J2 = library.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
@@ -183,12 +185,12 @@ def _advanced(
     middle = run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start
     long = np.where(h > 0, h, 1.0)[:, None]
-    at = modal_loads(whole, start)
-    slope = (modal_loads(whole, middle) - at) / (0.5 * long)
+    at = modal_loads(full_system, start)
+    slope = (modal_loads(full_system, middle) - at) / (0.5 * long)
     bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
-    if whole.first is not None:
-        at = whole.first.rows(at)
-        slope = whole.first.rows(slope)
+    if full_system.first is not None:
+        at = full_system.first.rows(at)
+        slope = full_system.first.rows(slope)
     size = system.omega.size
     a = bends[0] @ system.beta - at[:, :size]
     b = bends[1] @ system.beta - slope[:, :size]
@@ -275,8 +277,10 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     begins = np.append(step, h.size)[:: run.every]
     beyond = np.append(since, 0.0)[:: run.every]
     q, v = integrated_starts(run, system, begins)
-    on = np.flatnonzero(beyond)
-    q[on], v[on] = _advanced(run, system, begins[on], beyond[on], q[on], v[on])
+    long_flights = np.flatnonzero(beyond)
+    q[long_flights], v[long_flights] = _advanced(
+        run, system, begins[long_flights], beyond[long_flights], q[long_flights], v[long_flights]
+    )
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 
 

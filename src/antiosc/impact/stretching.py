@@ -42,15 +42,15 @@ TOLD = 1e-2
 DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
 
 
-def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
-    """The assembly with one more row for each mode of the second-order forces `taken`, by body."""
+def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
+    """The assembly with a further row for each mode of the second-order forces of each body."""
     system = a.system
-    count = sum(forces.size for forces in taken.values())
+    count = sum(forces.size for forces in by_body.values())
     rows = np.zeros((count, system.omega.size))
     quadratic = np.zeros((count,) * 3)
     cubic = np.zeros((count,) * 4)
     begin = 0
-    for name, forces in taken.items():
+    for name, forces in by_body.items():
         part = np.arange(begin, begin + forces.size)
         span = a.spans[name]
         moved = system.beta[: len(a.laws), span] @ forces.modes
@@ -60,7 +60,7 @@ def with_rows(a: Assembly, taken: Mapping[str, Stretch]) -> Assembly:
         cubic[np.ix_(part, part, part, part)] = forces.cubic / scale**4
         begin += forces.size
     G = np.pad(a.G, ((0, count), (0, 0)))
-    return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(taken))
+    return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(by_body))
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     most = min(max(motion.forces.size for motion in moves.values()), MOST)
     count = min(FIRST, most)
     while True:
-        taken = {name: motion.first(count) for name, motion in moves.items()}
-        now = again(with_rows(a, taken))
+        stretches = {name: motion.first(count) for name, motion in moves.items()}
+        now = again(with_rows(a, stretches))
         if fixed:
             return now, ""
         changes += [] if before is None else [differences(before, now)]

@@ -85,9 +85,9 @@ def truncation_share(
         D = _stiffness_deficit(model, s)
         more = D * site**2 / (1 - D * site)
     weight = 1 / abs(s)
-    off = abs(more / (C * (C + more))) ** 2
+    shares = abs(more / (C * (C + more))) ** 2
     force = abs(C) ** -2.0
-    return float(np.sqrt((off @ weight) / (force @ weight)))
+    return float(np.sqrt((shares @ weight) / (force @ weight)))
 
 
 def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> ComplexArray:
@@ -248,7 +248,7 @@ def truncation_error(
     changed = differences(known, _checked(run(softest_model(model, next_omega), tol)))
     ritz = next_omega is None and _unconverged(model)
     safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
-    errors = {name: safety * max(off - tol, 0.0) for name, off in changed.items()}
+    errors = {name: safety * max(change - tol, 0.0) for name, change in changed.items()}
     if ritz:  # both runs may agree by chance
         errors["peak_force"] = max(errors["peak_force"], truncation_share(model, known.assembly))
     return TruncationError(model.n, **with_floor(errors))

@@ -139,8 +139,8 @@ class Impact(NamedTuple):
             or self.stretches
         ):
             return None
-        still = isinstance(self.gravity, int | float) and self.gravity == 0
-        rigid = still and type(self.impactor) in (RigidMass, Sphere)
+        no_gravity = isinstance(self.gravity, int | float) and self.gravity == 0
+        rigid = no_gravity and type(self.impactor) in (RigidMass, Sphere)
         moving = self.initial_velocity
         speed = moving if isinstance(moving, int | float) else id(moving)
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
@@ -356,11 +356,11 @@ class ImpactRows:
         return beta, v, 1 / (self.pair.modes[0].mobility + b * b)
 
     def solved(
-        self, done: Callable[[int], None]
+        self, report: Callable[[int], None]
     ) -> tuple[NDArray[np.void], list[tuple[Array, Array]]]:
         """The outcomes (`aom_outcome`), and nodes [s] and forces [N] of the contacts of each.
 
-        `done` is called with the number of impacts solved so far, after every few.
+        `report` is called with the number of impacts solved so far, after every few.
         """
         rows = self.rows
         size = self._held[0].omega.size
@@ -381,7 +381,7 @@ class ImpactRows:
         while answer in (library.PAUSED, library.FULL):
             answer = library.library.aom_batch_solve(*arguments)
             pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
-            done(count.value)
+            report(count.value)
         _idle_workspaces.append(space)
         return outcomes, pulses
 
@@ -435,8 +435,8 @@ class _Workspace:
         self.nodes.n_nodes = 0
         if size != self.size:
             room = int(library.library.aom_batch_nodes(size)) <= self.time.size
-            made = room and library.library.aom_batch_create(size, *at) == library.DONE
-            self.size = size if made else -1
+            created = room and library.library.aom_batch_create(size, *at) == library.DONE
+            self.size = size if created else -1
         return size == self.size
 
     def take_pulses(self, counts: NDArray[np.int64]) -> list[tuple[Array, Array]]:

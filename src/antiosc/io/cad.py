@@ -43,11 +43,11 @@ class Attempt:
         """Whether the attempt is for surfaces with known curvature."""
         return bool(AROUND.keys() & self.options.keys())
 
-    def suits(self, drawn: bool) -> bool:
-        """Whether the attempt is for CAD files (`drawn` true) or for triangulated surfaces
+    def suits(self, is_cad: bool) -> bool:
+        """Whether the attempt is for CAD files (`is_cad` true) or for triangulated surfaces
         (false).
         """
-        if drawn:
+        if is_cad:
             return self.options != PATCHES
         return not self.curved
 
@@ -194,18 +194,18 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:
     """Names of the outer faces: numbers, labels, colours if there are several, holes."""
-    every = gmsh.model.getEntities(2)
+    all_faces = gmsh.model.getEntities(2)
     if gmsh.model.getEntities(3):
-        every = [face for face in every if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
-    names: Names = {face: [f"face {face[1]}"] for face in every}
+        all_faces = [face for face in all_faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
+    names: Names = {face: [f"face {face[1]}"] for face in all_faces}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if face in names and label not in (taken for labels in names.values() for taken in labels):
+        if face in names and label not in (used for labels in names.values() for used in labels):
             names[face].append(label)
-    colours = {face: _colour(gmsh, face) for face in every}
+    colours = {face: _colour(gmsh, face) for face in all_faces}
     if len(set(colours.values())) > 1:
         for face, colour in colours.items():
             names[face] += [colour] if colour else []
-    for hole, faces in _holes(gmsh, every, scale):
+    for hole, faces in _holes(gmsh, all_faces, scale):
         for face in faces:
             names[face].append(hole)
     return names
@@ -241,9 +241,9 @@ def _holes(
     hollow = [cylinder for face in faces if solid and (cylinder := _hollow(gmsh, face)) is not None]
     joined: list[list[CylindricalFace]] = []
     for cylinder in hollow:
-        beside = [hole for hole in joined if any(_beside(cylinder, other) for other in hole)]
-        joined = [hole for hole in joined if hole not in beside]
-        joined.append([cylinder, *(other for hole in beside for other in hole)])
+        neighbours = [hole for hole in joined if any(_beside(cylinder, other) for other in hole)]
+        joined = [hole for hole in joined if hole not in neighbours]
+        joined.append([cylinder, *(other for hole in neighbours for other in hole)])
     by_size: dict[str, list[list[CylindricalFace]]] = {}
     for hole in joined:
         if len(frozenset[int]().union(*(cylinder.sectors for cylinder in hole))) == SECTORS:
@@ -300,8 +300,8 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:
 
 def _spread(points: Array, axis: Array) -> float:
     """Largest distance of points (n, 3) from their mean line along the axis."""
-    off = points - np.outer(points @ axis, axis)
-    return float(np.ptp(off, axis=0).max())
+    offsets = points - np.outer(points @ axis, axis)
+    return float(np.ptp(offsets, axis=0).max())
 
 
 def _sectors(across: Array, axis: Array) -> frozenset[int]:
@@ -313,5 +313,5 @@ def _sectors(across: Array, axis: Array) -> frozenset[int]:
     for rows in (turns, turns.T):  # one of the parameters goes around
         unwrapped = np.unwrap(rows, axis=1)
         fine += [np.linspace(row[0], row[-1], 8 * SECTORS) for row in unwrapped]
-    every = np.concatenate(fine) / (2 * np.pi) * SECTORS
-    return frozenset(int(k) for k in np.floor(every) % SECTORS)
+    sectors = np.concatenate(fine) / (2 * np.pi) * SECTORS
+    return frozenset(int(k) for k in np.floor(sectors) % SECTORS)

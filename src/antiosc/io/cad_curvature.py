@@ -23,10 +23,10 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
         if not len(tags) or len(at) != 2 * len(tags):
             continue
         low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
-        beside = at + BESIDE * (np.tile((low + high) / 2, len(tags)) - at)
+        inner = at + BESIDE * (np.tile((low + high) / 2, len(tags)) - at)
         normals, tensors, known = _bent(gmsh, tag, at)
-        others = _bent(gmsh, tag, beside)
-        moved = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, beside)]
+        others = _bent(gmsh, tag, inner)
+        moved = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, inner)]
         # a reversed surface has the curvature of the other normal
         turns = np.einsum("nij,nj->ni", tensors, moved[1] - moved[0])[known]
         if np.sum((others[0] - normals)[known] * turns) < 0:

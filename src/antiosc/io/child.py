@@ -111,10 +111,10 @@ def _read(ask):  # type: ignore[no-untyped-def]
     except MemoryError:
         return {"error": "MemoryError", "message": ""}, []
     except Exception as error:
-        said = " ".join(str(error).replace(ask.path, ask.name).split())[:200].rstrip(".")
+        reason = " ".join(str(error).replace(ask.path, ask.name).split())[:200].rstrip(".")
         message = (
-            f"{ask.name} cannot be read ({type(error).__name__}: {said or 'no reason given'}): it "
-            "is cut off, or a variant of its format that is not supported; write it anew in the "
+            f"{ask.name} cannot be read ({type(error).__name__}: {reason or 'no reason given'}): "
+            "it is cut off, or a variant of its format that is not supported; write it anew in the "
             "program that made it, or as .msh, .inp, .bdf or .unv."
         )
         return {"error": "MeshError", "message": message}, []

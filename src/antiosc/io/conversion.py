@@ -117,8 +117,8 @@ class NodeTable:
         _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
         missing = np.array([key not in self._faces for key in keys], dtype=bool)
-        made = self.new(points[first[missing]], _padded(around[first[missing]]))
-        for k, node in zip(np.flatnonzero(missing), made, strict=True):
+        new_nodes = self.new(points[first[missing]], _padded(around[first[missing]]))
+        for k, node in zip(np.flatnonzero(missing), new_nodes, strict=True):
             self._faces[keys[k]] = int(node)
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(which)]
@@ -139,16 +139,16 @@ class NodeTable:
 
         Weights are those of the serendipity functions in the middle of an edge, a face or a cell.
         """
-        some = np.zeros(self.count + 1, dtype=bool)
-        some[nodes] = True
-        some[-1] = False  # the entry of index -1, which stands for no node
+        selected = np.zeros(self.count + 1, dtype=bool)
+        selected[nodes] = True
+        selected[-1] = False  # the entry of index -1, which stands for no node
         if not self._parents:
             return []
         parents = np.vstack([_padded(block) for block in self._parents])
         start = len(self.points)
         return [
             (start + int(k), sorted(self._weights(parents, start + int(k)).items()))
-            for k in np.flatnonzero(some[parents].any(axis=1))
+            for k in np.flatnonzero(selected[parents].any(axis=1))
         ]
 
     def _weights(self, parents: IntArray, node: int) -> dict[int, float]:
@@ -294,25 +294,25 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
-    every = [(block, mark) for block, mark in deck.numbered() if len(block)]
+    all_blocks = [(block, mark) for block, mark in deck.numbered() if len(block)]
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1, 0):
-        some = [entry for entry in every if DIMENSION[entry[0].shape] == dim]
+        of_dimension = [entry for entry in all_blocks if DIMENSION[entry[0].shape] == dim]
         if dim == 1 and halve_lines:
-            some = [_halved(*entry) for entry in some]
-        order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
-        for block, _ in some if order == 2 else ():
+            of_dimension = [_halved(*entry) for entry in of_dimension]
+        order = 2 if any(block.mids.shape[1] for block, _ in of_dimension) else 1
+        for block, _ in of_dimension if order == 2 else ():
             _note_middles(block, nodes)
         mixed = dim == 2 and bool(deck.model and deck.model.get("mixed"))
-        for alike in _by_shape(some) if mixed else filter(None, [some]):
-            shapes = {block.shape for block, _ in alike}
-            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in alike)
+        for of_shape in _by_shape(of_dimension) if mixed else filter(None, [of_dimension]):
+            shapes = {block.shape for block, _ in of_shape}
+            divided = shapes not in _WHOLE or any(_collapsed(block) for block, _ in of_shape)
             split = dim > 1 and (split or divided)
             shape = _SIMPLEX[dim] if split else next(iter(shapes))
             label = CELL_LABELS[shape, order]
-            cells[label], owners[label] = _of_dimension(deck, alike, split, order, nodes)
-            shapes_of.append((label, shape, [block for block, _ in alike]))
+            cells[label], owners[label] = _of_dimension(deck, of_shape, split, order, nodes)
+            shapes_of.append((label, shape, [block for block, _ in of_shape]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
         inside = np.zeros(deck.n_elements, dtype=bool)
@@ -360,9 +360,9 @@ def _by_shape(sheets: list[tuple[Block, IntArray]]) -> list[list[tuple[Block, In
     by_shape: list[list[tuple[Block, IntArray]]] = [[], []]
     for block, elements in sheets:
         flat = _folded(block) | (block.shape == "triangle")
-        for blocks, some in zip(by_shape, (~flat, flat), strict=True):
-            if some.any():
-                blocks.append((block[some], elements[some]))
+        for blocks, selected in zip(by_shape, (~flat, flat), strict=True):
+            if selected.any():
+                blocks.append((block[selected], elements[selected]))
     return by_shape
 
 
@@ -380,12 +380,12 @@ def _of_dimension(
     tables = []
     owners = []
     for block, elements in blocks:
-        every = np.arange(len(block))
-        corners, rows = _simplices(block) if split else (block.corners, every)
-        lost = np.setdiff1d(every, rows)
-        if len(lost):
+        all_rows = np.arange(len(block))
+        corners, rows = _simplices(block) if split else (block.corners, all_rows)
+        unused = np.setdiff1d(all_rows, rows)
+        if len(unused):
             raise MeshError(
-                f"{len(lost)} {block.type} elements of {deck.name} use one node several times "
+                f"{len(unused)} {block.type} elements of {deck.name} use one node several times "
                 "so that they have no volume or area; delete them."
             )
         shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
@@ -483,9 +483,9 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
     for face in FACES[block.shape]:
         around = block.corners[:, list(face)]
         across = np.flatnonzero((around != apex[:, None]).all(axis=1))
-        base, of = _triangles(around[across])
-        corners.append(np.column_stack([base, apex[across[of]]]))
-        rows.append(across[of])
+        base, faces = _triangles(around[across])
+        corners.append(np.column_stack([base, apex[across[faces]]]))
+        rows.append(across[faces])
     return np.vstack(corners), np.concatenate(rows)
 
 

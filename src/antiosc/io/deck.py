@@ -140,9 +140,11 @@ class Deck:
         for name, numbers in groups.items():
             if name in self.element_sets:
                 raise MeshError(f"{self.name} has a set {name!r} already: name the elements apart.")
-            lost = np.setdiff1d(np.array(numbers), labels)
-            if len(lost):
-                raise MeshError(f"{self.name} has no element {lost[0]} that is a cell of a mesh.")
+            unknown = np.setdiff1d(np.array(numbers), labels)
+            if len(unknown):
+                raise MeshError(
+                    f"{self.name} has no element {unknown[0]} that is a cell of a mesh."
+                )
             self.element_sets[name] = np.flatnonzero(np.isin(labels, np.array(numbers)))
 
     @property
@@ -161,9 +163,9 @@ class Deck:
         """Each block restricted to some elements, with the mask of `elements` that it contains."""
         start = 0
         for block in self.blocks:
-            mine = (elements >= start) & (elements < start + len(block))
-            if mine.any():
-                yield block[elements[mine] - start], mine
+            in_block = (elements >= start) & (elements < start + len(block))
+            if in_block.any():
+                yield block[elements[in_block] - start], in_block
             start += len(block)
 
     def nodes_of(self, elements: IntArray) -> IntArray:

@@ -55,9 +55,9 @@ class DofMap:
             raise InputError(f"node {node} is not in the matrices' map of nodes and dofs.")
         matches = rows[self.component[rows] == component]
         if not len(matches):
-            there = ", ".join(name_of(int(k)) for k in self.component[rows])
+            components = ", ".join(name_of(int(k)) for k in self.component[rows])
             raise InputError(
-                f"node {node} has no dof {name_of(component)} in the matrices: it has {there} "
+                f"node {node} has no dof {name_of(component)} in the matrices: it has {components} "
                 "(fixed dofs are left out by most programs)."
             )
         return int(matches[0])
@@ -142,17 +142,17 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
             f"rows of the matrices, or rows of node, x, y, z; got {table.shape[0]} rows of "
             f"{table.shape[1]} numbers."
         )
-    whole = table[:, :2]
-    if (whole != np.floor(whole)).any():
+    labels_table = table[:, :2]
+    if (labels_table != np.floor(labels_table)).any():
         raise InputError(f"nodes and dofs of {name} must be whole numbers.")
-    strange = np.flatnonzero((whole < 0).any(axis=1) | (whole[:, 1] > LARGEST_DOF))
+    strange = np.flatnonzero((labels_table < 0).any(axis=1) | (labels_table[:, 1] > LARGEST_DOF))
     if len(strange):
-        node, dof = whole[strange[0]]
+        node, dof = labels_table[strange[0]]
         raise InputError(
             f"dofs of {name} are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to {LARGEST_DOF} for"
             f" others; got node {node:g}, dof {dof:g}."
         )
-    pairs = whole.astype(np.int64)
+    pairs = labels_table.astype(np.int64)
     if len(np.unique(pairs, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")
     points = table[:, 2:] if table.shape[1] == 5 else np.full((size, 3), np.nan)

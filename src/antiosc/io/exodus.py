@@ -58,8 +58,8 @@ def read(ask: Request) -> FileMesh:
     ask.allow(30 + 1e-5 * Path(ask.path).stat().st_size)
     variables, kinds = _variables(Path(ask.path), ask.name)
     deck = Deck(ask.name, _points(variables, ask.name))
-    usual = np.arange(1, len(deck.points) + 1)
-    deck.labels = _whole(variables.get("node_num_map", usual))
+    consecutive = np.arange(1, len(deck.points) + 1)
+    deck.labels = _whole(variables.get("node_num_map", consecutive))
     names = _names(variables, "eb", "block")
     for k, number in enumerate(_numbers(variables, "eb"), 1):
         table = variables.get(f"connect{k}")
@@ -134,15 +134,15 @@ def _whole(values: Any) -> IntArray:
     return np.asarray(values, dtype=np.int64)
 
 
-def _numbers(variables: Mapping[str, Any], of: str) -> list[int]:
+def _numbers(variables: Mapping[str, Any], kind: str) -> list[int]:
     """Numbers of blocks (eb), node sets (ns) or side sets (ss)."""
-    return [int(number) for number in np.ravel(variables.get(f"{of}_prop1", []))]
+    return [int(number) for number in np.ravel(variables.get(f"{kind}_prop1", []))]
 
 
-def _names(variables: Mapping[str, Any], of: str, what: str) -> list[str]:
+def _names(variables: Mapping[str, Any], kind: str, what: str) -> list[str]:
     """The names of blocks or sets; unnamed ones get their kind and number."""
-    numbers = _numbers(variables, of)
-    rows = np.asarray(variables.get(f"{of}_names", np.zeros((0, 0), dtype="S1")))
+    numbers = _numbers(variables, kind)
+    rows = np.asarray(variables.get(f"{kind}_names", np.zeros((0, 0), dtype="S1")))
     names = []
     for k, number in enumerate(numbers):
         letters = rows[k].astype("S1").tobytes() if k < len(rows) else b""
@@ -185,8 +185,8 @@ def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: lis
     for corners in _corners(deck.name, name, cells, sides):
         by_width.setdefault(len(corners), []).append(corners)
     rows = []
-    for width, some in by_width.items():
-        table = np.array(some)
+    for width, members in by_width.items():
+        table = np.array(members)
         start = deck.n_elements
         none = table[:, :0]
         deck.blocks.append(Block(FACE[width], "side", table, none, none))

@@ -94,16 +94,18 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     triangles meet at an edge, neighbours may differ.
     """
     count = len(triangles)
-    alike, a, b = _neighbours(triangles)
+    consistent, a, b = _neighbours(triangles)
     # each triangle twice: as it is, and turned
     rows = np.concatenate([a, a + count])
-    columns = np.concatenate([np.where(alike, b, b + count), np.where(alike, b + count, b)])
+    columns = np.concatenate(
+        [np.where(consistent, b, b + count), np.where(consistent, b + count, b)]
+    )
     side = _components(rows, columns, 2 * count)
     piece = _components(a, b, count)
     _, start = np.unique(piece, return_index=True)
     turned = np.array(triangles, dtype=np.int64)
-    back = side[:count] != side[start][piece]
-    turned[back] = turned[back][:, ::-1]
+    reversed_side = side[:count] != side[start][piece]
+    turned[reversed_side] = turned[reversed_side][:, ::-1]
     inward = np.bincount(piece, volumes(points - points.mean(axis=0), turned)) < 0
     turned[inward[piece]] = turned[inward[piece]][:, ::-1]
     return turned, piece
@@ -439,10 +441,10 @@ def _inside(skin: FacetSkin, count: int) -> Array:
         low = corners.min(axis=0)
         high = corners.max(axis=0)
         for k in range(count):
-            some = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
-            near = some[((some > low) & (some < high)).all(axis=1)]
+            samples = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
+            near = samples[((samples > low) & (samples < high)).all(axis=1)]
             if k != m and len(near):
-                inside[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(some)
+                inside[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(samples)
     return inside
 
 

@@ -76,17 +76,17 @@ class Script(NamedTuple):
     merged: list[str]
 
 
-def harmless(text: str, name: str, beside: Callable[[str], str]) -> Script:
+def harmless(text: str, name: str, read_beside: Callable[[str], str]) -> Script:
     """The script `text` of the file `name` in the form in which gmsh may run it.
 
-    `beside` reads a script in the folder of the file.
+    `read_beside` reads a script in the folder of the file.
 
     Raises
     ------
     MeshError
         It runs programs, reads or writes files, or gmsh may divide it into other tokens.
     """
-    tokens = list(_included(text, name, beside))
+    tokens = list(_included(text, name, read_beside))
     meant = _meant(tokens)
     merged = [_check(meant, k, name) for k in range(len(meant))]
     if any(_END_OF_SKIPPED.search(t.text) for t in meant if t.kind == "string"):
@@ -105,27 +105,27 @@ def _meant(tokens: list[Token]) -> list[Token]:
 
 
 def _included(
-    text: str, name: str, beside: Callable[[str], str], depth: int = 0
+    text: str, name: str, read_beside: Callable[[str], str], depth: int = 0
 ) -> Iterator[Token]:
     """The tokens of a script and of the scripts it includes, without commands that write files."""
     if depth > DEEPEST:
         raise MeshError(f"{name} includes scripts more than {DEEPEST} deep, or itself.")
     tokens = list(_tokens(text, name))
     places = [k for k, t in enumerate(tokens) if t.kind not in ("blank", "comment")]
-    done = 0
+    position = 0
     for k, file, end in zip(places, places[1:], places[2:], strict=False):
         word = tokens[k].text
         argument = tokens[file]
-        if k < done or argument.kind != "string" or tokens[end].text != ";":
+        if k < position or argument.kind != "string" or tokens[end].text != ";":
             continue
         if word in WRITING or (word in INCLUDING and _is_beside(argument, (".geo",))):
-            yield from tokens[done:k]
-            done = end + 1
+            yield from tokens[position:k]
+            position = end + 1
             if word in INCLUDING:
                 inner = argument.text[1:-1]
-                yield from _included(beside(inner), inner, beside, depth + 1)
+                yield from _included(read_beside(inner), inner, read_beside, depth + 1)
                 yield Token("blank", "\n", argument.line)
-    yield from tokens[done:]
+    yield from tokens[position:]
 
 
 def _tokens(text: str, name: str) -> Iterator[Token]:

@@ -142,9 +142,9 @@ class Entries:
         column = self.column
         value = self.value
         if self.triangle:
-            off = row != column
-            row, column = np.append(row, column[off]), np.append(column, row[off])
-            value = np.append(value, value[off])
+            off_diagonal = row != column
+            row, column = np.append(row, column[off_diagonal]), np.append(column, row[off_diagonal])
+            value = np.append(value, value[off_diagonal])
         return scipy.sparse.coo_matrix((value, (row, column)), (self.size, self.size)).tocsr()
 
     def renumbered(self, position: IntArray, size: int) -> Entries:
@@ -172,14 +172,14 @@ def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
 
 def one_triangle(source: str, row: IntArray, column: IntArray, size: int) -> bool:
     """Whether only one triangle is listed; InputError if only some entries have a mirror."""
-    off = row != column
-    keys = row[off].astype(np.int64) * size + column[off]
-    mirrored = np.isin(keys, column[off].astype(np.int64) * size + row[off])
+    off_diagonal = row != column
+    keys = row[off_diagonal].astype(np.int64) * size + column[off_diagonal]
+    mirrored = np.isin(keys, column[off_diagonal].astype(np.int64) * size + row[off_diagonal])
     if not mirrored.any():
         return True
     if mirrored.all():
         return False
-    i, j = np.column_stack([row[off], column[off]])[int(np.argmin(mirrored))]
+    i, j = np.column_stack([row[off_diagonal], column[off_diagonal]])[int(np.argmin(mirrored))]
     raise InputError(
         f"{source} holds both triangles of the matrix, but of entry ({i}, {j}) only one: symmetric "
         "matrices have one triangle or both."
@@ -296,8 +296,8 @@ def _array(
     column = np.repeat(np.arange(size), np.arange(size, 0, -1) if triangle else size)
     first = np.cumsum(np.arange(size, 0, -1)) - np.arange(size, 0, -1) if triangle else None
     row = np.arange(count) % size if first is None else np.arange(count) - first[column] + column
-    some = value != 0
-    return Entries(source.name, row[some], column[some], value[some], size, triangle)
+    nonzero = value != 0
+    return Entries(source.name, row[nonzero], column[nonzero], value[nonzero], size, triangle)
 
 
 def _complete(source: MatrixFile, count: int, lines: list[bytes]) -> None:

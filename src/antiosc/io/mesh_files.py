@@ -81,7 +81,9 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
         deck.blocks.append(_block(label, mesh.cells[label], mesh.convention))
     starts = dict(zip(labels, np.cumsum([0, *map(len, deck.blocks)]), strict=False))
     for group, parts in mesh.groups.items():
-        rows = [starts[label] + some for label, some in parts.items() if label in starts]
+        rows = [
+            starts[label] + block_rows for label, block_rows in parts.items() if label in starts
+        ]
         deck.element_sets[group] = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
     deck.node_sets = mesh.node_sets
     result = as_mesh(deck)
@@ -92,8 +94,8 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
 
 def _is_mixed(mesh: FileMesh) -> bool:
     """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
-    there = {label for label, block in mesh.cells.items() if len(block)}
-    top = max((DIMENSION[CELLS[label][0]] for label in there), default=0)
+    present = {label for label, block in mesh.cells.items() if len(block)}
+    top = max((DIMENSION[CELLS[label][0]] for label in present), default=0)
     if mesh.aids:  # where some cells are in groups, those in none are construction aids
         grouped = {
             label
@@ -101,11 +103,11 @@ def _is_mixed(mesh: FileMesh) -> bool:
             for label, rows in parts.items()
             if len(rows) and DIMENSION[CELLS[label][0]] == top
         }
-        lower = {label for label in there if DIMENSION[CELLS[label][0]] < top}
-        there = grouped | lower if grouped else there
-    if any(label not in KINDS and label not in SERENDIPITY for label in there):
+        lower = {label for label in present if DIMENSION[CELLS[label][0]] < top}
+        present = grouped | lower if grouped else present
+    if any(label not in KINDS and label not in SERENDIPITY for label in present):
         return True
-    tops = {label for label in there if DIMENSION[CELLS[label][0]] == top}
+    tops = {label for label in present if DIMENSION[CELLS[label][0]] == top}
     return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
 
 
@@ -128,10 +130,10 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
     return Block(shape, label, cells[:, :corners], cells[:, mids], cells[:, inner])
 
 
-def _places(ours: Sequence[Sequence[int]], theirs: Sequence[Sequence[int]]) -> IntArray:
-    """For each of `ours` (edges or faces), its index in `theirs`."""
-    listed = [frozenset(entity) for entity in theirs]
-    return np.array([listed.index(frozenset(entity)) for entity in ours])
+def _places(wanted: Sequence[Sequence[int]], table: Sequence[Sequence[int]]) -> IntArray:
+    """For each of `wanted` (edges or faces), its index in `table`."""
+    listed = [frozenset(entity) for entity in table]
+    return np.array([listed.index(frozenset(entity)) for entity in wanted])
 
 
 #: Formats that meshio reads, by extension.
@@ -202,11 +204,11 @@ def content(path: Path, name: str) -> meshio.Mesh:
         raise MissingDependencyError(
             "meshio is not installed: sudo apt install python3-meshio"
         ) from error
-    said = io.StringIO()
+    output = io.StringIO()
     try:
         with (
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(output),
             warnings.catch_warnings(action="ignore"),
         ):
             return meshio.read(path)
@@ -214,7 +216,7 @@ def content(path: Path, name: str) -> meshio.Mesh:
         # meshio prints its errors and calls sys.exit
         if isinstance(error, MemoryError):
             raise
-        raise _failure(path, name, f"{said.getvalue()} {error}") from error
+        raise _failure(path, name, f"{output.getvalue()} {error}") from error
 
 
 def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyError:
@@ -478,9 +480,9 @@ def _elements(content: _Content, rows: Lines) -> None:
             continue
         if shape == "line" and count in (2, 3):
             wanted = count
-        alike = len(nodes) == count == wanted
+        complete = len(nodes) == count == wanted
         place.needs(
-            alike,
+            complete,
             f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
             f"its head tells {count}; it must have {wanted}.",
         )
@@ -546,11 +548,11 @@ def _deck(content: _Content, groups: Mapping[str, Sequence[int]]) -> Deck:
     deck.left = content.others
     deck.name_elements(groups, numbers)
     for name, (of_nodes, of_elements) in content.groups.items():
-        for some, numbering, sets in (
+        for entities, numbering, sets in (
             (of_nodes, nodes, deck.node_sets),
             (of_elements, elements, deck.element_sets),
         ):
-            rows_of = numbering.rows(np.array(some, dtype=np.int64))
+            rows_of = numbering.rows(np.array(entities, dtype=np.int64))
             if len(rows_of[rows_of >= 0]):
                 sets[name] = np.unique(rows_of[rows_of >= 0])
     return deck

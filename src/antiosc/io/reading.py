@@ -139,7 +139,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
     construction planes, not beams and shells.
     """
     drawing = name.lower().endswith(CAD)
-    lost = []
+    strays = []
     place = 0
     left = []
     for label, block in mesh.cells.items():
@@ -154,13 +154,13 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         if drawing and alone.any():
             left.append(("curves", "surfaces")[kind.dim - 1])
         elif alone.any():
-            lost.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
+            strays.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
             place = int(block[alone][0, 0])
-    if lost:
+    if strays:
         at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
-            f"{' and '.join(lost)} that are not sides of them, one at ({at}) m: one mesh carries "
+            f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
             f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
@@ -233,12 +233,12 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
 def _ends_first(raw: RawMesh, name: str) -> IntArray:
     """Second-order lines with the middle node last; in Abaqus files it is second."""
     x = raw.points[raw.cells]
-    off = np.stack(
+    deviation = np.stack(
         [np.linalg.norm(x[:, k] - (x[:, k - 2] + x[:, k - 1]) / 2, axis=1) for k in range(3)]
     )
     length = np.linalg.norm(np.ptp(x, axis=1), axis=1)
     for middle in (2, 1):
-        if (off[middle] <= 0.25 * length).all():
+        if (deviation[middle] <= 0.25 * length).all():
             return raw.cells[:, [k for k in range(3) if k != middle] + [middle]]
     raise MeshError(
         f"the second-order lines of {name} give their nodes in no known order: the middle one is "
@@ -269,9 +269,9 @@ def compact(raw: RawMesh) -> RawMesh:
     new[used] = np.arange(len(used))
     groups = {
         name: {
-            dim: whole
+            dim: complete
             for dim, entities in parts.items()
-            if len(whole := (e := new[entities])[(e >= 0).all(axis=1)])
+            if len(complete := (e := new[entities])[(e >= 0).all(axis=1)])
         }
         for name, parts in raw.groups.items()
     }
@@ -301,10 +301,10 @@ def read(
     `sizes`: element sizes in the whole geometry; `sound`: checks the mesh, and may raise;
     `options`: other fields of a `Request`.
     """
-    drawn = path.suffix.lower() in CAD
-    whole = (drawn or options.get("solid")) and not options.get("fragments")
+    is_cad = path.suffix.lower() in CAD
+    one_solid = (is_cad or options.get("solid")) and not options.get("fragments")
     options |= {
-        "piece": piece if whole else None,
+        "piece": piece if one_solid else None,
         "size": None if size is None else float(size),
         "order": order,
         "refine": [([float(c) for c in point], float(local)) for point, local in refine],
@@ -314,7 +314,7 @@ def read(
     def once(attempt: int) -> RawMesh:
         content = _content(path, timeout, unit, merge, attempt=attempt, **options)
         raw = selected(content, cells, order, path.name)
-        if piece is None or (whole and raw.kind.dim == 3):
+        if piece is None or (one_solid and raw.kind.dim == 3):
             return sound(raw)
         return sound(one_piece(raw, piece, path.name))
 
@@ -324,13 +324,13 @@ def read(
     return once(0)
 
 
-def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> RawMesh:
+def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> RawMesh:
     """The mesh of the first successful attempt; the first error if none succeeds.
 
-    `drawn`: the geometry has curvatures; that of triangles has none.
+    `is_cad`: the geometry has curvatures; that of triangles has none.
     """
     reason: UnmeshableError | None = None
-    ways = [(k, way) for k, way in enumerate(ATTEMPTS) if way.suits(drawn)]
+    ways = [(k, way) for k, way in enumerate(ATTEMPTS) if way.suits(is_cad)]
     for number, attempt in ways:
         try:
             raw = once(number)
@@ -338,8 +338,8 @@ def _meshed(once: Callable[[int], RawMesh], name: str, drawn: bool = True) -> Ra
             reason = reason or error
             continue
         if reason is not None:
-            said = str(reason).rstrip(".")
-            raw.told = [*raw.told, f"{said}; it is meshed {attempt.about}."]
+            sentence = str(reason).rstrip(".")
+            raw.told = [*raw.told, f"{sentence}; it is meshed {attempt.about}."]
         return raw
     others = ", ".join(attempt.about for _, attempt in ways[1:])
     raise UnmeshableError(

@@ -164,12 +164,12 @@ def loaded(entry: metadata.EntryPoint, kind: type[Kind]) -> Kind:
     except AntioscError:
         raise
     except Exception as error:
-        said = f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {error}"
     else:
         if isinstance(reader, kind):
             return reader
-        said = f"it is a {type(reader).__name__}, not a {kind.__name__}"
+        reason = f"it is a {type(reader).__name__}, not a {kind.__name__}"
     raise MissingDependencyError(
         f"{entry.value}, which a package registers as {entry.name!r} of {entry.group}, cannot be "
-        f"used ({said}): repair or uninstall the package."
+        f"used ({reason}): repair or uninstall the package."
     )

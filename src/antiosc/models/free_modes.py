@@ -162,7 +162,7 @@ def site_models(
     elastic = np.where(omega == 0, 0.0, b)
     result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
     result.omega[:] = np.inf
-    for group, part, few in (
+    for group, part, group_size in (
         (share > SMALL_RIGID_SHARE, b, count),
         ((share <= SMALL_RIGID_SHARE) & (share > HIDDEN_RIGID_SHARE), elastic, count - 1),
         (share <= HIDDEN_RIGID_SHARE, elastic, count),
@@ -171,9 +171,9 @@ def site_models(
         for first in range(0, len(sites), SITES_AT_ONCE):
             at = sites[first : first + SITES_AT_ONCE]
             arrays: tuple[Array, ...] = parameters(
-                omega, part[at], r[at], s[at], few, shift, method
+                omega, part[at], r[at], s[at], group_size, shift, method
             )
-            if few < count:
+            if group_size < count:
                 arrays = _with_rigid_modes(arrays, along[at])
             result.k0[at], result.m0[at], result.m_st[at] = arrays[:3]
             result.omega[at, : arrays[3].shape[1]], result.m[at, : arrays[4].shape[1]] = arrays[3:]
@@ -248,7 +248,7 @@ def error_bound(
         )
     r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
     # what `residual` took for rounding
-    lost = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
+    missing = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
@@ -265,7 +265,7 @@ def error_bound(
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + response
         Z = models.dynamic_stiffness(at, part)
-        change = np.abs(chord - response) + (lost[part] + slow[part] * np.abs(z)) / far
+        change = np.abs(chord - response) + (missing[part] + slow[part] * np.abs(z)) / far
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction

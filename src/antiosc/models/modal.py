@@ -144,15 +144,17 @@ class FreeModes(ReprMixin):
                 )
         if self.shape is not None:
             checks.store(self, shape=checks.floats("shape", self.shape, (None, size)))
-        own = self._size
+        coordinate_count = self._size
         if self.residual is not None:
-            rows = own if points or self.shape is not None else None
+            rows = coordinate_count if points or self.shape is not None else None
             rest = checks.floats("residual", self.residual, (rows, *self.b.shape[1:]))
             checks.store(self, residual=rest)
         if self.basis is not None:
             checks.store(self, basis=checked_basis(self.basis))
         if self.amplitude is not None:
-            checks.store(self, amplitude=checks.floats("amplitude", self.amplitude, (None, own)))
+            checks.store(
+                self, amplitude=checks.floats("amplitude", self.amplitude, (None, coordinate_count))
+            )
         if self.inertia is not None:
             checks.instance("inertia", self.inertia, Inertia, "an Inertia")
         if self.inertia is not None and len(self.inertia.momentum) != size:
@@ -312,10 +314,10 @@ class FreeModes(ReprMixin):
     def _rigid_projection(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
         """Modal velocities of a rigid motion (6,), and its share of energy outside the modes."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
-        whole = float(motion @ inertia.matrix @ motion)
+        energy = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
             return start, 0.0
-        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
+        return start, abs(1 - float(start @ start) / energy) if energy > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -523,15 +525,17 @@ def columns_of_sites(
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
     named = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
-    found = {}
+    columns_by_site = {}
     for name, columns in named:
-        found[checks.name("the name of a site", name)] = tuple(
+        columns_by_site[checks.name("the name of a site", name)] = tuple(
             checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
             for i in checks.column(f"columns of site {name!r}", columns).tolist()
         )
-    if len(found) != len(sites) or any(not 1 <= len(c) <= 3 for c in found.values()):
+    if len(columns_by_site) != len(sites) or any(
+        not 1 <= len(c) <= 3 for c in columns_by_site.values()
+    ):
         raise InputError(
             f"each site has one to three of the {count} columns of b, and a name of its own;"
             f" got {checks.shown(sites)}."
         )
-    return found
+    return columns_by_site

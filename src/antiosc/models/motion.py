@@ -221,10 +221,10 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
     x = np.empty(size)
     shape = np.empty((n + 1, size))
     at, to_x, to_shape = map(library.address, (parameters, x, shape))
-    lost = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
-    if lost or not (np.isfinite(x).all() and np.isfinite(shape).all()):
+    status = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
+    if status or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(
-            f"{lost or size} of {size} free frequencies have not converged; masses or frequencies"
+            f"{status or size} of {size} free frequencies have not converged; masses or frequencies"
             f" differ too much for double precision."
         )
     return x, shape

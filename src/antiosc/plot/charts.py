@@ -74,11 +74,11 @@ def render(figure: Figure, target: object, **options: object) -> None:
     try:
         figure.savefig(target, **options)
     except (RuntimeError, ValueError) as error:
-        said = " ".join(str(error).split())[:200].rstrip(".")
+        reason = " ".join(str(error).split())[:200].rstrip(".")
         remedy = "choose other names or options"
         if _matplotlib().rcParams["text.usetex"]:
             remedy = 'install LaTeX, or set matplotlib.rcParams["text.usetex"] = False'
-        raise InputError(f"the picture cannot be drawn ({said}): {remedy}.") from error
+        raise InputError(f"the picture cannot be drawn ({reason}): {remedy}.") from error
 
 
 def figure_or_path(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -328,21 +328,21 @@ def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None =
     factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
     besides = [hit.displacement + hit.indentation for hit in named.values()]
     seen = [hit.displacement for hit in named.values()]
-    for hit, beside in zip(named.values(), besides, strict=True):
+    for hit, neighbour in zip(named.values(), besides, strict=True):
         first, last = _contact_span(hit)
         during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
-        seen.append(beside[during])
+        seen.append(neighbour[during])
     shown = np.concatenate(seen)
     long, length = prefixed(float(np.abs(shown).max(initial=0.0)) or 1e-3, "m")
-    for (name, hit), beside, width in zip(named.items(), besides, widths(named), strict=True):
+    for (name, hit), neighbour, width in zip(named.items(), besides, widths(named), strict=True):
         label, other_label = (name, None) if name else _names(hit)
         (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=label)
         dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
-        ax.plot(factor * hit.time, long * beside, label=other_label, **dashes)
+        ax.plot(factor * hit.time, long * neighbour, label=other_label, **dashes)
         if len(named) == 1 and hit.contacts:
             spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
-            whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
-            ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
+            full_height = {"transform": ax.get_xaxis_transform(), "zorder": 0}
+            ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **full_height)
     if all(named):
         ax.set_title("dashed: what strikes", loc="right", fontsize="small")
     ax.set_ylim(*padded_range(long * shown, 0.08, 0.08))

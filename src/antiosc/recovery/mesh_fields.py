@@ -205,18 +205,18 @@ def recovered(
     quantity: str,
     place: Place,
     reach: Reach,
-    whole: bool = False,
+    second_order: bool = False,
 ) -> Array:
     """A quantity (P, …, columns) of every shape at the points nearest to `points` (P, 3).
 
-    whole : include the second-order strain of each shape.
+    second_order : include the second-order strain of each shape.
 
     InputError for a point farther from the structure than `reach`.
     """
     parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
-    if whole:
+    if second_order:
         parts = _whole(parts)
     shares = [shares_of(structure, quantity, member) for member, _ in parts]
 
@@ -288,9 +288,9 @@ def _nearest(
     closest = nearest[number]
     far = int(np.argmax(closest.distance))
     mesh = member.part.mesh
-    there = member.at.placed(closest.x[far][None])[0]
+    position = member.at.placed(closest.x[far][None])[0]
     element = partial(size_at, mesh, closest[far])
-    reach.check(points[far], there, mesh.extent(), element)
+    reach.check(points[far], position, mesh.extent(), element)
     return number, closest
 
 
@@ -352,20 +352,20 @@ def tensors_at_nodes(
     places: list[Place],
     part: str | None = None,
     ply: Place | None = None,
-    whole: bool = False,
+    second_order: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """(points (P, 3), cells as for `at_nodes`, tensors at the points), on rank 0.
 
     A point has a tensor for each material, each cell of a sheet and each of `places`. `ply`, a
     place with a layer, selects the laminates that have this layer, instead of `places`. Without
-    `shapes` there is one column, the static state under the prestress. `whole` includes the
+    `shapes` there is one column, the static state under the prestress. `second_order` includes the
     second-order strain of each shape.
     """
     if shapes is None:
         parts = loaded(structure, part)
     else:
         parts = with_parts(structure).fields(shapes, part)
-    if whole:
+    if second_order:
         parts = _whole(parts)
     points, cells, _ = at_nodes(structure, np.zeros((structure.rows, 0)), part)
     node = []
@@ -377,16 +377,16 @@ def tensors_at_nodes(
         of_parts: list[tuple[IntArray, IntArray, Array]] = []
         shares = None if shapes is None else shares_of(structure, quantity, member)
         for place, numbers in _requests(member.part, places, ply):
-            there = place.within(member.at.rotation)
-            arguments = shapes_of_part, quantity, there, numbers, shares
+            position = place.within(member.at.rotation)
+            arguments = shapes_of_part, quantity, position, numbers, shares
             nodes, kind, columns = tensors_of_part(member.part, *arguments)
             of_parts.append((nodes, kind + len(origins), columns))
             origins += [
                 Origin(strength_of(material, place) if n in numbers else None, place)
                 for n, (material, _) in enumerate(member.part.parts)
             ]
-        here = len(member.part.mesh.dolfinx.geometry.x)
-        pieces = member.part.mesh.comm.gather((here, of_parts), root=0) or []
+        node_count = len(member.part.mesh.dolfinx.geometry.x)
+        pieces = member.part.mesh.comm.gather((node_count, of_parts), root=0) or []
         for size, several in pieces:
             for nodes, kind, columns in several:
                 node.append(nodes + start)

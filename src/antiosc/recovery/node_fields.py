@@ -37,7 +37,7 @@ def recovered(
     quantity: str,
     place: Place,
     reach: Reach,
-    whole: bool = False,
+    second_order: bool = False,
 ) -> Array:
     """InputError: matrices have neither materials nor elements."""
     raise InputError(
@@ -53,7 +53,7 @@ def tensors_at_nodes(
     places: list[Place],
     part: str | None = None,
     ply: Place | None = None,
-    whole: bool = False,
+    second_order: bool = False,
 ) -> tuple[Array, list[tuple[str, IntArray]], NodeTensors]:
     """InputError: matrices have neither materials nor elements."""
     raise InputError(

@@ -372,8 +372,8 @@ class SheetAxes:
         """The axes at points."""
         n = np.cross(at.J[:, :, 0], at.J[:, :, 1])
         n *= (self.side[at.cells] / np.linalg.norm(n, axis=1))[:, None]
-        usual = np.where(np.abs(n[:, :1]) < ALONG, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-        a = np.where(self.given[at.cells][:, None], self.axis[at.cells], usual)
+        default_axis = np.where(np.abs(n[:, :1]) < ALONG, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        a = np.where(self.given[at.cells][:, None], self.axis[at.cells], default_axis)
         e1 = a - np.einsum("pc,pc->p", a, n)[:, None] * n
         e1 /= np.linalg.norm(e1, axis=1)[:, None]
         return SheetFrame(e1, np.cross(n, e1), n)
@@ -391,9 +391,9 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
     for i in (0, 1):
         for j in (0, 1):
             weight = (table[0][:, i] * table[1][:, j])[:, None, None]
-            there = _raw(at.moved(np.array([g[i], g[j]])), axes)
-            shear += weight * there.shear
-            membrane += weight * there.membrane
+            corner_strains = _raw(at.moved(np.array([g[i], g[j]])), axes)
+            shear += weight * corner_strains.shear
+            membrane += weight * corner_strains.membrane
     curved = at.part.mesh.order > 1
     return Strains(membrane if curved else strains.membrane, strains.bending, shear)
 

@@ -62,7 +62,7 @@ def run(blow: Blow, limit: float) -> Outcome:
         time, closing = _motions(deck.with_suffix(".dat"))
     depth = closing - blow.gap
     state = blow.law.touch(0.0)
-    force = np.array([blow.law.force(one, 0.0, state) for one in depth.tolist()])
+    force = np.array([blow.law.force(depth_now, 0.0, state) for depth_now in depth.tolist()])
     seconds = usage.ru_utime + usage.ru_stime
     return Outcome(Curve(time, force, depth), seconds, 1024.0 * usage.ru_maxrss)
 
@@ -77,7 +77,9 @@ def _check(blow: Blow) -> None:
         f"{PROGRAM} is not on the PATH": shutil.which(PROGRAM) is None,
         "the part is spread over several ranks": structure.comm.size > 1,
         "the deck is of quadratic tetrahedra": not _quadratic(matrices),
-        "the deck is of isotropic solids": any(type(one) is not Solid for one, _ in matrices.parts),
+        "the deck is of isotropic solids": any(
+            type(material) is not Solid for material, _ in matrices.parts
+        ),
         "the part carries masses or springs": attached,
         "the part is prestressed": matrices.preload is not None,
         "the impactor vibrates": len(ball.omega) != 1 or bool(ball.omega.any()),
@@ -118,8 +120,8 @@ def _cells(matrices: MeshedStructure) -> Iterator[str]:
     for number, (material, cells) in enumerate(matrices.parts):
         dofs = compat.cell_dofs(matrices.form.space, (0,), cells) // matrices.block
         yield f"*ELEMENT, TYPE=C3D10, ELSET=PART{number}"
-        for cell, own in zip(cells.tolist(), _oriented(dofs, nodes), strict=True):
-            yield ", ".join(map(str, (cell + 1, *(own + 1).tolist())))
+        for cell, node_numbers in zip(cells.tolist(), _oriented(dofs, nodes), strict=True):
+            yield ", ".join(map(str, (cell + 1, *(node_numbers + 1).tolist())))
         solid = cast("Solid", material)
         yield f"*MATERIAL, NAME=M{number}"
         yield f"*ELASTIC\n{solid.E:.12g}, {solid.nu:.12g}\n*DENSITY\n{solid.rho:.12g}"

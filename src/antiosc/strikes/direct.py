@@ -25,11 +25,11 @@ METHODS: Mapping[str, Method] = {
 
 
 def outcomes(
-    made: Callable[[], Blow], seconds: float, told: Callable[[str], None]
+    make_blow: Callable[[], Blow], seconds: float, report: Callable[[str], None]
 ) -> tuple[dict[str, Outcome], list[str]]:
     """(outcome of each method that is expected to take at most `seconds`, sentences on others)."""
     try:
-        blow = made()
+        blow = make_blow()
     except AntioscError as error:
         return {}, [f"No other method: {str(error).rstrip('.')}."]
     results = {}
@@ -43,7 +43,7 @@ def outcomes(
                     f"dofs and {blow.steps} steps exceeds compare = {seconds:g} s."
                 )
                 continue
-            told(f"{name}, about {expected:.2g} s")
+            report(f"{name}, about {expected:.2g} s")
             results[name] = method.run(blow, seconds)
         except AntioscError as error:
             notes.append(f"{name}: {str(error).rstrip('.')}.")

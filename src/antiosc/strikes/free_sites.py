@@ -90,6 +90,6 @@ def _free_modes(
     wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     modes = ModeSolver(structure).lowest(wanted, reach, most)
-    enough = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
-    log.info("%d free modes up to %.4g rad/s", enough, modes.omega[enough - 1])
-    return Modes(modes.omega[:enough], modes.phi[:, :enough], modes.complete)
+    sufficient = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
+    log.info("%d free modes up to %.4g rad/s", sufficient, modes.omega[sufficient - 1])
+    return Modes(modes.omega[:sufficient], modes.phi[:, :sufficient], modes.complete)

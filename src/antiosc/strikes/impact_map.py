@@ -476,13 +476,13 @@ def _struck(
     started = time.perf_counter()
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
-    mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
+    sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
     part = None
     error = None
     try:
-        if len(mine):
-            models = [result.model(i) for i in mine]
-            laws_here = contact if laws is None else [laws[i] for i in mine]
+        if len(sites_of_rank):
+            models = [result.model(i) for i in sites_of_rank]
+            laws_here = contact if laws is None else [laws[i] for i in sites_of_rank]
             batch = simulate_many(models, impactor, laws_here, duration)
             part = batch, peak_deflections(models, batch.force, duration)
     except Exception as caught:
@@ -548,13 +548,13 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     bodies = free_modes.bodies(*of_sites, structure.shift)
     notes = list[str]()
     with counting("second-order impacts", len(deep)) as ready, warnings_to(notes.append):
-        for done, (i, body) in enumerate(zip(deep, bodies, strict=True)):
+        for number, (i, body) in enumerate(zip(deep, bodies, strict=True)):
             forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
             hit = _hit(struck, i, body, forces)
             stretched[i] = bool(hit.assembly.stretched)
             for name, value in zip(STRETCHED, _numbers(hit), strict=True):
                 arrays[name][i] = value
-            ready(done + 1)
+            ready(number + 1)
     if notes:
         warn(f"{len(notes)} of {len(struck)} sites: {notes[0]}", AccuracyWarning)
     seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - started}

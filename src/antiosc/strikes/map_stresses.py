@@ -107,15 +107,15 @@ def _of_sites(
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """
     steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
-    some = forces[span]
+    site_forces = forces[span]
     b = seen.b[span]
     omega = np.broadcast_to(seen.omega, b.shape)
-    run = list(motions(omega, b, np.zeros_like(b), some, duration, steps))
+    run = list(motions(omega, b, np.zeros_like(b), site_forces, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
     sought = [np.ones(len(modes.strength)), 1 / modes.strength]
     results = []
-    for i in range(len(some)):
+    for i in range(len(site_forces)):
         columns[:, :, -1] = rest.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())

@@ -430,8 +430,8 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
 def next_n(answer: Answer, run: RunFunction, tol: float, growth: float) -> int:
     """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
     error = max(bar.truncation for bar in answer.budget.values())
-    enough = _enough(answer.raw.model, run, error, tol)
-    return int(np.clip(enough, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
+    needed = _enough(answer.raw.model, run, error, tol)
+    return int(np.clip(needed, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
 
 
 def _enough(model: AntiOscillators, run: RunFunction, error: float, tol: float) -> int:
@@ -495,21 +495,23 @@ def _next(
         )
     if answer.n >= MOST_N:
         return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
-    usual = _usual(answer)
-    goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
+    usual_factor = _usual(answer)
+    goal = min(
+        room[name] / (usual_factor * bar.mesh) for name, bar in answer.budget.items() if bar.mesh
+    )
     goal *= EAGER ** (meshes - 1)
     structure = answer.structure
     dim = mesh.tdim
     energies = _errors_of_cells(answer, mesh)
     ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
-    growth = whole = bisection.growth(mesh.comm, ratio, dim)
+    growth = full_growth = bisection.growth(mesh.comm, ratio, dim)
     if growth > GROWTH:
         goal = goal * (growth / GROWTH) ** (2 * order / dim)
         ratio = bisection.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
         growth = bisection.growth(mesh.comm, ratio, dim)
     growth = max(growth, 1.0)
-    dofs = structure.dofs * max(whole, 1.0)
-    seconds = answer.seconds * max(whole, 1.0) ** SECONDS_POWER[dim]
+    dofs = structure.dofs * max(full_growth, 1.0)
+    seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]
     spent = time.perf_counter() - started
     expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
     needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
@@ -550,9 +552,9 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     room = {}
     for name, bar in budget.items():
         truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
-        whole = AIM * (tol - bar.time - bar.patch) - truncation
-        remaining = whole - AIM * bar.stretch
-        room[name] = whole if bar.stretch and remaining < LEAST_ROOM * tol else remaining
+        allowed = AIM * (tol - bar.time - bar.patch) - truncation
+        remaining = allowed - AIM * bar.stretch
+        room[name] = allowed if bar.stretch and remaining < LEAST_ROOM * tol else remaining
     return room
 
 

@@ -168,20 +168,20 @@ class Tradeoff(Result):
             raise InputError("best takes one of tol and seconds.")
         if tol is not None:
             tol = checks.tolerance(tol)
-            members = [one for one in self.table if one.bar <= tol]
+            members = [member for member in self.table if member.bar <= tol]
             if not members:
                 raise InputError(self._unmet(tol))
             return min(members, key=lambda one: one.seconds)
         limit = checks.positive("seconds", seconds, "s")
-        members = [one for one in self.table if one.seconds <= limit]
+        members = [member for member in self.table if member.seconds <= limit]
         if not members:
-            least = min(one.seconds for one in self.table)
+            least = min(member.seconds for member in self.table)
             raise InputError(f"no member takes at most {limit:.3g} s, the fastest {least:.3g} s.")
         return min(members, key=lambda one: one.bar)
 
     def _unmet(self, tol: float) -> str:
         """Why no member is as accurate as tol."""
-        least = min(one.bar for one in self.table)
+        least = min(member.bar for member in self.table)
         sentence = (
             f"no member has a bar of at most {100 * tol:.3g} %, the least is {100 * least:.3g} %"
         )
@@ -192,22 +192,22 @@ class Tradeoff(Result):
     @property
     def front(self) -> tuple[TradeoffMember, ...]:
         """The methods that no other exceeds in both speed and accuracy, the fastest first."""
-        kept: list[TradeoffMember] = []
-        for one in sorted(self.table, key=lambda one: one.seconds):
-            if not kept or one.bar < kept[-1].bar:
-                kept.append(one)
-        return tuple(kept)
+        front: list[TradeoffMember] = []
+        for member in sorted(self.table, key=lambda one: one.seconds):
+            if not front or member.bar < front[-1].bar:
+                front.append(member)
+        return tuple(front)
 
     @property
     def status(self) -> int:
         """0 if a method has an error bar of at most `tol`, else 1."""
-        return 0 if min(one.bar for one in self.table) <= self.tol else 1
+        return 0 if min(member.bar for member in self.table) <= self.tol else 1
 
     @property
     def message(self) -> str:
         """The cheapest method within `tol`, or the smallest error bar if none is."""
         if self.status:
-            least = min(one.bar for one in self.table)
+            least = min(member.bar for member in self.table)
             return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
         best = self.best(tol=self.tol)
         return (
@@ -219,8 +219,8 @@ class Tradeoff(Result):
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
         return {
-            "table": [asdict(one) for one in self.table],
-            "others": [{**asdict(one), "bar": None} for one in self.others],
+            "table": [asdict(member) for member in self.table],
+            "others": [{**asdict(member), "bar": None} for member in self.others],
             "notes": list(self.notes),
             "compilation": self.compilation,
             "tol": self.tol,
@@ -230,7 +230,7 @@ class Tradeoff(Result):
 
     def summary(self) -> str:
         """The table as text, with the other methods and the notes below."""
-        rows = [tuple(COLUMNS), *(one.cells() for one in (*self.table, *self.others))]
+        rows = [tuple(COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
         return "\n".join([*map(_line, rows), *self.notes])
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
@@ -250,12 +250,14 @@ class Tradeoff(Result):
         """Draw bars and differences over "seconds" or "gigabytes" into axes of matplotlib."""
         checks.choice("over", over, tuple(AXES))
 
-        def points(members: Sequence[TradeoffMember], of: str) -> tuple[list[float], list[float]]:
-            x = [getattr(one, over) for one in members]
-            return x, [100 * getattr(one, of) for one in members]
+        def points(
+            members: Sequence[TradeoffMember], quantity: str
+        ) -> tuple[list[float], list[float]]:
+            x = [getattr(member, over) for member in members]
+            return x, [100 * getattr(member, quantity) for member in members]
 
         ax.loglog(*points(self.table, "bar"), "o", mfc="none", label="error bar")
-        apart = [one for one in self.table if one.difference]
+        apart = [member for member in self.table if member.difference]
         ax.loglog(*points(apart, "difference"), ".", label="difference to the finest")
         ax.axhline(100 * self.tol, color="0.6", lw=0.8, label="tol")
         if self.status == 0:
@@ -323,15 +325,15 @@ def tradeoff(
     started = clock()
     compiled = uncounted_seconds()
     meshes: list[Made] = []
-    given = material, supports, order, limit
+    arguments = material, supports, order, limit
 
-    with doing("speed against accuracy") as told:
+    with doing("speed against accuracy") as report:
 
         def seen(answer: Answer, place: Site) -> None:
             if meshes:  # a member with fewer anti-oscillators has it made again
                 meshes[-1].answer.structure.drop_factor()
             meshes.append(Made(answer, place, member_of(answer)))
-            told(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
+            report(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
 
         hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, started)
@@ -343,7 +345,7 @@ def tradeoff(
         if compare is None:
             return result
         chosen = result.best(tol=tol) if result.status == 0 else table[-1]
-        base = made[table.index(chosen)]
+        base = members[table.index(chosen)]
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
         ran, notes = outcomes(blow, compare, told)
@@ -372,18 +374,18 @@ class Made:
 
     def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
         """The member of another method on the same mesh."""
-        found = figures(outcome.curve)
-        kept = _kept(self.answer.structure)
+        numbers = figures(outcome.curve)
+        stored_bytes = _kept(self.answer.structure)
         return replace(
             self.member,
             method=method,
             n=0,
             step=float(outcome.curve.time[1]),
             seconds=outcome.seconds,
-            gigabytes=(kept + outcome.bytes) / 1e9,
+            gigabytes=(stored_bytes + outcome.bytes) / 1e9,
             bar=math.inf,
-            difference=max(differences(finest, found).values()),
-            **asdict(found),
+            difference=max(differences(finest, numbers).values()),
+            **asdict(numbers),
         )
 
 
@@ -443,8 +445,8 @@ def member_of(answer: Answer) -> TradeoffMember:
     mesh = matrices.mesh
     solver = structure.factorize()
     cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
-    one = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
-    volume = compat.integrate(one, mesh.dolfinx)
+    integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
+    volume = compat.integrate(integrand, mesh.dolfinx)
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),

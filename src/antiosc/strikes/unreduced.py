@@ -199,10 +199,10 @@ class _Contact:
         if self.closed or free > origin:
             self._touch(free - origin, rate)
             assert self.state is not None
-            whole = alpha + self.blow.striker.residual
+            compliance = alpha + self.blow.striker.residual
             guess = self.nodes[-1][1]
-            force = law.implicit(free, whole, rate, 2 / h * alpha, self.state, guess)
-            free -= whole * force
+            force = law.implicit(free, compliance, rate, 2 / h * alpha, self.state, guess)
+            free -= compliance * force
             self.closed = force > 0 or free > origin
             self.state = law.advance(free, rate - 2 / h * alpha * force, self.state)
             origin = law.origin(self.state)

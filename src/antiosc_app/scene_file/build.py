@@ -97,14 +97,14 @@ def calls_in(value: object) -> Iterator[Call]:
             yield from calls_in(entry)
 
 
-def replaced(value: Any, made: Callable[[Call], Any] = lambda call: call.made) -> Any:
-    """The value with each call in it replaced by the result of `made`."""
+def replaced(value: Any, result_of: Callable[[Call], Any] = lambda call: call.made) -> Any:
+    """The value with each call in it replaced by the result of `result_of`."""
     if isinstance(value, Call):
-        return made(value)
+        return result_of(value)
     if isinstance(value, dict):
-        return {key: replaced(entry, made) for key, entry in value.items()}
+        return {key: replaced(entry, result_of) for key, entry in value.items()}
     if type(value) in (list, tuple):
-        return type(value)(replaced(entry, made) for entry in value)
+        return type(value)(replaced(entry, result_of) for entry in value)
     return value
 
 
@@ -115,9 +115,9 @@ class Evaluation:
         self.document = document
         self._made: dict[Call, object] = {}
 
-    def know(self, call: Call, made: object) -> None:
+    def know(self, call: Call, result: object) -> None:
         """Register the object of a call that was made elsewhere."""
-        self._made[call] = made
+        self._made[call] = result
 
     def __call__(self, value: Any) -> Any:
         """The value with each call in it replaced by its object."""
@@ -186,8 +186,8 @@ class Builder:
                 close = nearest(name, known)
                 hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
                 what = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
-                there = f"There is {listed(known)}."
-                self.note(at, f"{what} {checks.shown(name)}{hint} {there}")
+                known_names = f"There is {listed(known)}."
+                self.note(at, f"{what} {checks.shown(name)}{hint} {known_names}")
                 continue
             form, what, heading = FORMS[known[name].form]
             if not isinstance(value, form):
@@ -217,16 +217,16 @@ class Builder:
     def listed(self, name: str, data: Table | None = None, place: Place = ()) -> list[Call]:
         """The calls of a section [[x]]."""
         tables = enumerate(self.part(name, list, data))
-        made = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
-        return [call for call in made if call is not None]
+        calls = [self.call(SECTIONS[name], table, (*place, name, i)) for i, table in tables]
+        return [call for call in calls if call is not None]
 
     def named(self, name: str, arguments: Table | None = None) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
         tables = self.part(name).items()
-        made = {
+        calls = {
             key: self.call(SECTIONS[name], table, (name, key), arguments) for key, table in tables
         }
-        return {key: call for key, call in made.items() if call is not None}
+        return {key: call for key, call in calls.items() if call is not None}
 
     # -- calls
 
@@ -248,7 +248,10 @@ class Builder:
         """
         makes = section.makes if isinstance(section, SceneSection) else section
         given = dict(given or {})
-        withheld = {*given, *(section.given.split() if isinstance(section, SceneSection) else ())}
+        withheld = {
+            *given,
+            *(section.given.split() if isinstance(section, SceneSection) else ()),
+        }
         try:
             if not isinstance(table, dict):
                 got = checks.shown(table)
@@ -262,14 +265,14 @@ class Builder:
             return None
         except Mistake:
             return None
-        arguments, whole = self._values(known, table, place, function)
+        arguments, complete = self._values(known, table, place, function)
         arguments = {**given, **arguments}
-        if not whole or None in arguments.values():
+        if not complete or None in arguments.values():
             return None
-        made = Call(resolved(function), arguments, place)
+        call = Call(resolved(function), arguments, place)
         if only_checks(function):
-            return self._tried(made)
-        return made
+            return self._tried(call)
+        return call
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
         """The callable that `kind` chooses."""
@@ -288,7 +291,7 @@ class Builder:
     ) -> tuple[dict[str, object], bool]:
         """The valid values of a table, and whether all values are valid and none is missing."""
         values = {}
-        whole = True
+        complete = True
         for key, value in table.items():
             if key == KIND and key not in known:
                 continue
@@ -297,7 +300,7 @@ class Builder:
                     self._no_key(place, key, known, function)
                 values[key] = self.value(known[key], value, (*place, key))
             except Mistake:
-                whole = False
+                complete = False
         missing = [
             parameter
             for parameter in known.values()
@@ -308,7 +311,7 @@ class Builder:
             if parameter.name not in named:  # a key that does not exist means it
                 what = f"{parameter.name!r}, {words(parameter.kinds)}{_about(parameter.about)}"
                 self.note(place, f"{label(place)} lacks {what}.")
-        return values, whole and not missing
+        return values, complete and not missing
 
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str
@@ -320,8 +323,8 @@ class Builder:
         close = nearest(key, known)
         about = f": {known[close].about}" if close and known[close].about else ""
         hint = f"; did you mean {close!r} ({words(known[close].kinds)}{about})?" if close else "."
-        there = f"It takes {listed(known)}." if known else "It takes no keys."
-        self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {there}")
+        keys = f"It takes {listed(known)}." if known else "It takes no keys."
+        self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
     def _tried(self, call: Call) -> Call | None:
         """The call with its object; None if the constructor raises an error, which is noted."""
@@ -330,14 +333,14 @@ class Builder:
         messages: list[str] = []
         try:
             with warnings_to(messages.append):
-                made = call.make(**replaced(dict(call.arguments)))
-                if isinstance(made, plausible.ExaminedMaterial):
-                    plausible.warn_each([plausible.of_material(made)])
+                result = call.make(**replaced(dict(call.arguments)))
+                if isinstance(result, plausible.ExaminedMaterial):
+                    plausible.warn_each([plausible.of_material(result)])
         except Exception as error:
             self.note(*call.refused(error))
             return None
         self.warnings += [message for message in messages if message not in self.warnings]
-        return replace(call, made=made)
+        return replace(call, made=result)
 
     # -- values
 
@@ -390,10 +393,10 @@ class Builder:
                 for key, entry in value.items()
             }
         if kind.name == "object":
-            made = self.call(constructors_of(kind.kind), value, place)
-            if made is None:
+            call = self.call(constructors_of(kind.kind), value, place)
+            if call is None:
                 raise Mistake
-            return made
+            return call
         if kind.name == "number":
             try:
                 return float(value)

@@ -60,30 +60,30 @@ EXCLUDES = (
 
 def _check_together(build: Builder) -> None:
     """Note sections that exclude each other, and sections without others that they need."""
-    there = {name for name, value in build.data.items() if value or name != "sensors"}
+    present = {name for name, value in build.data.items() if value or name != "sensors"}
     for names, others in NEEDS:
         for name in names.split():
-            if name in build.data and not there & set(others.split()):
+            if name in build.data and not present & set(others.split()):
                 build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
     for names, others, remedy in EXCLUDES:
         for name, other in product(names.split(), others.split()):
-            if name in build.data and other in there:
+            if name in build.data and other in present:
                 what = f"{headed(name)} has no place beside {_one_of(other)}"
                 build.note((name,), f"{what}; {remedy}.")
-    sources = [name for name in SOURCES if name in there]
+    sources = [name for name in SOURCES if name in present]
     if len(sources) > 1:
         both = f"[{sources[0]}] and [{sources[1]}]"
         build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
     if not sources and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
         build.note((), f"the scene does not say what is struck: give one of {names}.")
-    alone = [n for n in ("impactor", "contact", *_ONE.split()) if n in there]
-    many = [n for n in _MANY.split() if n in there]
+    alone = [n for n in ("impactor", "contact", *_ONE.split()) if n in present]
+    many = [n for n in _MANY.split() if n in present]
     if alone and many:
         sentence = f"[{alone[0]}] describes one impact and [{many[0]}] a scene of several contacts"
         build.note((many[0],), f"{sentence}; {_KEEP}.")
     if "ensemble" in build.part("drop"):
-        for name in there.intersection(("accelerometers", "worst")):
+        for name in present.intersection(("accelerometers", "worst")):
             build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
 
 

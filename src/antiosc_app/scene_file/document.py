@@ -309,5 +309,5 @@ def listed(names: Iterable[str]) -> str:
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
     """A sentence on an unknown name, with those that are known."""
     names = list(known)
-    there = f"There is {listed(names)}."
-    return f"{what} {checks.shown(name)} does not exist{meant(name, names)} {there}"
+    known_names = f"There is {listed(names)}."
+    return f"{what} {checks.shown(name)} does not exist{meant(name, names)} {known_names}"

@@ -77,10 +77,10 @@ class Outline:
 
     def distance(self, point: Array) -> float:
         """Distance of a point (3,) from the box [m]; 0 up to the distance that a snap bridges."""
-        off = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
+        distance = float(np.linalg.norm(point - np.clip(point, self.low, self.high)))
         size = float(np.linalg.norm(self.high - self.low))
-        if off > max(SNAP_SHARE * size, self.element):
-            return off
+        if distance > max(SNAP_SHARE * size, self.element):
+            return distance
         return 0.0
 
     def placed(self, at: Placement) -> Outline:
@@ -161,11 +161,13 @@ def _check_points(compiled: CompiledScene, calls: list[Call], known: Mapping[str
         part = call.arguments.get("part")
         boxes_of_part = [boxes[part]] if part in boxes else list(boxes.values())
         nearest = min(boxes_of_part, key=lambda box: box.distance(x))
-        off = nearest.distance(x)
+        distance = nearest.distance(x)
         place = (*call.place, key)
-        if off and (isinstance(snap, bool) or snap is None or off > snap):
+        if distance and (isinstance(snap, bool) or snap is None or distance > snap):
             box = f"{checks.point_text(nearest.low)} to {checks.point_text(nearest.high)}"
-            sentence = f"{label(place)}: the point {checks.point_text(x)} lies {off:.3g} m outside"
+            sentence = (
+                f"{label(place)}: the point {checks.point_text(x)} lies {distance:.3g} m outside"
+            )
             sentence += f" the box of {nearest.name}, from {box}: coordinates are in metres."
             compiled.document.problems.add(place, sentence)
 

@@ -170,7 +170,7 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
     if "sweep" in build.data and not lists:
         sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         build.note(("sweep",), sentence)
-    whole: list[list[object]] = []
+    combinations: list[list[object]] = []
     for place, values in lists.items():
         most = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
         at = ("sweep", *place)
@@ -183,8 +183,8 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
             sentence = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
             build.note(at, f"{sentence}; got {place[1]!r}.")
         else:
-            whole.append(values)
-    if len(whole) < len(lists):
+            combinations.append(values)
+    if len(combinations) < len(lists):
         return None
     sizes = {label(place): len(values) for place, values in lists.items()}
     if len(set(sizes.values())) > 1:
@@ -278,9 +278,9 @@ def _batch(
         origins = {place: ("sweep", *place, i) for place in lists}
         other = variant(build, values, origins, build.document.problems)
         # objects that the values do not change are shared
-        same = (compiled.impactor, compiled.contact)
+        objects = (compiled.impactor, compiled.contact)
         part = stretches if swept <= {*VARIED} else _model(other)
-        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else same)))
+        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else objects)))
         if times:
             named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
             hit = other.table("simulate", given=dict(named))
@@ -296,32 +296,32 @@ def _batch(
     return build.call(("simulate_many",), rest, ("simulate",), columns)
 
 
-def _stretching(build: Builder, part: Call | None, made: Call | None) -> Call | None:
+def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> Call | None:
     """The model for many impacts; with second-order forces unless [extract] decides on them."""
     options = {**build.part("simulate"), **build.part("simulate", dict, build.part("sweep"))}
     linear = {"step", "n"} & set(options) or options.get("method", "exact") != "exact"
-    if None in (part, made) or linear or "stretch" in build.part("extract"):
-        return made
+    if None in (part, model_call) or linear or "stretch" in build.part("extract"):
+        return model_call
 
     def stretching(structure: Any, model: Any) -> object:
         with finite_element_packages():
             from antiosc.extension import stretching as with_forces
         return with_forces(structure, model)
 
-    return Call(stretching, {"structure": part, "model": made})
+    return Call(stretching, {"structure": part, "model": model_call})
 
 
 def _model(build: Builder) -> Call | None:
     """A call that makes the model of a variant, without shapes, to save memory."""
     part = structure(build)
-    made = _stretching(build, part, model(build, part))
+    model_call = _stretching(build, part, model(build, part))
 
     def alone() -> object:
-        reduced = Evaluation(build.document)(made)
+        reduced = Evaluation(build.document)(model_call)
         forces = None if reduced.stretch is None else replace(reduced.stretch, shapes=None)
         return replace(reduced, shapes=None, hidden=None, stretch=forces)
 
-    if made is None:
+    if model_call is None:
         return None
     return Call(alone, {})
 
@@ -357,14 +357,14 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), arguments)
 
 
-def _inputs(build: Builder, drawn: Table) -> dict[Place, Call | None]:
+def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
     """The distribution of each random value, by the place of the value in the scene."""
     calls: dict[Place, Call | None] = {}
-    for place, value in leaves(drawn):
+    for place, value in leaves(inputs):
         at: Place = ("monte_carlo", *place)
         if place[0] not in DRAWN or place[0] not in build.data or len(place) < 2:
-            there = listed([n for n in DRAWN if n in build.data])
-            sentence = f"[monte_carlo] draws values of {there}, or a point; got {label(place)}."
+            sections = listed([n for n in DRAWN if n in build.data])
+            sentence = f"[monte_carlo] draws values of {sections}, or a point; got {label(place)}."
             build.note(at, sentence)
             continue
         law = calls[place] = build.call(DISTRIBUTIONS.split(), value, at)
@@ -427,9 +427,9 @@ def _run(
         other.document.problems.raise_if_any()
         for sentence in other.warnings:
             warn(sentence)
-        made = (None if call is None else call.made for call in both)
+        arguments = (None if call is None else call.made for call in both)
         model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
-        return (model, *made, duration)
+        return (model, *arguments, duration)
 
     return run
 

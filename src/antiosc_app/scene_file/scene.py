@@ -107,8 +107,8 @@ class CompiledScene(Objects[Call | None]):
 
     def does(self) -> list[str]:
         """The commands that can run this scene."""
-        there = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
-        return [f"antiosc {name}" for name in there]
+        commands = (n for n, study in STUDIES.items() if getattr(self, study.result) is not None)
+        return [f"antiosc {name}" for name in commands]
 
 
 class Study(NamedTuple):
@@ -216,12 +216,12 @@ def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Cal
         )
         return None
     if table and all(isinstance(group_table, dict) for group_table in table.values()):
-        made = {
+        materials = {
             group: build.call(section, group_table, (*at, group))
             for group, group_table in table.items()
         }
-        sound = {group: call for group, call in made.items() if call is not None}
-        if len(sound) == len(made):
+        sound = {group: call for group, call in materials.items() if call is not None}
+        if len(sound) == len(materials):
             return sound
         return None
     return build.call(section, table, at)
@@ -264,10 +264,10 @@ def _assembly(build: Builder) -> Call | None:
 
 def model(build: Builder, structure: Call | None) -> Call | None:
     """The call of the reduced model with its [surface]; None if no section needs a model."""
-    made = _model(build, structure)
+    model_call = _model(build, structure)
     if "surface" not in build.data:
-        return made
-    return build.table("surface", given={"self": made})
+        return model_call
+    return build.table("surface", given={"self": model_call})
 
 
 def _model(build: Builder, structure: Call | None) -> Call | None:
@@ -309,20 +309,20 @@ def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call 
     return build.call(SECTIONS["contact"], table, place, methods=methods)
 
 
-def single(build: Builder, found: CompiledScene) -> None:
-    both: dict[str, object] = {"impactor": found.impactor, "contact": found.contact}
+def single(build: Builder, compiled: CompiledScene) -> None:
+    both: dict[str, object] = {"impactor": compiled.impactor, "contact": compiled.contact}
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
     if "strike" not in build.data:
-        made = build.table("simulate", given={"model": found.model, **both})
-        found.history = _with_second_order(build, found, made)
-        _warn_of_opening(build, found)
+        call = build.table("simulate", given={"model": compiled.model, **both})
+        compiled.history = _with_second_order(build, compiled, call)
+        _warn_of_opening(build, compiled)
         return
     sites = list(build.named("sites").values())
     if len(build.part("sites")) != 1:
         build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
         return
-    both["source"] = found.structure
+    both["source"] = compiled.structure
     if refined(build):  # a file or mesh with material and supports
         read = build.table("geometry")
         alone = read is not None and set(read.arguments) == {"source"}
@@ -331,13 +331,13 @@ def single(build: Builder, found: CompiledScene) -> None:
         both |= _supported(build, build.data, ())
         if "prestress" in build.data:
             both["prestress"] = build.table("prestress")
-    found.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+    compiled.history = build.table("strike", given={"site": next(iter(sites), None), **both})
 
 
-def _with_second_order(build: Builder, found: CompiledScene, impact: Call | None) -> Call | None:
+def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | None) -> Call | None:
     """The impact, with second-order forces if they matter, unless [extract] decides on them."""
     given_there = "stretch" in build.part("extract")
-    if impact is None or None in (found.structure, found.model) or given_there:
+    if impact is None or None in (compiled.structure, compiled.model) or given_there:
         return impact
     make = impact.make
 
@@ -346,7 +346,7 @@ def _with_second_order(build: Builder, found: CompiledScene, impact: Call | None
             from antiosc.extension import simulated
         return simulated(structure, model, functools.partial(_struck_by, make, given))
 
-    arguments = {"structure": found.structure, "model": found.model, **impact.arguments}
+    arguments = {"structure": compiled.structure, "model": compiled.model, **impact.arguments}
     return replace(impact, make=run, arguments=arguments)
 
 
@@ -406,9 +406,9 @@ def own_laws(variable: str, table: object, body: Call | None) -> Methods:
 def _laws_of(body: type) -> list[str]:
     """The methods of a class that return a contact law."""
     methods = inspect.getmembers(body, inspect.isfunction)
-    made = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
+    results = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
     known = (*LAWS.split(), ContactLaw.__name__)
-    return [name for name, law in made.items() if law in known]
+    return [name for name, law in results.items() if law in known]
 
 
 #: The bodies of a scene by name; None: one that is wrong.
@@ -490,24 +490,24 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
-def set_requested(build: Builder, found: CompiledScene) -> None:
+def set_requested(build: Builder, compiled: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
-    part: Call | None = found.structure
-    if found.striking and part is None:
-        part = Call(lambda history: history.structure, {"history": found.history})
-    arguments = {"structure": part, "history": found.history}
-    times = Call(probe_times, {"history": found.history})
-    found.probes = {
+    part: Call | None = compiled.structure
+    if compiled.striking and part is None:
+        part = Call(lambda history: history.structure, {"history": compiled.history})
+    arguments = {"structure": part, "history": compiled.history}
+    times = Call(probe_times, {"history": compiled.history})
+    compiled.probes = {
         name: replace(probe, arguments={"times": times, **probe.arguments})
         for name, probe in build.named("probes", arguments).items()
     }
-    meshed = found.history is not None and source(build) in MESHED.split()
+    meshed = compiled.history is not None and source(build) in MESHED.split()
     if "stress" in build.data:
         asked = build.table("stress", given=arguments)
         if asked is not None:
-            found.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
+            compiled.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
     elif meshed:
-        found.stresses = Call(by_strengths, arguments)
+        compiled.stresses = Call(by_strengths, arguments)
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:

@@ -399,8 +399,8 @@ def constructors_of(kind: type) -> tuple[str, ...]:
         methods = inspect.getmembers(resolved(name), inspect.ismethod)
     except AttributeError:  # not public
         return ()
-    made = {n: inspect.signature(m).return_annotation for n, m in methods if n[0] != "_"}
-    return (name, *(f"{name}.{n}" for n, returned in made.items() if returned in (name, kind)))
+    results = {n: inspect.signature(m).return_annotation for n, m in methods if n[0] != "_"}
+    return (name, *(f"{name}.{n}" for n, returned in results.items() if returned in (name, kind)))
 
 
 #: Form of a section -> its type, what it must be, and its heading.
@@ -535,7 +535,7 @@ def _sections(known: Mapping[str, SceneSection]) -> dict[str, object]:
 
 
 def _section(name: str, section: SceneSection) -> dict[str, object]:
-    taken = section.given.split()
+    given_names = section.given.split()
     if section.form == "text":
         return {"type": "string"}
     if name == "points":
@@ -543,12 +543,12 @@ def _section(name: str, section: SceneSection) -> dict[str, object]:
     if name == "sweep":  # of a named section: tables of lists
         return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
     if name == "monte_carlo":
-        properties = {n: _parameter(p) for n, p in parameters(name).items() if n not in taken}
-        drawn = {key: {"type": "object"} for key in DRAWN}
-        return _closed(properties | drawn | {POINT: _one_of(["impact_map"], ["structure"])})
+        properties = {n: _parameter(p) for n, p in parameters(name).items() if n not in given_names}
+        inputs = {key: {"type": "object"} for key in DRAWN}
+        return _closed(properties | inputs | {POINT: _one_of(["impact_map"], ["structure"])})
     if section.inner:
         return _many(_sections(section.inner))
-    schema = _one_of(section.makes, taken, methods=name == "contact")
+    schema = _one_of(section.makes, given_names, methods=name == "contact")
     if section.form == "list":
         return {"type": "array", "items": schema}
     if section.form == "named":

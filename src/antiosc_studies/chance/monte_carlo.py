@@ -114,12 +114,12 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
     Sites of an `ImpactMap` are drawn by their areas. Draw i of an input depends only on `seed`, on
     i and on the position of the input, so that a larger `n` begins with the draws of a smaller one.
     """
-    drawn = {}
+    draws_by_name = {}
     streams = np.random.SeedSequence(seed).spawn(len(inputs))
     for stream, (name, distribution) in zip(streams, inputs.items(), strict=True):
         shares = np.random.default_rng(stream).random(n)
         if hasattr(distribution, "ppf"):
-            drawn[name] = quantiles(name, distribution, shares)
+            draws_by_name[name] = quantiles(name, distribution, shares)
         else:
             weights = (
                 distribution.areas
@@ -127,8 +127,8 @@ def draws(inputs: Mapping[str, Any], n: int, seed: int) -> dict[str, np.ndarray]
                 else np.ones(len(distribution))
             )
             ends = np.cumsum(weights) / np.sum(weights)
-            drawn[name] = np.searchsorted(ends[:-1], shares, side="right")
-    return drawn
+            draws_by_name[name] = np.searchsorted(ends[:-1], shares, side="right")
+    return draws_by_name
 
 
 def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
@@ -145,13 +145,13 @@ def quantiles(name: str, distribution: Any, shares: np.ndarray) -> np.ndarray:
     return checks.floats(f"what ppf of {name} returns", values, shares.shape)
 
 
-def value(distribution: Any, drawn: Any) -> Any:
+def value(distribution: Any, draw: Any) -> Any:
     """The argument that the run function gets for one draw of an input."""
     if hasattr(distribution, "ppf"):
-        return float(drawn)
+        return float(draw)
     if isinstance(distribution, ImpactMap):
-        return distribution.model(int(drawn))
-    return distribution[int(drawn)]
+        return distribution.model(int(draw))
+    return distribution[int(draw)]
 
 
 def monte_carlo(
@@ -211,7 +211,7 @@ def monte_carlo(
     size = checks.whole("n", n, most=MOST)
     check_signature("run", run, by_name)
     check_executor(executor)
-    drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
+    inputs_drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
     mpi = sys.modules.get("mpi4py.MPI")
     if store is not None and executor is None and mpi is not None and mpi.COMM_WORLD.size > 1:
         raise InputError(
@@ -219,20 +219,20 @@ def monte_carlo(
             " campaign on one, with executor=mpi4py.futures.MPIPoolExecutor()."
         )
     path = None if store is None else checks.new_file("store", store)
-    rows = {} if path is None else _stored(path, drawn)
+    rows = {} if path is None else _stored(path, inputs_drawn)
     todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
     chunk_size = max(TOGETHER, -(-len(todo) // PARTS))
     chunks = [todo[k : k + chunk_size] for k in range(0, len(todo), chunk_size)]
-    arguments_of_chunks = [[_values(by_name, drawn, i) for i in part] for part in chunks]
-    with counting("runs", len(todo)) as ready, _storing(path, drawn, rows) as keep:
-        done = 0
+    arguments_of_chunks = [[_values(by_name, inputs_drawn, i) for i in part] for part in chunks]
+    with counting("runs", len(todo)) as ready, _storing(path, inputs_drawn, rows) as keep:
+        count = 0
         for k, chunk_rows in chunk_results(run, arguments_of_chunks, executor):
             part = dict(zip(chunks[k], chunk_rows, strict=True))
             rows.update(part)
             keep(part)
-            done += len(chunk_rows)
-            ready(done)
-    return sample_of("runs", drawn, [rows[i] for i in range(size)])
+            count += len(chunk_rows)
+            ready(count)
+    return sample_of("runs", inputs_drawn, [rows[i] for i in range(size)])
 
 
 def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> dict[str, Any]:

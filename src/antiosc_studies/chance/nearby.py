@@ -162,8 +162,8 @@ class NearbyModels(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         ranges = [f"{n} {low:.5g} to {high:.5g}" for n, (low, high) in self.ranges.items()]
-        made = f"{self.extractions} extractions, {self.assemblies} assemblies"
-        return [("of", ", ".join(ranges)), ("from", made), ("error", f"{self.error:.1e}")]
+        counts = f"{self.extractions} extractions, {self.assemblies} assemblies"
+        return [("of", ", ".join(ranges)), ("from", counts), ("error", f"{self.error:.1e}")]
 
 
 def nearby(

@@ -248,8 +248,10 @@ class Sensitivity(Completed):
         """The indices as bars; with `path` the picture is written, and the path returned."""
         figure, ((axes,),) = panels(1, 1, (6.4, 3.2), shown=path is None)
         order = np.argsort(self.first)
-        off = np.abs(self.bars - self.first[:, None])[order].T.tolist()
-        axes.barh([self.inputs[i] for i in order], self.first[order], xerr=off, color="tab:blue")
+        lengths = np.abs(self.bars - self.first[:, None])[order].T.tolist()
+        axes.barh(
+            [self.inputs[i] for i in order], self.first[order], xerr=lengths, color="tab:blue"
+        )
         axes.set(xlabel=f"share of the variance of {self.quantity.replace('_', ' ')}")
         return figure_or_path(figure, path)
 

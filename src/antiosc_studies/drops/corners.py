@@ -141,7 +141,7 @@ def _compliance(structure: Structure, sites: list[Site]) -> Array:
 
     with without_warnings():
         loads = functionals(structure, sites)
-    B = np.column_stack([columns(one) for one in loads])
+    B = np.column_stack([columns(load) for load in loads])
     Y = structure.factorize().solve_block(B)
     compliance = []
     for n in range(len(loads)):

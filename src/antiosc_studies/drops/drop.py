@@ -54,11 +54,11 @@ def orientation(
 ) -> Array:
     """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
     options = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    given = {name: value for name, value in options.items() if value is not None}
-    if len(given) > 1:
-        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(given)}.")
+    stated = {name: value for name, value in options.items() if value is not None}
+    if len(stated) > 1:
+        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(stated)}.")
     R = np.eye(3)
-    for name, value in given.items():
+    for name, value in stated.items():
         down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
         R = onto(down, DOWN)
     angles = checks.floats("tilt", tilt, None)

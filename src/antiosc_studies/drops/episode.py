@@ -425,7 +425,7 @@ def handed_over(
     body, start, W, momentum = touch
     moved = (path.q[-1] - path.q[0])[:6] @ W
     P = path.v[-1, :6] @ momentum
-    whole = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
+    all_modes = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
     state = State(
         start.time + t,
         start.centre + moved[:3],
@@ -434,7 +434,7 @@ def handed_over(
         P[3:],
         path.q[-1, 6:],
         path.v[-1, 6:],
-        whole[:, a.spans[BODY].stop :],
+        all_modes[:, a.spans[BODY].stop :],
     )
     node = int(np.argmin(np.abs(run.time - t)))
     force = run.force[node]
@@ -608,9 +608,9 @@ class Episode:
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return False
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), LOOKS + 1)
-        up = path_of(self.touch, self.history, times).R[:, 2]
-        lowest = (up @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
-        return bool(((up @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
+        vertical = path_of(self.touch, self.history, times).R[:, 2]
+        lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
+        return bool(((vertical @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
 
     @property
     def lines(self) -> dict[int, IntArray]:
@@ -680,12 +680,12 @@ def episode(
     body: FreeBody,
     start: State,
     setting: Setting,
-    held: dict[int, OngoingContact],
+    ongoing: dict[int, OngoingContact],
     before: float = np.inf,
 ) -> Episode:
     """The contact that begins at `start`.
 
-    held : number of a point -> its contact, for those that continue from the previous episode;
+    ongoing : number of a point -> its contact, for those that continue from the previous episode;
     `before`: duration of the previous episode [s].
     """
     body = landing(with_layer_laws(body, start, setting), start)
@@ -695,17 +695,17 @@ def episode(
     if body.idle is not None:
         heights[body.idle] = np.inf
     which = np.array([np.argmin(heights)])
-    base = scene_of(touch, setting, which, held)
+    base = scene_of(touch, setting, which, ongoing)
     time = base.contact_time_estimate
     turns = TURNS
     cuts = 0
     longest = min(LONGEST * LONG * time, GROWS * before)
     duration = min(LONG * time, longest)
-    touched = _candidates(touch, heights, time, [*held])
+    touched = _candidates(touch, heights, time, [*ongoing])
     while True:
         if not np.array_equal(which, touched):
             which = touched
-            base = scene_of(touch, setting, which, held)
+            base = scene_of(touch, setting, which, ongoing)
         history = run_once(base, duration, SHARE * max(ROUGH, tol), {})
         share = 0.0
         if history.status:
@@ -803,7 +803,7 @@ def _times(body: FreeBody, base: Assembly, history: SceneHistory, end: float, to
     return np.unique(np.clip(np.concatenate([base.system.breaks, *t]), 0.0, end))
 
 
-def _candidates(touch: Touch, heights: Array, time: float, held: list[int]) -> IntArray:
+def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -> IntArray:
     """The points that may touch: low ones, apart from each other, the lowest first.
 
     time : expected duration of the contact [s].
@@ -813,7 +813,7 @@ def _candidates(touch: Touch, heights: Array, time: float, held: list[int]) -> I
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
     distance = REACH * float(speeds.max()) * time
-    chosen = [*held]
+    chosen = [*ongoing]
     covered = body.touching_as(chosen)
     for i in np.argsort(heights, kind="stable").tolist():
         if chosen and (heights[i] > distance or len(chosen) >= MOST + len(body.laws)):
@@ -854,9 +854,9 @@ def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArr
     On a layer: all such points. heights : (V,) of all points at the start [m].
     """
     body = touch.body
-    up = path.R[:, 2]
-    rises = np.einsum("nd,vjd,nj->nv", up, body.shapes, path.q[:, 6:], optimize=True)
-    rises += path.q[:, 2:3] / np.sqrt(body.mass) + up @ body.points.T
+    vertical = path.R[:, 2]
+    rises = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
+    rises += path.q[:, 2:3] / np.sqrt(body.mass) + vertical @ body.points.T
     lowest = heights + (rises - rises[0]).min(axis=0)
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)

@@ -415,7 +415,7 @@ class Fall(Trajectory, Result):
                 "holds where the line is level: take the force as a rough one",
             ),
         )
-        return "; ".join(filter(None, (self._in_impacts(*one) for one in notes)))
+        return "; ".join(filter(None, (self._in_impacts(*note) for note in notes)))
 
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
         """Sentence on the number of impacts in which `happens` is true; "" if there are none."""

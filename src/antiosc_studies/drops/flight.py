@@ -219,20 +219,22 @@ class Flight:
 
     def heights(self, t: Array, which: IntArray) -> Array:
         """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
-        up = self.orientation(t)[:, 2]
+        vertical = self.orientation(t)[:, 2]
         shapes = self.body.shapes[which]
         moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
-        height = self._rigid(t, up, which) + np.einsum("nkd,nd->nk", moved, up)
+        height = self._rigid(t, vertical, which) + np.einsum("nkd,nd->nk", moved, vertical)
         if self.ground is not None:
             height += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
         return height
 
-    def _rigid(self, t: Array, up: Array, which: IntArray) -> Array:
-        """Heights without vibration; `up` (n, 3): the vertical in body axes."""
+    def _rigid(self, t: Array, vertical: Array, which: IntArray) -> Array:
+        """Heights without vibration; `vertical` (n, 3): the vertical in body axes."""
         s = self.start
         body = self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
-        return np.asarray(z[:, None] + up @ body.points[which].T - body.reach(up)[..., which])
+        return np.asarray(
+            z[:, None] + vertical @ body.points[which].T - body.reach(vertical)[..., which]
+        )
 
     def _ringing(self, t: Array) -> tuple[Array, Array]:
         """Displacements and velocities (n, J) of the modes at times (n,)."""

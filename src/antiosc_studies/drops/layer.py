@@ -157,11 +157,11 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     layer = setting.floor.layer
     if surface is None or layer is None:
         return body
-    up = start.R[2]
+    vertical = start.R[2]
     z = start.centre[2] + start.lowered(setting.floor.ground)
     depths = np.append(0.0, DEPTHS * body.extent)
     numbers = surface.every
-    volumes, (lowest, *_), _ = surface.pressed(numbers, up, start.q, z - depths)
+    volumes, (lowest, *_), _ = surface.pressed(numbers, vertical, start.q, z - depths)
     modulus = layer.E / layer.thickness
     work = modulus * cumulative_trapezoid(volumes.sum(axis=1), depths, initial=0.0)
     arms = start.arms(body)
@@ -170,7 +170,7 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     deepest = max(float(np.interp(body.mass * speed**2 / 2, work, depths)), float(depths[1]))
     depth = np.maximum(deepest - lowest, SHALLOW * max(deepest - lowest.min(), float(depths[1])))
     at = z - lowest - np.outer([1.0, 0.5], depth)
-    (volume, half), _, (place, _) = surface.pressed(numbers, up, start.q, at, LEAN)
+    (volume, half), _, (place, _) = surface.pressed(numbers, vertical, start.q, at, LEAN)
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
     surface_with_laws = replace(
@@ -180,7 +180,7 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     shapes = place[:, 3:].reshape(len(place), -1, 3)
     first = surface.first
     deep = surface_with_laws.depth(numbers, volumes[0], lowest)
-    lifts = z + points @ up + np.einsum("vjd,d,j->v", shapes, up, start.q) + deep
+    lifts = z + points @ vertical + np.einsum("vjd,d,j->v", shapes, vertical, start.q) + deep
     flat = np.full((len(place), 2), np.inf)
     rigid = np.zeros((3, 3))
     return replace(

@@ -64,10 +64,10 @@ class LayerContact:
         begins = np.cumsum(counts) - counts
         rows_of_pieces = np.repeat(self.bounds[pieces] - begins, counts) + np.arange(counts.sum())
         triangles = self.triangles[rows_of_pieces]
-        which, back = np.unique(triangles, return_inverse=True)
+        which, position = np.unique(triangles, return_inverse=True)
         rows = (*np.broadcast_shapes(up.shape[:-1], q.shape[:-1]), -1)
         raised = np.concatenate((up, (q[..., None] * up[..., None, :]).reshape(rows)), axis=-1)
-        h = np.atleast_2d(raised @ self.places[which].T)[:, back.reshape(-1, 3)]
+        h = np.atleast_2d(raised @ self.places[which].T)[:, position.reshape(-1, 3)]
         piece_of = np.repeat(np.arange(len(pieces)), counts)
         h = h + (z[:, None] if z.ndim == 1 else z[:, piece_of])[..., None]
         areas = np.linalg.norm(self.areas[rows_of_pieces], axis=1)

@@ -128,15 +128,15 @@ def landing(body: FreeBody, start: State) -> FreeBody:
     """The body at a touch: level lines touch with their stations, other places with points."""
     if not body.stations or body.idle is None:
         return body
-    up = start.R[2]
+    vertical = start.R[2]
     idle = body.idle.copy()
     shapes = body.shapes.copy()
     placed = dict(body._placed)
     for cylinder, which in zip(body.cylinders, body.stations, strict=True):
-        if cylinder.lands(up):
+        if cylinder.lands(vertical):
             idle[which] = False
             idle[cylinder.members] = True
-            shapes[which] = cylinder.shapes_at(up)
+            shapes[which] = cylinder.shapes_at(vertical)
             no_compliance = np.zeros((3, 3))
             radii = np.full(2, cylinder.radius)
             placed |= {int(i): (shapes[i], no_compliance, radii) for i in which}
@@ -168,13 +168,13 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
 # -- the lines of a part
 
 
-def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
-    """The straight lines of a solid's surface; `own`: the body's points in the skin."""
+def cylinders(body: FreeBody, skin: Any, body_points: IntArray) -> tuple[Cylinder, ...]:
+    """The straight lines of a solid's surface; `body_points`: the body's points in the skin."""
     from antiosc.reduce.site.surface import curvature_at
 
     assert body.structure is not None
     cylinders_found = []
-    remaining = own[skin.lines[own] & (skin.half[own] == 0)]
+    remaining = body_points[skin.lines[body_points] & (skin.half[body_points] == 0)]
     sharp = cKDTree(skin.points[skin.sharp]) if skin.sharp.any() else None
     for _ in range(LOOKS):
         if not len(remaining):
@@ -188,15 +188,15 @@ def cylinders(body: FreeBody, skin: Any, own: IntArray) -> tuple[Cylinder, ...]:
             surface = curvature_at(body.structure, skin.points[at])
         except InputError:  # of a mesh with too few nodes there
             continue
-        cylinder = _cylinder(body, skin, own, surface, at)
+        cylinder = _cylinder(body, skin, body_points, surface, at)
         if cylinder is not None:
             cylinders_found.append(cylinder)
-            remaining = np.setdiff1d(remaining, own[cylinder.members])
+            remaining = np.setdiff1d(remaining, body_points[cylinder.members])
     return tuple(cylinders_found)
 
 
 def _cylinder(
-    body: FreeBody, skin: Any, own: IntArray, surface: Curvature, at: int
+    body: FreeBody, skin: Any, body_points: IntArray, surface: Curvature, at: int
 ) -> Cylinder | None:
     """The cylinder through a vertex of the skin; None if the surface is not cylindrical there."""
     curvature = float(surface.values.max())
@@ -243,7 +243,7 @@ def _cylinder(
         spread=spread,
         compliance=0.0,
         material=material,
-        members=np.flatnonzero(on_cylinder[own]),
+        members=np.flatnonzero(on_cylinder[body_points]),
         nodes=skin.points[on_cylinder] - body.centre,
         shapes=np.moveaxis(displacements[nearest], 1, 2).copy(),
     )
@@ -256,16 +256,18 @@ def _split(vectors: Array, axis: Array) -> tuple[Array, Array]:
     return along, vectors - np.outer(along, axis)
 
 
-def _closer(along: Array, aside: Array, off: Array, axis: Array) -> tuple[Array, Array, float]:
+def _closer(
+    along: Array, aside: Array, distances: Array, axis: Array
+) -> tuple[Array, Array, float]:
     """One Gauss-Newton step of a cylinder fit: changes of middle (3,), axis (3,) and radius.
 
-    `along`, `aside`: components of the points along the axis and across it; `off`: their distances
-    from the cylinder.
+    `along`, `aside`: components of the points along the axis and across it; `distances`: those from
+    the cylinder.
     """
     basis = np.linalg.svd(axis[None])[2][1:]
     facing = aside @ basis.T / np.linalg.norm(aside, axis=1, keepdims=True)
     rows = np.column_stack((facing, along[:, None] * facing, np.ones(len(along))))
-    step = np.linalg.lstsq(rows, off, rcond=None)[0]
+    step = np.linalg.lstsq(rows, distances, rcond=None)[0]
     return step[:2] @ basis, step[2:4] @ basis, float(step[4])
 
 

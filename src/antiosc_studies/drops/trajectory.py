@@ -53,12 +53,12 @@ def initial_state(
 ) -> State:
     """The initial state, whose lowest point is at the height of the setting."""
     low = float((body.points @ R[2] - body.reach(R[2])).min())
-    still = np.zeros(body.omega.size)
+    zero = np.zeros(body.omega.size)
     ground = setting.floor.ground
     size = 0 if ground is None else ground.modes.omega.size
     centre = np.array([0.0, 0.0, setting.height - low])
     momentum = R @ (body.tensor @ (R.T @ spin))
-    return State(0.0, centre, velocity, R, momentum, still, still, np.zeros((2, size)))
+    return State(0.0, centre, velocity, R, momentum, zero, zero, np.zeros((2, size)))
 
 
 def trajectory(
@@ -73,7 +73,7 @@ def trajectory(
     flights: list[Flight] = []
     groups: list[list[int]] = []
     state = start
-    held = dict[int, OngoingContact]()
+    ongoing = dict[int, OngoingContact]()
     reason = ""
     pressed = 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
@@ -81,7 +81,7 @@ def trajectory(
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
         remaining = setting.duration - state.time
         touch_time = 0.0
-        if not held:
+        if not ongoing:
             most = min(flight.longest(), remaining)
             first_touch = flight.touch(most)
             touch_time = most if first_touch is None else first_touch
@@ -98,20 +98,20 @@ def trajectory(
         same_impact = bool(groups) and touch_time < max(
             body.slowest, episodes[groups[-1][0]].duration
         )
-        if not (held or same_impact):
+        if not (ongoing or same_impact):
             if len(groups) >= setting.impacts:
                 reason = f"{len(groups)} impacts"
                 break
             groups.append([])
             pressed = 0.0
         groups[-1].append(len(episodes))
-        before = episodes[-1].duration if held else np.inf
-        episodes.append(contact := episode(body, touch, setting, held, before))
+        before = episodes[-1].duration if ongoing else np.inf
+        episodes.append(contact := episode(body, touch, setting, ongoing, before))
         state = contact.end
-        held = contact.held
+        ongoing = contact.held
         pressed = max(pressed, contact.pressed)  # dents of one impact stay when a point parts
         _check_depth(body, state, pressed, setting)
-        if _rests(body, contact.body, state, held, setting):
+        if _rests(body, contact.body, state, ongoing, setting):
             reason = "at rest"
         elif len(episodes) >= contacts:
             reason = f"not at rest after {contacts:g} contacts"
@@ -144,7 +144,7 @@ def _rests(
     body: FreeBody,
     pressed: FreeBody,
     state: State,
-    held: dict[int, OngoingContact],
+    ongoing: dict[int, OngoingContact],
     setting: Setting,
 ) -> bool:
     """Whether the body rests on points around its centre of mass, with negligible motion.
@@ -158,7 +158,7 @@ def _rests(
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
     W = body.rigid_modes(state.R)[0]
     energy = _hindered(body, state, W, carrying, setting.floor.friction > 0)
-    energy += _pushed(pressed, state, W, held, setting) + _shaken(body, state, held, setting)
+    energy += _pushed(pressed, state, W, ongoing, setting) + _shaken(body, state, ongoing, setting)
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
     return _around(carrying[:, :2], AROUND * body.extent)
@@ -181,39 +181,39 @@ def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: boo
 
 
 def _pushed(
-    body: FreeBody, state: State, W: Array, held: dict[int, OngoingContact], setting: Setting
+    body: FreeBody, state: State, W: Array, ongoing: dict[int, OngoingContact], setting: Setting
 ) -> float:
     """Elastic energy [J] of the contacts above that of their static state under the weight.
 
     For one contact with force F and approach d it is (F - m g)^2 d/F: twice the energy for a linear
     law, and no less than the energy for a force that grows faster than the approach.
     """
-    held = {i: h for i, h in held.items() if h.force[0] > 0}
-    if not held:
+    ongoing = {i: h for i, h in ongoing.items() if h.force[0] > 0}
+    if not ongoing:
         return 0.0
-    points = list(held)
+    points = list(ongoing)
     arms = state.arms(body, points)
-    approaches = np.diag([-h.height / h.force[0] for h in held.values()])
+    approaches = np.diag([-h.height / h.force[0] for h in ongoing.values()])
     if setting.floor.ground is not None:
         approaches = approaches + setting.floor.ground.compliance
-    forces = np.array([AXES[: h.force.size].T @ h.force for h in held.values()])
+    forces = np.array([AXES[: h.force.size].T @ h.force for h in ongoing.values()])
     wrench = np.append(forces.sum(axis=0), np.cross(arms, forces).sum(axis=0))
     wrench[2] -= body.mass * setting.gravity
-    up = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
+    vertical = W[:, 2:3] + W[:, 3:] @ np.cross(arms, AXES[0]).T
     # up ways^-1 up' is the stiffness against rigid motions
     root = np.linalg.cholesky(np.linalg.inv(approaches))
-    impulses = np.linalg.lstsq(up @ root, W @ wrench, rcond=STILL)[0]
+    impulses = np.linalg.lstsq(vertical @ root, W @ wrench, rcond=STILL)[0]
     return float(impulses @ impulses)
 
 
 def _shaken(
-    body: FreeBody, state: State, held: dict[int, OngoingContact], setting: Setting
+    body: FreeBody, state: State, ongoing: dict[int, OngoingContact], setting: Setting
 ) -> float:
     """Kinetic energy [J] that the body has at the speed of the floor's vibration."""
     ground = setting.floor.ground
     if ground is None:
         return 0.0
-    speed = ground.speed(state.floor, sum(float(h.force[0]) for h in held.values()))
+    speed = ground.speed(state.floor, sum(float(h.force[0]) for h in ongoing.values()))
     return 0.5 * body.mass * speed**2
 
 

@@ -423,9 +423,9 @@ def _heavier(blow: Blow, by: float) -> Blow:
     return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
-def _kept(model: Struck, begun: list[ProbableImpact]) -> list[ProbableImpact]:
+def _kept(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
-    first, *rest = begun
+    first, *rest = fits
     least_distance = APART * model.surface.spacing(first.blow.site)
     elsewhere = [
         fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance

@@ -374,10 +374,10 @@ def assembly_with(hit: History, name: str, model: AntiOscillators) -> Assembly:
 
 
 def changed_model(
-    hit: History, taken: Taken, name: str, before: AntiOscillators, after: AntiOscillators
+    hit: History, derivatives: Taken, name: str, before: AntiOscillators, after: AntiOscillators
 ) -> float:
     """First-order change of the goal from one model of the body `name` to another."""
-    return changed(*taken, *(assembly_with(hit, name, model) for model in (before, after)))
+    return changed(*derivatives, *(assembly_with(hit, name, model) for model in (before, after)))
 
 
 def by_springs(

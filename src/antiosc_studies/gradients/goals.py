@@ -484,15 +484,15 @@ def _reads(
     goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array], name: str
 ) -> bool:
     """Whether the goal function uses the array `name`."""
-    taken: set[str] = set()
+    used: set[str] = set()
 
     class Watched(Sampled):
         def __getattribute__(self, asked: str) -> Any:
-            taken.add(asked)
+            used.add(asked)
             return super().__getattribute__(asked)
 
     goal(Watched(time=time, **arrays))
-    return name in taken or "__dict__" in taken
+    return name in used or "__dict__" in used
 
 
 GOALS: dict[str, Callable[[Recorded, int, Seeds], None]] = {

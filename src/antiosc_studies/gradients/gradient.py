@@ -217,21 +217,23 @@ def gradient(
     if x is not None and (part is None or not callable(part)):
         raise InputError("x is for a part that is a function of x: give part=, or leave out x.")
     runs = [(hit, lambda run_of: run_of), *(compared_runs(hit) if error is not None else ())]
-    taken = [derived(run, goal, contact, time) for run, _ in runs]
-    second = second_peak(taken[0][0], contact) if goal == "peak_force" else None
+    derivatives = [derived(run, goal, contact, time) for run, _ in runs]
+    second = second_peak(derivatives[0][0], contact) if goal == "peak_force" else None
     if second is not None:
-        taken = [*taken, second]
+        derivatives = [*derivatives, second]
         runs = [*runs, runs[0]]
-    bodies = [_bodies(run_of, *run) for (run_of, _), run in zip(runs, taken, strict=True)]
+    bodies = [_bodies(run_of, *run) for (run_of, _), run in zip(runs, derivatives, strict=True)]
     if part is not None:
-        body = model_name(taken[0][0])
+        body = model_name(derivatives[0][0])
         models = [turned for _, turned in runs]
         for body_values, values in zip(
-            bodies, _of_part(hit, taken, models, body, part, x), strict=True
+            bodies, _of_part(hit, derivatives, models, body, part, x), strict=True
         ):
             body_values[body] = body_values.get(body, {}) | values
     all_of = []
-    for (run_of, _), body_values, (record, wanted, slopes) in zip(runs, bodies, taken, strict=True):
+    for (run_of, _), body_values, (record, wanted, slopes) in zip(
+        runs, bodies, derivatives, strict=True
+    ):
         contacts = _contacts(record, settled(record, slopes))
         by_springs(run_of, slopes, body_values, contacts)
         all_of.append(Gradient(shown_goal(goal), wanted.value, body_values, contacts))
@@ -267,7 +269,7 @@ def bars(gradients: list[Gradient]) -> Gradient:
 
 
 def _of_part(
-    hit: Any, taken: list[Taken], models: list[Any], name: str, part: Any, x: Any
+    hit: Any, derivatives: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the parameters of a part, or by the argument x of a function that builds
     it.
@@ -284,11 +286,11 @@ def _of_part(
         recurrence,
     )
 
-    bodies = [record.model(name) for record, _, _ in taken]
+    bodies = [record.model(name) for record, _, _ in derivatives]
     if isinstance(part, Structure):
         checked_shapes(part, hit, name, SAME_PART)
         chains = {
-            k: None if taken[k][0].coupled(name) else part_chain(*taken[k], name=name)
+            k: None if derivatives[k][0].coupled(name) else part_chain(*derivatives[k], name=name)
             for k, body in enumerate(bodies)
             if body.shapes is not None
         }
@@ -299,17 +301,17 @@ def _of_part(
             chain_of = chains[which]
             body = bodies[which]
             if chain_of is None:
-                made = [held(body, end) for end in ends]
+                models_held = [held(body, end) for end in ends]
             elif near is None:
                 return chain_of.change(*ends)
             else:
-                made = [models[which](end) for end in near(*ends)]
+                models_held = [models[which](end) for end in near(*ends)]
             share = 1.0 if chain_of is None else SHRUNK
-            return changed_model(hit, taken[which], name, *made) / share
+            return changed_model(hit, derivatives[which], name, *models_held) / share
 
         to = {which: partial(change, which) for which in chains}
         of_body = dict(zip(to, by_part(list(to.values()), part), strict=True))
-        return [of_body.get(which, {}) for which in range(len(taken))]
+        return [of_body.get(which, {}) for which in range(len(derivatives))]
     checks.function("part", part, "a Structure, or a function of x that builds one", 1)
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
@@ -317,7 +319,7 @@ def _of_part(
         lambda *ends, of_body=of_body, turned=turned: changed_model(
             hit, of_body, name, *map(turned, ends)
         )
-        for of_body, turned in zip(taken, models, strict=True)
+        for of_body, turned in zip(derivatives, models, strict=True)
     ]
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 

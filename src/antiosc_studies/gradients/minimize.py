@@ -176,13 +176,13 @@ class _Search:
 
     def _arguments(self, y: Array) -> tuple[Any, ...]:
         """The arguments of `simulate` at scaled inputs."""
-        made = self.build(y * self.scale)
-        if not isinstance(made, tuple | list) or len(made) != len(ARGUMENTS):
+        arguments = self.build(y * self.scale)
+        if not isinstance(arguments, tuple | list) or len(arguments) != len(ARGUMENTS):
             raise InputError(
                 f"build must return the {len(ARGUMENTS)} arguments {', '.join(ARGUMENTS)} of"
-                f" simulate; got {checks.shown(made)}."
+                f" simulate; got {checks.shown(arguments)}."
             )
-        model, impactor, contact, duration = made
+        model, impactor, contact, duration = arguments
         return model, impactor, law_of(contact, model, impactor), duration
 
 

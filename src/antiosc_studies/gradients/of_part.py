@@ -128,8 +128,8 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     relative to it.
     """
     assert model.shapes is not None
-    beside = np.eye(model.n + 1)
-    beside[1:, 0] = -1.0
+    identity = np.eye(model.n + 1)
+    identity[1:, 0] = -1.0
     motions = []
     hidden = model.hidden_count
     modes = by.modes
@@ -138,11 +138,11 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
             assert modes.shape is not None
             motion = np.linalg.lstsq(modes.inertia.momentum, value, rcond=None)[0]
             by_modes = modes.shape[: model.n + 1, hidden:] @ slope[hidden:]
-            motions.append((beside @ by_modes, motion))
+            motions.append((identity @ by_modes, motion))
     K = np.diag(np.append(model.k0, model.k))
     M = np.diag(np.append(model.m_st, model.m))
     M[0, 1:] = M[1:, 0] = model.m
-    of_shapes = ByMatrices(*(beside @ matrix @ beside.T for matrix in by_matrices(model, by)))
+    of_shapes = ByMatrices(*(identity @ matrix @ identity.T for matrix in by_matrices(model, by)))
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
@@ -158,7 +158,9 @@ def part_chain(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: st
     model = record.model(name)
     touching = record.G[:, record.columns[name].start]
     contacts = zip(touching, record.scene.contacts, record.laws, strict=False)
-    freed = [c for c, (on, contact, law) in enumerate(contacts) if on and law is not contact.law]
+    freed = [
+        c for c, (slides, contact, law) in enumerate(contacts) if slides and law is not contact.law
+    ]
     local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
     return chain(model, by, local)
 
@@ -238,9 +240,9 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
     site_vector = Site(vector=scaling[0])
     reduced = _on(shapes, part)
 
-    def model_of(here: ByMatrices, local: float) -> AntiOscillators:
+    def model_of(matrices: ByMatrices, local: float) -> AntiOscillators:
         with without_warnings():
-            reduced_model = extract(Structure.from_matrices(*here), site_vector, model.n)
+            reduced_model = extract(Structure.from_matrices(*matrices), site_vector, model.n)
         numbers = {name: getattr(reduced_model, name) for name in ("m0", "k0", "m", "omega")}
         return replace(model, **numbers, local_compliance=local, shapes=None)
 

@@ -217,10 +217,10 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
 
 def _warn_unclear(data: Measured, modes: FittedModes) -> None:
     """Warn that the measurement does not show whether the part is supported."""
-    taken = "free, k0 = 0" if modes.rigid is not None else "supported"
+    assumption = "free, k0 = 0" if modes.rigid is not None else "supported"
     warn(
         f"the lowest line, {data.w[0] / (2 * np.pi):.4g} Hz, shows neither the mass of a free part"
-        f" nor the stiffness of a supported one: the part was taken as {taken}; measure from a"
+        f" nor the stiffness of a supported one: the part was taken as {assumption}; measure from a"
         " lower frequency, or give free=True or free=False.",
         AccuracyWarning,
     )

@@ -389,10 +389,10 @@ def noise(data: Measured, modes: FittedModes) -> Array:
     return np.asarray(np.sqrt(np.maximum(variance.reshape(squares.shape), LEAST_NOISE**2 * size)))
 
 
-def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
+def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Array:
     """Most likely variances of two kinds of noise by Fisher's scoring.
 
-    The expected values of the squares `off` (N,) are sums of the two variances times `kinds` (2,
+    The expected values of `squares` (N,) are sums of the two variances times `kinds` (2,
     N).
     """
     x = np.log(start)
@@ -400,8 +400,8 @@ def _variances(off: Array, kinds: Array, start: tuple[float, float]) -> Array:
         parts = np.exp(x)[:, None] * kinds
         variance = np.sum(parts, axis=0)
         share = parts / variance
-        slope = share @ (off / variance - 1)
-        change = np.linalg.solve(share @ share.T + off.size * 1e-9 * np.eye(2), slope)
+        slope = share @ (squares / variance - 1)
+        change = np.linalg.solve(share @ share.T + squares.size * 1e-9 * np.eye(2), slope)
         x = x + np.clip(change, -LONGEST_SCORE, LONGEST_SCORE)
         if np.all(np.abs(change) < LEAST_SCORE):
             break

@@ -370,7 +370,7 @@ def test_stresses_are_those_of_all_degrees_of_freedom(case, blow, place, rel):
     linear = ao.simulate(replace(model, stretch=None), ball, ao.Power(k, 1.5), duration)
     for surface in ("top", "middle", "bottom") if case != "solid" else ("top",):
         asked = np.array([place]), None, "stress", Place(surface), Reach("the point")
-        known = recovered(part, full.motion[::8].T, *asked, whole=True)[0]
+        known = recovered(part, full.motion[::8].T, *asked, second_order=True)[0]
         known = von_mises(np.moveaxis(known, -1, 0))
         sides = {} if case == "solid" else {"surface": surface}
         found, flat = (

@@ -111,11 +111,13 @@ class ContactLaw(ABC):
             return (
                 f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
             )
-        enough = self.enough_radius(peak, radius)
-        if enough is None:
+        needed_radius = self.enough_radius(peak, radius)
+        if needed_radius is None:
             remedy = "use a larger patch radius"
         else:
-            remedy = f"extract with a site radius of at least {enough:.3g} m (now {radius:g} m)"
+            remedy = (
+                f"extract with a site radius of at least {needed_radius:.3g} m (now {radius:g} m)"
+            )
         return (
             f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which"
             f" {self.theory} without the patch's own compliance holds (contact radius below 0.58"
@@ -255,13 +257,13 @@ class Without(ContactLaw):
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
         by_delta, by_rate = self.law.tangent(self._whole(delta, rate, state), rate, state)
-        kept = max(1 - self.compliance * by_delta, 1 - TAKEN)
-        return by_delta / kept, by_rate / kept
+        share = max(1 - self.compliance * by_delta, 1 - TAKEN)
+        return by_delta / share, by_rate / share
 
     def energy(self, delta: float, state: State) -> float:
-        whole = self._whole(delta, 0.0, state)
-        force = self.law.force(whole, 0.0, state)
-        return self.law.energy(whole, state) - 0.5 * force * (whole - delta)
+        total = self._whole(delta, 0.0, state)
+        force = self.law.force(total, 0.0, state)
+        return self.law.energy(total, state) - 0.5 * force * (total - delta)
 
     def touch(self, speed: float, state: State | None = None) -> State:
         return self.law.touch(speed, state)

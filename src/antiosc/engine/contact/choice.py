@@ -166,38 +166,38 @@ def _elastic_share(
     with the ratio of strengths, up to the whole flexibility of the stronger side at `APART`; from
     `STRONGER` on it is exact.
     """
-    whole = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
+    largest_share = 0.0 if other.rigid else (1 - other.nu**2) / other.E * modulus
     ratio = _strength(other) / _strength(soft)
-    if whole == 0.0 or ratio >= STRONGER:
-        return whole, None
-    share = whole * min(sqrt((ratio - 1) / (APART - 1)), 1.0)
-    return share, (0.0, whole) if ratio > 1 else None
+    if largest_share == 0.0 or ratio >= STRONGER:
+        return largest_share, None
+    share = largest_share * min(sqrt((ratio - 1) / (APART - 1)), 1.0)
+    return share, (0.0, largest_share) if ratio > 1 else None
 
 
-def _angle(one: Surface, other: Surface) -> float:
+def _angle(first: Surface, second: Surface) -> float:
     """Angle in degrees between the first principal directions of both surfaces; 0 if unknown."""
-    if one.along is None or other.along is None:
+    if first.along is None or second.along is None:
         return 0.0
-    cosine = abs(sum(a * b for a, b in zip(one.along, other.along, strict=True)))
+    cosine = abs(sum(a * b for a, b in zip(first.along, second.along, strict=True)))
     return degrees(acos(min(cosine, 1.0)))
 
 
-def _doubt(one: Surface, other: Surface) -> str:
+def _doubt(first: Surface, second: Surface) -> str:
     """The unknown properties on which the error of a law depends, as text; empty if there are
     none.
     """
-    for surface in (one, other):
+    for surface in (first, second):
         if surface.kind in SHARP:
             radius = engineering(1 / surface.curvatures[1], "m")
             return f"the radius of the {surface.kind}, taken as {radius} (give radius=)"
-    if not (one.matter.known and other.matter.known):
+    if not (first.matter.known and second.matter.known):
         return "the contact's law (give yield_strength, or material=)"
     return ""
 
 
-def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
+def _flat(first: Surface, second: Surface, modulus: float) -> Choice:
     """Law of two flat faces: rigid punch of the smaller radius, half-space of both materials."""
-    sizes = [s.radius for s in (one, other) if s.radius is not None]
+    sizes = [s.radius for s in (first, second) if s.radius is not None]
     if not sizes:
         raise InputError(
             "two flat surfaces, and neither has a radius: give that of the site's patch, the "
@@ -207,9 +207,9 @@ def _flat(one: Surface, other: Surface, modulus: float) -> Choice:
     return Choice(Linear(2 * modulus * min(sizes)), reason, None, FLAT)
 
 
-def _line(one: Surface, other: Surface, modulus: float, B: float) -> Choice:
+def _line(first: Surface, second: Surface, modulus: float, B: float) -> Choice:
     """Law of a line contact with the gap B y^2."""
-    length = min(one.length, other.length)
+    length = min(first.length, second.length)
     if checks.is_infinite(length):
         raise InputError(
             "the surfaces touch along a line whose length is not known: give the law of the "

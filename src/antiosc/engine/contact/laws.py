@@ -657,10 +657,10 @@ class Tabulated(Hysteretic):
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:
             work = self.loading_work(float(d))
-            back = self.energy(float(d), (float(d), float(d), 0.0))
-            if back > work * (1 + 1e-9):
+            returned = self.energy(float(d), (float(d), float(d), 0.0))
+            if returned > work * (1 + 1e-9):
                 raise InputError(
-                    f"unloading from {d:g} m would give back {back:g} J of {work:g} J put in;"
+                    f"unloading from {d:g} m would give back {returned:g} J of {work:g} J put in;"
                     f" the unloading curve must lie below the loading curve."
                 )
 

@@ -94,12 +94,12 @@ def _force(law: ElasticPlastic, depth: float) -> float:
     return law.force(depth, 0.0, law.touch(1.0))
 
 
-def _depth(law: ElasticPlastic, of: str, value: float) -> float:
+def _depth(law: ElasticPlastic, quantity: str, value: float) -> float:
     """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
     from scipy.optimize import brentq
 
     def beyond(depth: float) -> float:
-        return (_force(law, depth) if of == "force" else law.loading_work(depth)) - value
+        return (_force(law, depth) if quantity == "force" else law.loading_work(depth)) - value
 
     high = law.yield_indentation
     while beyond(high) < 0:

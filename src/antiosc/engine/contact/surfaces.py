@@ -58,12 +58,12 @@ class Matter:
         Brown University Applied Mathematics Report 28 (1957). Both are 0 for a material that does
         not yield.
         """
-        usual = self.yield_strength or 0.0
-        low, high = self.yield_range or (usual, usual)
+        slow_strength = self.yield_strength or 0.0
+        low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:
             return low, high
         D, q, *grows = self.rate
-        static = grows[0] if grows else usual
+        static = grows[0] if grows else slow_strength
         return low, max(high, static * (1 + (strain_rate / D) ** (1 / q)))
 
 

@@ -133,12 +133,12 @@ def eliminate(
         labels,
         np.append(scale[involved], np.zeros(values.shape[1])),
     )
-    whole, dependent, redundant = _solved(system)
-    _check(system, whole)
+    transformation, dependent, redundant = _solved(system)
+    _check(system, transformation)
     free = ~fixed
     free[involved] = False
     count = len(involved)
-    block = whole[:count, :count].tocoo()
+    block = transformation[:count, :count].tocoo()
     diagonal = np.flatnonzero(free)
     T = scipy.sparse.csr_matrix(
         (
@@ -155,7 +155,7 @@ def eliminate(
     particular = None
     if prescribed is not None:
         particular = np.zeros((n, values.shape[1]))
-        particular[involved] = whole[:count, count:].toarray()
+        particular[involved] = transformation[:count, count:].toarray()
     if basis is not None:
         T = (basis @ T).tocsr()
         particular = None if particular is None else basis @ particular
@@ -448,16 +448,18 @@ def assemble_checked(
     constraints_on_root: list[Constraints] = []  # what rank 0 does not send to others
 
     def work() -> _Joined:
-        made, constraints = _joined(layout, joints, supports, attachments_of(attached), apart)
+        joined_parts, constraints = _joined(
+            layout, joints, supports, attachments_of(attached), apart
+        )
         constraints_on_root.append(constraints)
-        return made
+        return joined_parts
 
-    made = on_root(comm, work)
-    layout.points = made.points
+    joined_parts = on_root(comm, work)
+    layout.points = joined_parts.points
     local = Shares(comm, layout, block_of(layout), checked)
-    dependent = made.eliminated.dependent
-    K, M = reduced(local, made.eliminated, made.added)
-    modes, shift = modes_of(layout, local, K, M, made.eliminated, *made.motions)
+    dependent = joined_parts.eliminated.dependent
+    K, M = reduced(local, joined_parts.eliminated, joined_parts.added)
+    modes, shift = modes_of(layout, local, K, M, joined_parts.eliminated, *joined_parts.motions)
     if modes.shape[1] == np.count_nonzero(~dependent):  # a rigid body: its K is rounding
         rows = scipy.sparse.diags(dependent.astype(float)).tocsr()[local.rows]
         K = local.matrix("K", rows)
@@ -470,8 +472,8 @@ def assemble_checked(
         shift,
         solver,
         layout=layout,
-        eliminated=made.eliminated,
-        added=made.added,
+        eliminated=joined_parts.eliminated,
+        added=joined_parts.added,
         local=local,
         constraints=constraints_on_root[0] if constraints_on_root else None,
     )
@@ -508,14 +510,14 @@ def _joined(
     places = layout.places
     scale = np.where(places.kind == TURN, 1 / layout.size, 1.0)  # of displacements and rotations
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
-    rows = [Rows.free(support_rows(layout, one), "") for one in checked_supports]
+    rows = [Rows.free(support_rows(layout, support), "") for support in checked_supports]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, HeldDofs(rows, fixed), label)
-        elastic += [replace(one, name=label) for one in joint.elastic(layout, label)]
-    for one in attached:
-        elastic += attachment(layout, one)
-    elastic += [superelement(layout, one) for one in layout.condensed.values()]
+        elastic += [replace(support, name=label) for support in joint.elastic(layout, label)]
+    for support in attached:
+        elastic += attachment(layout, support)
+    elastic += [superelement(layout, support) for support in layout.condensed.values()]
     if not apart:
         _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
@@ -526,7 +528,7 @@ def _joined(
     if eliminated.dependent.all():
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
     added = Added(elastic, eliminated.T)
-    stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
+    stretches = [scipy.sparse.csr_matrix(support.strains) @ support.G for support in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     motions = assembled.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())

@@ -156,8 +156,8 @@ def _null_space(E: Array | Sparse) -> Array:
     if not E.shape[0]:
         return np.eye(k)
     R = np.zeros((0, k))
-    for some in np.array_split(np.arange(E.shape[0]), 1 + E.shape[0] * k // ENTRIES_AT_ONCE):
-        dense = E[some].toarray() if scipy.sparse.issparse(E) else E[some]
+    for block in np.array_split(np.arange(E.shape[0]), 1 + E.shape[0] * k // ENTRIES_AT_ONCE):
+        dense = E[block].toarray() if scipy.sparse.issparse(E) else E[block]
         R = scipy.linalg.qr(np.vstack([R, dense]), mode="r")[0][:k]
     _, values, right = np.linalg.svd(R)
     values = np.concatenate([values, np.zeros(k - len(values))])
@@ -301,24 +301,29 @@ class Added:
     def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
         self._elastic = [(term, rounded(term.G @ T)) for term in elastic]
         self.mass = float(sum(term.mass for term in elastic))
-        every = stacked([G for _, G in self._elastic], T.shape[1])
+        functionals = stacked([G for _, G in self._elastic], T.shape[1])
 
         def whole(blocks: Sequence[Array]) -> Sparse:
-            return (every.T @ scipy.sparse.block_diag([np.zeros((0, 0)), *blocks]) @ every).tocsr()
+            return (
+                functionals.T @ scipy.sparse.block_diag([np.zeros((0, 0)), *blocks]) @ functionals
+            ).tocsr()
 
         self.K, self.M = whole([term.k for term in elastic]), whole([term.m for term in elastic])
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
         """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
-        both = [(one, one.G if on_u else G) for one, G in self._elastic]
-        named = [(one, partial(Dissipation, G, name=one.name, point=one.point)) for one, G in both]
-        found = [term(one.c) for one, term in named if one.c is not None]
-        return found + [term(k, t) for one, term in named for k, t in one.branches]
+        both = [(stiffness, stiffness.G if on_u else G) for stiffness, G in self._elastic]
+        named = [
+            (stiffness, partial(Dissipation, G, name=stiffness.name, point=stiffness.point))
+            for stiffness, G in both
+        ]
+        found = [term(stiffness.c) for stiffness, term in named if stiffness.c is not None]
+        return found + [term(k, t) for stiffness, term in named for k, t in stiffness.branches]
 
     def springs(self) -> list[Dissipation]:
         """The springs as `Dissipation` terms on u, whose c is the stiffness."""
-        every = [term for term, _ in self._elastic]
-        return [Dissipation(term.G, term.k, name=term.name, point=term.point) for term in every]
+        terms = [term for term, _ in self._elastic]
+        return [Dissipation(term.G, term.k, name=term.name, point=term.point) for term in terms]
 
     def mass_on_u(self, count: int) -> Sparse:
         """Mass matrix (n, n) of the point masses on the `count` dofs u."""
@@ -585,17 +590,17 @@ def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) 
     E K E + E K D + Dᵀ K E + Dᵀ K D, in which all products except E K E are small: every rank has
     them whole.
     """
-    same = _unchanged(eliminated.T)
-    which = np.flatnonzero(~same)
-    changed = np.flatnonzero(~same[local.rows])
+    unchanged = _unchanged(eliminated.T)
+    which = np.flatnonzero(~unchanged)
+    changed = np.flatnonzero(~unchanged[local.rows])
     forces = local.added((K[changed].T @ eliminated.T[local.rows][changed]).tocsr())  # K symmetric
-    across = (scipy.sparse.diags(same.astype(float)) @ forces).tocsr()
+    across = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
     inside = (eliminated.T[which].T @ forces[which]).tocsr()
     small = (across + across.T + (inside + inside.T) / 2 + added).tocsr()
     small.sum_duplicates()
     for row in changed:
         K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
-    K.data[~same[K.indices]] = 0.0
+    K.data[~unchanged[K.indices]] = 0.0
     result = (K + local.own(small)).tocsr()
     result.eliminate_zeros()
     result.sort_indices()
@@ -606,24 +611,24 @@ def _unchanged(T: Sparse) -> BoolArray:
     """Mask (n,) of the dofs of u that are themselves coordinates q: unit rows of T."""
     row = row_numbers(T)
     unit = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
-    same = np.zeros(T.shape[0], dtype=bool)
-    same[row[unit]] = True
-    return same
+    unchanged = np.zeros(T.shape[0], dtype=bool)
+    unchanged[row[unit]] = True
+    return unchanged
 
 
 def _product(local: Shares, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
     """Function that multiplies rows of this rank by the K of the assembly, by the products of the
     parts."""
     T = eliminated.T
-    back = T.T.tocsr()
+    transposed = T.T.tocsr()
     small = (added.K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()[local.rows]
 
     def force(part: MeshedStructure, u: Array) -> Array:
         return multiply(part.K, u)
 
-    def product(own: Array) -> Array:
-        x = local.whole(own)
+    def product(rows_of_rank: Array) -> Array:
+        x = local.whole(rows_of_rank)
         forces = local.of_parts(force, T @ x)
-        return local.summed(np.asarray(back @ forces)) + np.asarray(small @ x)
+        return local.summed(np.asarray(transposed @ forces)) + np.asarray(small @ x)
 
     return product

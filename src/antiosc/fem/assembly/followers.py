@@ -119,10 +119,10 @@ class Mean(Joint):
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
                 "whose mean it should follow; take a group without it."
             )
-        led = leader.at(follower.point)
+        leader_motion = leader.at(follower.point)
         both = leader.space[3:, 3:] @ follower.space[3:, 3:]
         directions = scipy.linalg.block_diag(np.eye(3), _rows_of(both))
-        rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - led.six)).tocsr()
+        rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - leader_motion.six)).tocsr()
         rows.eliminate_zeros()
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
 
@@ -132,8 +132,10 @@ def _as_rigid_body(
 ) -> Rows:
     """The constraints by which nodes of a part follow the rigid motion of a point."""
     rotations = scipy.sparse.vstack([leader.rotations] * len(nodes)).tocsr()
-    led = leader.displacements_at(member.nodes[nodes])
-    return following(layout, member, nodes, [(DISPLACEMENTS, led), (ROTATIONS, rotations)], label)
+    leader_motion = leader.displacements_at(member.nodes[nodes])
+    return following(
+        layout, member, nodes, [(DISPLACEMENTS, leader_motion), (ROTATIONS, rotations)], label
+    )
 
 
 def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Rows]:

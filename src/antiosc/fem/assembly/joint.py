@@ -116,8 +116,8 @@ class EndMotion:
     def displacements_at(self, points: Array) -> Sparse:
         """Displacements (3P, n) of points (P, 3) that are rigidly connected to this end."""
         arms = scipy.sparse.csr_matrix(skew(points - self.point).reshape(-1, 3))
-        same = scipy.sparse.vstack([self.displacements] * len(points))
-        return (same - arms @ self.rotations).tocsr()
+        repeated = scipy.sparse.vstack([self.displacements] * len(points))
+        return (repeated - arms @ self.rotations).tocsr()
 
 
 def checked_end(name: str, end: object) -> End:
@@ -442,13 +442,13 @@ class Stiffness:
         Functionals without entries, such as motions out of a plane, take no part.
         """
         if self.rigid is not None:
-            whole, _ = np.linalg.qr(self.rigid, mode="complete")
-            return np.asarray(whole[:, self.rigid.shape[1] :].T)
-        some = np.flatnonzero(np.diff(self.G.indptr))
-        values, vectors = np.linalg.eigh(self.k[np.ix_(some, some)])
+            basis, _ = np.linalg.qr(self.rigid, mode="complete")
+            return np.asarray(basis[:, self.rigid.shape[1] :].T)
+        used = np.flatnonzero(np.diff(self.G.indptr))
+        values, vectors = np.linalg.eigh(self.k[np.ix_(used, used)])
         vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
         strains = np.zeros((vectors.shape[1], len(self.k)))
-        strains[:, some] = vectors.T
+        strains[:, used] = vectors.T
         return strains
 
 
@@ -506,10 +506,10 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
         point = motion(layout, support.where, allow_partial=True)
         if support.fix == "all":
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
-        lost = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
-        if lost:
+        missing = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
+        if missing:
             raise InputError(
-                f"the support {support.label} fixes {', '.join(lost)}, which this site does "
+                f"the support {support.label} fixes {', '.join(missing)}, which this site does "
                 "not have."
             )
         return point.components(names)
@@ -534,8 +534,8 @@ def _nodes(layout: Layout, support: Support) -> list[tuple[Member, IntArray]]:
         member, group = group_end(layout, "where", support.where)
         return [(member, member.nodes_of(group))]
     if isinstance(support.where, NumberedNodes):
-        every = [member for member in layout.members.values() if len(member.part.mesh.labels)]
-        return [(member, member.nodes_of(support.where)) for member in every]
+        numbered = [member for member in layout.members.values() if len(member.part.mesh.labels)]
+        return [(member, member.nodes_of(support.where)) for member in numbered]
     return [
         (member, np.flatnonzero(support.selected(member.nodes)))
         for member in layout.members.values()
@@ -553,10 +553,10 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
         other = _places(layout, attached.to)[0]
     terms = []
     for end in _places(layout, attached.where):
-        lost = end.lacking(names)
-        if lost:
+        lack = end.lacking(names)
+        if lack:
             raise InputError(
-                f"{type(attached).__name__} at {attached.where!r} acts on {', '.join(lost)}, which"
+                f"{type(attached).__name__} at {attached.where!r} acts on {', '.join(lack)}, which"
                 " this point does not have: points of solids have no rotations (act on a group or"
                 " on a reference point)."
             )

@@ -335,32 +335,32 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
     cols = []
     values = []
     first = 0
-    for some, vectors in blocks:
+    for members, vectors in blocks:
         width = vectors.shape[1]
-        rows.append(np.repeat(columns[some], width))
-        cols.append(np.tile(columns[first : first + width], len(some)))
+        rows.append(np.repeat(columns[members], width))
+        cols.append(np.tile(columns[first : first + width], len(members)))
         values.append(vectors.ravel())
         first += width
     return np.concatenate(rows), np.concatenate(cols), np.concatenate(values)
 
 
 def _split_by_halves(
-    A: Array, positions: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
+    A: Array, positions: Array, members: IntArray, blocks: list[tuple[IntArray, Array]]
 ) -> tuple[IntArray, Array, Array]:
     """(dofs, vectors on which functionals A (k, c) do not vanish, values A on them) of the dofs
-    `some`.
+    `members`.
 
     The vectors on which all functionals vanish are added to `blocks`.
     """
-    if len(some) <= SMALLEST_PIECE:
-        vectors = np.eye(len(some))
-        values = A[:, some]
-        order = some
+    if len(members) <= SMALLEST_PIECE:
+        vectors = np.eye(len(members))
+        values = A[:, members]
+        order = members
     else:
-        x = positions[some]
+        x = positions[members]
         axis = int(np.argmax(np.ptp(x, axis=0)))
-        sorted_ones = some[np.argsort(x[:, axis], kind="stable")]
-        half = len(some) // 2
+        sorted_ones = members[np.argsort(x[:, axis], kind="stable")]
+        half = len(members) // 2
         parts: Sequence[IntArray] = (sorted_ones[:half], sorted_ones[half:])
         halves = [_split_by_halves(A, positions, part, blocks) for part in parts]
         order = np.concatenate([part for part, _, _ in halves])

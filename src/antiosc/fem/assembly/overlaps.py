@@ -141,20 +141,27 @@ class Overlap:
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     """The intersection of two sets of faces, or of edges, at most `gap` [m] apart."""
-    mine, theirs = near(second.centres, second.radii + first.radii.max() + gap, first.centres)[::-1]
-    reach = first.radii[mine] + second.radii[theirs] + gap
-    close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
-    facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > FACING
-    mine = mine[close & facing]
-    theirs = theirs[close & facing]
+    first_faces, second_faces = near(
+        second.centres, second.radii + first.radii.max() + gap, first.centres
+    )[::-1]
+    reach = first.radii[first_faces] + second.radii[second_faces] + gap
+    close = (
+        np.linalg.norm(first.centres[first_faces] - second.centres[second_faces], axis=1) <= reach
+    )
+    facing = (
+        np.abs(np.einsum("nd,nd->n", first.normals[first_faces], second.normals[second_faces]))
+        > FACING
+    )
+    first_faces = first_faces[close & facing]
+    second_faces = second_faces[close & facing]
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:
-        pair, points, weight = _of_faces(first, second, mine, theirs, degree)
-        along = first.normals[mine[pair]]
+        pair, points, weight = _of_faces(first, second, first_faces, second_faces, degree)
+        along = first.normals[first_faces[pair]]
     else:
-        pair, points, weight = _of_edges(first, second, mine, theirs, degree)
+        pair, points, weight = _of_edges(first, second, first_faces, second_faces, degree)
         along = None
-    face = mine[pair], theirs[pair]
+    face = first_faces[pair], second_faces[pair]
     sides = [
         _coordinates(side, on, points, along)
         for side, on in zip((first, second), face, strict=True)
@@ -209,16 +216,16 @@ def _coordinates(
 
 
 def _of_edges(
-    first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
+    first: Facets, second: Facets, first_faces: IntArray, second_faces: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
     """(number of the pair, points, weights) of quadrature on the common segments of pairs of
     edges.
     """
-    start = first.corners[mine, 0]
-    end = first.corners[mine, 1]
+    start = first.corners[first_faces, 0]
+    end = first.corners[first_faces, 1]
     length = np.linalg.norm(end - start, axis=1)
     axis = (end - start) / length[:, None]
-    s = np.einsum("nvd,nd->nv", second.corners[theirs] - start[:, None], axis)
+    s = np.einsum("nvd,nd->nv", second.corners[second_faces] - start[:, None], axis)
     low = np.maximum(s.min(axis=1), 0.0)
     high = np.minimum(s.max(axis=1), length)
     common = np.flatnonzero(high - low > LEAST_OVERLAP * length)
@@ -233,21 +240,21 @@ def _of_edges(
 
 
 def _of_faces(
-    first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
+    first: Facets, second: Facets, first_faces: IntArray, second_faces: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
     """(number of the pair, points, weights) of quadrature on the common polygons of pairs of faces.
 
     The polygons lie in the planes of the faces of `first`.
     """
-    normal = first.normals[mine]
+    normal = first.normals[first_faces]
     least = np.argmin(np.abs(normal), axis=1)
     e1 = np.cross(normal, np.eye(3)[least])
     e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
     axes = np.stack([e1, np.cross(normal, e1)], axis=1)
-    centre = first.centres[mine]
+    centre = first.centres[first_faces]
     flat = [
         np.einsum("nad,nvd->nva", axes, side.corners[on] - centre[:, None])
-        for side, on in ((first, mine), (second, theirs))
+        for side, on in ((first, first_faces), (second, second_faces))
     ]
     polygon, count = clipped(_counterclockwise(flat[1]), _counterclockwise(flat[0]))
     area = _area(flat[0])
@@ -296,14 +303,14 @@ def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
         before = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
         other = np.take_along_axis(vertices, before[..., None], axis=1)
         edge = (end - start)[:, None]
-        here = _cross(edge, vertices - start[:, None])
-        there = _cross(edge, other - start[:, None])
-        crossing = real & ((here >= 0) != (there >= 0))
-        step = there - here
-        share = np.divide(there, step, out=np.zeros_like(step), where=step != 0)
+        side = _cross(edge, vertices - start[:, None])
+        other_side = _cross(edge, other - start[:, None])
+        crossing = real & ((side >= 0) != (other_side >= 0))
+        step = other_side - side
+        share = np.divide(other_side, step, out=np.zeros_like(step), where=step != 0)
         cut = other + share[..., None] * (vertices - other)
         both = np.stack([cut, vertices], axis=2).reshape(n, 2 * most, 2)
-        keep = np.stack([crossing, real & (here >= 0)], axis=2).reshape(n, 2 * most)
+        keep = np.stack([crossing, real & (side >= 0)], axis=2).reshape(n, 2 * most)
         order = np.argsort(~keep, axis=1, kind="stable")[:, :most]
         vertices = np.take_along_axis(both, order[..., None], axis=1)
         count = np.minimum(keep.sum(axis=1), most)

@@ -148,28 +148,30 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     kind[:count], positions[:count], axes[:count] = MOVE, where[leads], model.direction[leads]
     positions[count:] = where.mean(axis=0)
     ends = {}
-    for k, (site, some) in enumerate(model.columns.items()):
-        along = model.direction[list(some)]
+    for k, (site, site_columns) in enumerate(model.columns.items()):
+        along = model.direction[list(site_columns)]
         six = np.zeros((6, size))
         space = np.zeros((6, 6))
-        six[:3, :count], space[:3, :3] = along.T @ follows[list(some)], along.T @ along
+        six[:3, :count], space[:3, :3] = along.T @ follows[list(site_columns)], along.T @ along
         patch = model.radius[k], float(model.local_compliance[k])
         ends[site] = Interface(np.array(points[site]), six, space, *patch)
     none = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
-    made = Superelement(both.K, both.M, places, ends, *none)
-    return _padded(_without_rigid_strain(name, made, "patches on curved faces turn otherwise"))
+    superelement = Superelement(both.K, both.M, places, ends, *none)
+    return _padded(
+        _without_rigid_strain(name, superelement, "patches on curved faces turn otherwise")
+    )
 
 
-def of_matrices(name: str, given: NodalMatrices) -> Superelement:
+def of_matrices(name: str, matrices: NodalMatrices) -> Superelement:
     """The superelement of given matrices with coordinates of nodes; InputError for others."""
-    size = algebra.size(given.K)
-    if not given.located:
+    size = algebra.size(matrices.K)
+    if not matrices.located:
         raise InputError(
             f"the part {name!r} has no mesh, and its matrices have no coordinates: give "
             "map= with node, dof, x, y, z of each row."
         )
-    if algebra.communicator(given.K).size > 1:
+    if algebra.communicator(matrices.K).size > 1:
         raise InputError(f"the matrices of the part {name!r} are spread over several MPI ranks.")
     if size > MOST_SIZE:
         raise InputError(
@@ -177,9 +179,9 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
             f"most {MOST_SIZE}: condense them to the dofs of their interface (Craig–Bampton), or "
             "extract a model of named sites."
         )
-    K, M = (_dense(matrix) for matrix in (given.K, given.M))
-    node = given.map.node
-    places = given.places
+    K, M = (_dense(matrix) for matrix in (matrices.K, matrices.M))
+    node = matrices.map.node
+    places = matrices.places
     ends = {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
         at_node = node == number
@@ -187,29 +189,31 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
             [np.where(at_node & (places.kind == kind), places.axes.T, 0.0) for kind in (MOVE, TURN)]
         )
         space = np.diag(six.any(axis=1).astype(float))
-        ends[str(number)] = Interface(given.map.points[at_node][0], six, space)
+        ends[str(number)] = Interface(matrices.map.points[at_node][0], six, space)
     fixed = np.zeros(size, dtype=bool)
-    fixed[given.fixed] = True
-    C = None if given.C is None else _dense(given.C)
-    made = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
-    return _padded(_without_rigid_strain(name, made, "its coordinates may have too few digits"))
+    fixed[matrices.fixed] = True
+    C = None if matrices.C is None else _dense(matrices.C)
+    superelement = Superelement(K, M, places, ends, fixed, np.zeros((size, 0)), C)
+    return _padded(
+        _without_rigid_strain(name, superelement, "its coordinates may have too few digits")
+    )
 
 
 def _dense(matrix: object) -> Array:
-    whole = algebra.gathered(matrix, 0)
-    assert whole is not None
-    return np.asarray(whole.toarray())
+    dense_matrix = algebra.gathered(matrix, 0)
+    assert dense_matrix is not None
+    return np.asarray(dense_matrix.toarray())
 
 
-def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelement:
+def _without_rigid_strain(name: str, superelement: Superelement, why: str) -> Superelement:
     """The superelement with K exactly zero on the rigid motions that its supports permit.
 
     InputError where its null vectors are not such motions.
     """
-    free = ~one.fixed
-    K = one.K[np.ix_(free, free)]
+    free = ~superelement.fixed
+    K = superelement.K[np.ix_(free, free)]
     K = (K + K.T) / 2
-    motions = one.places.rigid_motions(one.places.points.mean(axis=0))[free]
+    motions = superelement.places.rigid_motions(superelement.places.points.mean(axis=0))[free]
     motions /= np.maximum(np.linalg.norm(motions, axis=0), np.finfo(float).tiny)
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > STIFFNESS_ROUNDING]
@@ -231,24 +235,26 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
     if rigid.shape[1]:
         K = K - rigid @ (rigid.T @ K)
         K = K - (K @ rigid) @ rigid.T
-    whole = np.array(one.K)
-    moved = np.zeros((one.size, rigid.shape[1]))
-    whole[np.ix_(free, free)] = (K + K.T) / 2
+    corrected = np.array(superelement.K)
+    moved = np.zeros((superelement.size, rigid.shape[1]))
+    corrected[np.ix_(free, free)] = (K + K.T) / 2
     moved[free] = rigid
-    return replace(one, K=whole, rigid=moved)
+    return replace(superelement, K=corrected, rigid=moved)
 
 
-def _padded(one: Superelement) -> Superelement:
+def _padded(superelement: Superelement) -> Superelement:
     """The superelement with fixed dofs appended, so that its size is a multiple of the dofs of a
     node."""
-    more = -one.size % NODE_DOFS
-    places = one.places
+    more = -superelement.size % NODE_DOFS
+    places = superelement.places
     right = ((0, 0), (0, more))
     below = ((0, more), (0, 0))
-    ends = {name: replace(end, six=np.pad(end.six, right)) for name, end in one.ends.items()}
+    ends = {
+        name: replace(end, six=np.pad(end.six, right)) for name, end in superelement.ends.items()
+    }
     return Superelement(
-        np.pad(one.K, (0, more)),
-        np.pad(one.M, (0, more)),
+        np.pad(superelement.K, (0, more)),
+        np.pad(superelement.M, (0, more)),
         DofPlaces(
             places.nodes,
             np.pad(places.node, (0, more), mode="edge"),
@@ -256,18 +262,18 @@ def _padded(one: Superelement) -> Superelement:
             np.pad(places.kind, (0, more), constant_values=AMPLITUDE),
         ),
         ends,
-        np.pad(one.fixed, (0, more), constant_values=True),
-        np.pad(one.rigid, below),
-        None if one.C is None else np.pad(one.C, (0, more)),
+        np.pad(superelement.fixed, (0, more), constant_values=True),
+        np.pad(superelement.rigid, below),
+        None if superelement.C is None else np.pad(superelement.C, (0, more)),
     )
 
 
-def interface(one: Condensed, end: Interface, count: int) -> scipy.sparse.csr_matrix:
+def interface(superelement: Condensed, end: Interface, count: int) -> scipy.sparse.csr_matrix:
     """Displacement and rotation (6, count) of an end as functionals of u, in assembly axes."""
     rotated = scipy.sparse.coo_matrix(
-        np.vstack([one.at.rotation @ end.six[:3], one.at.rotation @ end.six[3:]])
+        np.vstack([superelement.at.rotation @ end.six[:3], superelement.at.rotation @ end.six[3:]])
     )
-    where = rotated.row, rotated.col + one.first
+    where = rotated.row, rotated.col + superelement.first
     return scipy.sparse.csr_matrix((rotated.data, where), shape=(6, count))
 
 
@@ -355,8 +361,8 @@ def whole(mesh: Mesh) -> Mesh:
         np.concatenate(pair) for pair in zip(*mesh.comm.allgather((original, nodes)), strict=True)
     )
     cells = np.ascontiguousarray(nodes[np.argsort(original, kind="stable")])
-    made = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
-    return Mesh(made, local_groups(made, _groups(mesh, numbers)), mesh.name)
+    copy = compat.create_mesh(MPI.COMM_SELF, cells, points, mesh.cell, mesh.order)
+    return Mesh(copy, local_groups(copy, _groups(mesh, numbers)), mesh.name)
 
 
 def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
@@ -399,14 +405,14 @@ def on_every_rank(
     """Copies of the parts without matrices, whole on every rank; all ranks must call it."""
     if comm.size == 1:
         return dict(parts)
-    made: dict[int, MeshedStructure] = {}  # one Structure may have several names
+    copies: dict[int, MeshedStructure] = {}  # one Structure may have several names
     shared = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
     meshes = {id(part): (part, whole(part.mesh)) for part in {id(p): p for p in shared}.values()}
 
     def work() -> None:
         for key, (part, mesh) in meshes.items():
             with without_warnings():  # they were told of the part
-                made[key] = part.again(mesh, bare=True)
+                copies[key] = part.again(mesh, bare=True)
 
     agreed(comm, work)
-    return {name: made.get(id(part), part) for name, part in parts.items()}
+    return {name: copies.get(id(part), part) for name, part in parts.items()}

@@ -342,10 +342,10 @@ class Bushing(Between):
         others = [name for name in names if name != "axial"]
         if others:
             x = a.point if self.point is None else in_space(self.point)
-            here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
+            motions = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
             for name in others:
-                _check_has(label, name, UNIT[name], (self.a, here[0]), (self.b, here[1]))
-            functionals.append(here[1].components(others) - here[0].components(others))
+                _check_has(label, name, UNIT[name], (self.a, motions[0]), (self.b, motions[1]))
+            functionals.append(motions[1].components(others) - motions[0].components(others))
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")

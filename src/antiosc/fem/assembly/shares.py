@@ -44,19 +44,19 @@ class Share:
     places: IntArray
 
     @classmethod
-    def of(cls, comm: MPI.Comm, member: Member, given: MeshedStructure | Superelement) -> Share:
-        """This rank's share of the part `given`; `member` is the assembly's copy of the whole
+    def of(cls, comm: MPI.Comm, member: Member, part: MeshedStructure | Superelement) -> Share:
+        """This rank's share of the part `part`; `member` is the assembly's copy of the whole
         part.
         """
-        assert isinstance(given, MeshedStructure)
-        if given.comm.size == 1:  # this rank has all of it
-            rows = np.arange(member.first, member.first + given.rows, dtype=PETSc.IntType)
-            first, last = (given.rows * rank // comm.size for rank in (comm.rank, comm.rank + 1))
-            return cls(given, rows, slice(first, last), rows)
-        nodes = _nodes_in_copy(given, member.part)
+        assert isinstance(part, MeshedStructure)
+        if part.comm.size == 1:  # this rank has all of it
+            rows = np.arange(member.first, member.first + part.rows, dtype=PETSc.IntType)
+            first, last = (part.rows * rank // comm.size for rank in (comm.rank, comm.rank + 1))
+            return cls(part, rows, slice(first, last), rows)
+        nodes = _nodes_in_copy(part, member.part)
         rows = member.first + (member.block * nodes[:, None] + np.arange(member.block)).ravel()
         rows = rows.astype(PETSc.IntType)
-        return cls(given, rows, slice(None), np.concatenate(comm.allgather(rows)))
+        return cls(part, rows, slice(None), np.concatenate(comm.allgather(rows)))
 
     def entries(self, matrix: PETSc.Mat, count: int) -> tuple[IntArray, Sparse]:
         """(numbers in u (m,), rows (m, count)) of the counted rows of a matrix of the part.
@@ -78,7 +78,7 @@ class Shares:
         comm: MPI.Comm,
         layout: Layout,
         block: int,
-        given: Mapping[str, MeshedStructure | Superelement],
+        parts: Mapping[str, MeshedStructure | Superelement],
     ) -> None:
         self.comm, self.count, self._block = comm, layout.count, block
         nodes = self.count // block
@@ -86,7 +86,7 @@ class Shares:
         ends = [*self._starts[1:], self.count]
         #: slice of the rows of this rank
         self.rows = slice(int(self._starts[comm.rank]), int(ends[comm.rank]))
-        self.of = {name: Share.of(comm, m, given[name]) for name, m in layout.members.items()}
+        self.of = {name: Share.of(comm, m, parts[name]) for name, m in layout.members.items()}
 
     def own(self, q: NDArray[Scalar]) -> NDArray[Scalar]:
         """The rows of this rank of vectors that are complete on every rank."""
@@ -151,23 +151,23 @@ class Shares:
             return matrix
         return sum(self.comm.allgather(matrix), Sparse(matrix.shape)).tocsr()
 
-    def matrix(self, name: str, own: Sparse) -> PETSc.Mat:
-        """The distributed matrix of which this rank has the rows `own` (m, n)."""
+    def matrix(self, name: str, rows: Sparse) -> PETSc.Mat:
+        """The distributed matrix of which this rank has the rows `rows` (m, n)."""
         if self.comm.size == 1:
-            result = from_csr(name, own)
+            result = from_csr(name, rows)
         else:
             integer = PETSc.IntType
-            arrays = own.indptr.astype(integer), own.indices.astype(integer), own.data
-            size = own.shape
+            arrays = rows.indptr.astype(integer), rows.indices.astype(integer), rows.data
+            size = rows.shape
             result = PETSc.Mat().createAIJ((size, size), csr=arrays, comm=self.comm)
             result.assemble()
         result.setBlockSizes(self._block, self._block)
         return result
 
-    def spread(self, name: str, whole: Sparse | None) -> PETSc.Mat:
+    def spread(self, name: str, matrix: Sparse | None) -> PETSc.Mat:
         """A distributed matrix from one that rank 0 holds whole; all ranks must call it."""
         spans = self.comm.gather(self.rows)
-        parts = [] if whole is None or spans is None else [whole[rows] for rows in spans]
+        parts = [] if matrix is None or spans is None else [matrix[rows] for rows in spans]
         return self.matrix(name, self.comm.scatter(parts))
 
 

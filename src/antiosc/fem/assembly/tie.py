@@ -155,13 +155,15 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
     return int(np.argmax([side.radii.mean() for side in sides]))
 
 
-def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
+def _movable(
+    layout: Layout, side: Facets, common: Overlap, number: int, tied_dofs: BoolArray
+) -> bool:
     """Whether a side (0 or 1 of `common`) has displacements neither fixed nor tied already."""
     phi = side.basis(common.face[number], common.xi[number])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     form = side.member.part.form
     return any(
-        not taken[layout.dofs(side.member, nodes, name)].all()
+        not tied_dofs[layout.dofs(side.member, nodes, name)].all()
         for name in DISPLACEMENTS
         if name in form.components
     )
@@ -172,7 +174,7 @@ def _projection(
     follower: Facets,
     leader: Facets,
     common: Overlap,
-    taken: BoolArray,
+    tied_dofs: BoolArray,
     label: str,
 ) -> list[Rows]:
     """Rows u_f − D⁻¹ M u_l = 0 for every component of the follower, by L2 projection."""
@@ -193,9 +195,9 @@ def _projection(
     constraints: list[Rows] = []
     if on_solid:
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
-        led: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
+        leader_motions: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
         rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
-        free = follows & ~taken[rotations].any(axis=0)
+        free = follows & ~tied_dofs[rotations].any(axis=0)
         if free.any():
             rotation_functionals = projection.of(free, rotated)
             middle = projection.load[free] @ normals
@@ -203,11 +205,11 @@ def _projection(
                 rotation_rows(layout, follower, nodes[free], middle, rotation_functionals, label)
             )
     else:
-        led = _led(layout, follower, leader, common)
-    for names, motion in led:
+        leader_motions = _led(layout, follower, leader, common)
+    for names, motion in leader_motions:
         for name, functional in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
-            free = follows & ~taken[dofs]
+            free = follows & ~tied_dofs[dofs]
             if free.any():
                 projected = projection.component(free, functional, layout, dofs)
                 row = layout.units(dofs[free]) - projected
@@ -248,14 +250,14 @@ class _Projection:
 
     def _inverted(self, free: BoolArray) -> tuple[Sparse, Array]:
         """(dual test functions of the free nodes, inverse of their mass matrix D)."""
-        every = scipy.sparse.identity(len(free), format="csr")
-        spread = every[free]
+        identity = scipy.sparse.identity(len(free), format="csr")
+        spread = identity[free]
         if not free.all():
             # test functions of the others go to the adjacent free nodes
             adjacent = self.D[~free][:, free]
             total = np.asarray(adjacent.sum(axis=1)).ravel()
             fraction = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-            spread = spread + (scipy.sparse.diags(fraction) @ adjacent).T @ every[~free]
+            spread = spread + (scipy.sparse.diags(fraction) @ adjacent).T @ identity[~free]
         tested = (spread @ self.D).tocsc()[:, free]
         return spread.tocsr(), np.linalg.inv(tested.toarray())
 
@@ -386,11 +388,13 @@ def rotation_rows(
     edge: Facets,
     nodes: IntArray,
     normals: Array,
-    led: Array | Sparse,
+    motion: Array | Sparse,
     label: str,
 ) -> Rows:
-    """Constraints: two rotations of each node, not that about its normal, follow `led` (n × g, 3 a
-    node)."""
+    """Constraints by which the rotations of nodes, but those about the normals, follow `motion`.
+
+    `motion`: n × g, three values for each node.
+    """
     member = edge.member
     dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     rows, pivots = [], []
@@ -404,7 +408,7 @@ def rotation_rows(
         components = [c for c in range(3) if c != drilling]
         inverse = np.linalg.inv(axes[:, components])
         left = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
-        right = scipy.sparse.csr_matrix(inverse @ E) @ led[3 * i : 3 * i + 3]
+        right = scipy.sparse.csr_matrix(inverse @ E) @ motion[3 * i : 3 * i + 3]
         rows.append(left - right)
         pivots += list(dofs[i, components])
     matrix = scipy.sparse.vstack(rows).tocsr()

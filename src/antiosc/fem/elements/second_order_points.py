@@ -100,13 +100,15 @@ class PartPoints:
         included.
         """
         if len(self.strain) == 1:
-            on = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(pushed.shape)
+            stress = (strained @ self.strain[0].reshape(strained.shape[1], -1)).reshape(
+                pushed.shape
+            )
         else:
-            on = np.einsum("nsdb,ns->ndb", self.strain, strained, optimize=True)
-        on += pushed
+            stress = np.einsum("nsdb,ns->ndb", self.strain, strained, optimize=True)
+        stress += pushed
         if self.base is not None:
-            on += self.along(strained, self.base)
-        return np.asarray((self._turned @ on.reshape(-1, self.components)).reshape(-1))
+            stress += self.along(strained, self.base)
+        return np.asarray((self._turned @ stress.reshape(-1, self.components)).reshape(-1))
 
     def along(self, stress: Array, slopes: Array) -> Array:
         """Array A (n, d, b) with stress·η(a, w) = A·∇w for every w; `slopes` are the derivatives of

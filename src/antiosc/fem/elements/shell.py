@@ -150,8 +150,8 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
     dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
 
-    def columns(of: Expr) -> tuple[Expr, Expr]:
-        return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
+    def columns(motion: Expr) -> tuple[Expr, Expr]:
+        return tuple(ufl.as_vector([motion[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
 
     u1, u2 = columns(du)
     r1, r2 = columns(dr)

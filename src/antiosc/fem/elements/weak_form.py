@@ -124,10 +124,10 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
 
 def _side(direction: Direction, x: Array, normals: Array) -> Array:
     """Sign ±1 (cells,): whether a cell's normal points toward the top, given by a direction."""
-    up = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
-    side = np.sign(up[:, 0])
+    cosine = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
+    side = np.sign(cosine[:, 0])
     _refuse(
-        (up * side[:, None]).min(axis=1) < LEAST_SINE,
+        (cosine * side[:, None]).min(axis=1) < LEAST_SINE,
         x,
         f"top{shown_direction(direction)} lies along the sheet",
         "choose a direction off the surface, a function of x, or a separate laminate for these "

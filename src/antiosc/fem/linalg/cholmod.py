@@ -308,9 +308,9 @@ class _Memory:
 
     def rounded(self) -> NDArray[np.float32]:
         """The values of L in single precision, in place; the factor can solve no more."""
-        found = self.factor.contents
-        count = found.xsize
-        wide = np.frombuffer((c_double * count).from_address(found.x), np.float64)
+        contents = self.factor.contents
+        count = contents.xsize
+        wide = np.frombuffer((c_double * count).from_address(contents.x), np.float64)
         narrow = wide.view(np.float32)
         for first in range(0, count, CHUNK):
             part = slice(first, min(first + CHUNK, count))
@@ -318,9 +318,9 @@ class _Memory:
         size = c_size_t(count)
         half = (count + 1) // 2
         common = byref(self.common)
-        found.x = self.lib.cholmod_l_realloc(half, ITEM, found.x, byref(size), common)
-        found.xsize = size.value
-        block = (c_float * count).from_address(found.x)
+        contents.x = self.lib.cholmod_l_realloc(half, ITEM, contents.x, byref(size), common)
+        contents.xsize = size.value
+        block = (c_float * count).from_address(contents.x)
         return np.frombuffer(self._kept(block), np.float32)
 
     def integers(self, pointer: int, count: int) -> IntArray:
@@ -444,9 +444,11 @@ class Cholesky:
         common = memory.common
         factor = memory.factor
         with without_openmp(), blas_threads(analysis.fronts()):
-            done = memory.lib.cholmod_l_factorize(byref(analysis.matrix), factor, byref(common))
+            succeeded = memory.lib.cholmod_l_factorize(
+                byref(analysis.matrix), factor, byref(common)
+            )
         factor_data = factor.contents
-        if not done or not factor_data.is_super or not factor_data.x:
+        if not succeeded or not factor_data.is_super or not factor_data.x:
             raise failure(
                 common, f"the Cholesky factor of {factor_data.n} rows", 8.0 * factor_data.xsize
             )
@@ -479,11 +481,11 @@ class Cholesky:
         if not memory.make_room(rows, columns):
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
         with without_openmp(), one_thread():
-            done = memory.lib.cholmod_l_solve2(
+            succeeded = memory.lib.cholmod_l_solve2(
                 *(system, memory.factor, byref(right), None, byref(x), None),
                 *(*map(byref, rest), byref(memory.common)),
             )
-        if not done:
+        if not succeeded:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
         X = memory.reals(ctypes.cast(x, POINTER(Dense)).contents.x, B.size)
         return np.array(X.reshape(B.shape, order="F"), order="F")

@@ -116,13 +116,13 @@ def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> 
         first = compliances(solver.cholesky, loads)
         A = lower(csr(sum_of(*stiffer)))
         return first, compliances(Cholesky(A, permutation=solver.cholesky.permutation), loads)
-    whole = scipy.sparse.vstack(comm.allgather(loads))
+    all_loads = scipy.sparse.vstack(comm.allgather(loads))
     matrices = gathered(solver.A, 0), gathered(sum_of(*stiffer), 1)
     values, error = None, None
     try:
         for A in matrices:
             if A is not None:
-                values = compliances(Cholesky(A, structure.K.getBlockSize()), whole)
+                values = compliances(Cholesky(A, structure.K.getBlockSize()), all_loads)
     except Exception as caught:  # the other ranks must not wait for this one
         error = caught
     agree(comm, error)

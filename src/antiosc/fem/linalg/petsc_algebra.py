@@ -236,9 +236,9 @@ def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     parts = []
     for part in arrays:
         counts = comm.gather(len(part), root=root)
-        whole = np.empty(sum(counts or ()), part.dtype)
-        comm.Gatherv(part, (whole, counts), root=root)
-        parts.append(whole)
+        total = np.empty(sum(counts or ()), part.dtype)
+        comm.Gatherv(part, (total, counts), root=root)
+        parts.append(total)
     if comm.rank != root:
         return None
     sizes, columns, values = parts
@@ -281,13 +281,13 @@ def free_when_dropped(*matrices: PETSc.Mat) -> None:
 _shared: list[tuple[weakref.ref[PETSc.Object], PETSc.IS]] = []
 
 
-def watch(made: PETSc.Object) -> None:
+def watch(handle: PETSc.Object) -> None:
     """Register a PETSc object, so that its memory is freed after its last use (see `free`)."""
-    holder = PETSc.IS().createGeneral([], comm=made.getComm())
+    holder = PETSc.IS().createGeneral([], comm=handle.getComm())
     if holder.getComm().getSize() == 1:
-        weakref.finalize(made, _free, holder).atexit = False
+        weakref.finalize(handle, _free, holder).atexit = False
     else:
-        _shared.append((weakref.ref(made), holder))
+        _shared.append((weakref.ref(handle), holder))
 
 
 def free(comm: MPI.Comm) -> None:
@@ -302,15 +302,15 @@ def free(comm: MPI.Comm) -> None:
             _free(entry[1])
 
 
-def becomes(made: PETSc.Mat | PETSc.PC, plain: str) -> None:
+def becomes(handle: PETSc.Mat | PETSc.PC, plain: str) -> None:
     """Set the type of a python-type PETSc object to `plain` at exit, since PETSc ends after
     Python.
     """
-    weakref.finalize(made, _become, weakref.ref(made), plain)
+    weakref.finalize(handle, _become, weakref.ref(handle), plain)
 
 
-def _become(made: weakref.ref[PETSc.Mat | PETSc.PC], plain: str) -> None:
-    alive = made()
+def _become(handle: weakref.ref[PETSc.Mat | PETSc.PC], plain: str) -> None:
+    alive = handle()
     if alive is not None:
         alive.setType(plain)
 

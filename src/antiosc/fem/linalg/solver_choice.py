@@ -99,11 +99,11 @@ SOLUTION_GROWTH_BY_STRAINS = 1e24
 
 def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
     """Make `multiply` compute products with K = SᵀS + rest from the strains."""
-    back = PETSc.Mat()
-    S.transpose(back)
+    transposed = PETSc.Mat()
+    S.transpose(transposed)
 
     def product(x: Array) -> Array:
-        return np.asarray(multiply(back, multiply(S, x)) + multiply(rest, x))
+        return np.asarray(multiply(transposed, multiply(S, x)) + multiply(rest, x))
 
     K.setAttr(PRODUCT, product)
 
@@ -204,7 +204,7 @@ class Substructures(Factorization):
         within = np.ones(last - first, dtype=bool)
         within[self._mine] = False
         self._inner = np.flatnonzero(within)
-        whole = self._between(local[self._mine])
+        interface_block = self._between(local[self._mine])
         # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
         # come before the diagonal.
         rows = local[self._inner]
@@ -220,7 +220,7 @@ class Substructures(Factorization):
         rows = scipy.sparse.csr_matrix(
             (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
         )
-        corner = whole[self._met][:, self._met]
+        corner = interface_block[self._met][:, self._met]
         square: Array | None = None
         error: Exception | None = None
         try:
@@ -234,13 +234,13 @@ class Substructures(Factorization):
                 order, self._L = self._factor.corner(count)
                 self._positions = self._to[order]
                 self._met = self._met[order]
-                square = _square(self._L) - whole[self._met][:, self._met].toarray()
+                square = _square(self._L) - interface_block[self._met][:, self._met].toarray()
         except NotPositiveDefiniteError as caught:
             error = NotConvergedError(SINGULAR.format(caught))
         except Exception as caught:  # the other ranks must not wait for this one
             error = caught
         agree(comm, error)
-        S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
+        S = interface_block.toarray() if comm.rank == 0 else np.zeros(interface_block.shape)
         if square is not None:
             S[np.ix_(self._met, self._met)] += square
             del square
@@ -350,10 +350,10 @@ def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
     owners = np.searchsorted(starts, pairs, side="right") - 1
     chosen = np.zeros(0, dtype=int)
     for ranks in np.unique(owners, axis=0):
-        some = pairs[(owners == ranks).all(axis=1)]
-        some = some[~np.isin(some, chosen).any(axis=1)]
-        if len(some):
-            chosen = np.union1d(chosen, _cover(some))
+        coupled = pairs[(owners == ranks).all(axis=1)]
+        coupled = coupled[~np.isin(coupled, chosen).any(axis=1)]
+        if len(coupled):
+            chosen = np.union1d(chosen, _cover(coupled))
     return chosen
 
 
@@ -620,8 +620,8 @@ def preconditioner(
     single = factor.in_single_precision()
     del factor
     error = single(b) - exact
-    lost = comm.allreduce(error @ multiply(A, error))
-    if lost <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact):
+    error_energy = comm.allreduce(error @ multiply(A, error))
+    if error_energy <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact):
         return single
     del single
     return factorize(A).solve

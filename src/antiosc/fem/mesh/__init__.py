@@ -180,8 +180,8 @@ class Mesh(ReprMixin):
 
         InputError if several nodes have it, as in instances of an assembly.
         """
-        here = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
-        x = np.unique(np.vstack(self.comm.allgather(here)), axis=0)
+        coordinates = np.array(self.dolfinx.geometry.x)[self.numbered([number])]
+        x = np.unique(np.vstack(self.comm.allgather(coordinates)), axis=0)
         if len(x) > 1:
             raise InputError(
                 f"{len(x)} nodes of {self.name} have the number {number}: give the point."
@@ -255,19 +255,19 @@ def local_groups(
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):
         names = [name for name, parts in wanted.items() if dim in parts]
         rows = [wanted[name][dim] for name in names]
-        mine = numbers[compat.entity_vertices(mesh, dim)]
-        code = keys(mine)
+        owned = numbers[compat.entity_vertices(mesh, dim)]
+        code = keys(owned)
         order = np.argsort(code)
         wanted_keys = keys(np.vstack(rows))
-        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(mine) - 1, 0))
-        here = (
+        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(owned) - 1, 0))
+        in_mesh = (
             code[order][position] == wanted_keys
-            if len(mine)
+            if len(owned)
             else np.zeros(len(wanted_keys), dtype=bool)
         )
         ends = np.cumsum([len(r) for r in rows])
         for name, end, part in zip(names, ends, rows, strict=True):
             rows_of_group = slice(end - len(part), end)
-            entities = order[position[rows_of_group][here[rows_of_group]]]
+            entities = order[position[rows_of_group][in_mesh[rows_of_group]]]
             groups[name][dim] = np.unique(entities).astype(np.int32)
     return groups

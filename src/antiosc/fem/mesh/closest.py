@@ -57,8 +57,8 @@ def projected(
         right = np.einsum("ndt,nd->nt", J, gap)[..., None] / size
         step = np.linalg.solve(normal, right)[..., 0]
         xi[moving] += step
-        here = xi[moving]
-        far = (here.min(axis=1) < -FOOT_BEYOND) | (here.max(axis=1) > 1 + FOOT_BEYOND)
+        xi_moving = xi[moving]
+        far = (xi_moving.min(axis=1) < -FOOT_BEYOND) | (xi_moving.max(axis=1) > 1 + FOOT_BEYOND)
         moving = moving[(np.abs(step).max(axis=1) > FOOT_SETTLED) & ~far]
         if not len(moving):
             break
@@ -155,9 +155,9 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
             x[i] = nearest.x
             distance[i] = nearest.distance
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
-    mine = rank == mesh.comm.rank
+    on_rank = rank == mesh.comm.rank
     mine_or_zero = [
-        np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)
+        np.where(on_rank if a.ndim == 1 else on_rank[:, None], a, 0) for a in (cell, X, x, distance)
     ]
     cell, X, x, distance = (mesh.comm.allreduce(a) for a in mine_or_zero)
     return ClosestPoints(rank, cell, X, x, distance)
@@ -202,16 +202,16 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     xi = projected(
         lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
     )
-    off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
-    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
+    gap = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
+    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (gap <= OUTSIDE_CELL * reach[item])
     item = item[holds]
     point = point[holds]
     xi = xi[holds]
-    off = off[holds]
+    gap = gap[holds]
     order = np.lexsort((-item, point))  # the first cell is written last
     cell[point[order]] = item[order]
     X[point[order]] = xi[order]
-    distance[point[order]] = off[order]
+    distance[point[order]] = gap[order]
     return cell, X, distance
 
 

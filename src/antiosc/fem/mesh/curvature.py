@@ -145,8 +145,8 @@ class Patch:
         ends = np.sort(ends.reshape(-1, 2), axis=1)
         _, side = np.unique(ends, axis=0, return_inverse=True)
         order = np.argsort(side.ravel(), kind="stable")
-        alike = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
-        return order[alike], order[alike + 1]
+        coincident = np.flatnonzero(np.diff(side.ravel()[order]) == 0)
+        return order[coincident], order[coincident + 1]
 
     def surfaces(self, sheet: bool) -> IntArray:
         """Number (n,) of the smooth surface to which each face belongs."""
@@ -600,15 +600,15 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
     return replace(curvature, length=ends[0] - ends[1], middle=middle)
 
 
-def _end(there: Callable[[Array], BoolArray], size: float) -> float:
-    """Distance [m] along a line at which the surface ends, at most `size`; `there` is a mask of
+def _end(exists: Callable[[Array], BoolArray], size: float) -> float:
+    """Distance [m] along a line at which the surface ends, at most `size`; `exists` is a mask of
     distances at which it exists.
     """
     inside = 0.0
     outside = size
     for _ in range(1 + CLOSER):
         t = np.linspace(inside, outside, LOOKS)
-        last = int(np.argmin(np.append(there(t[1:-1]), False)))
+        last = int(np.argmin(np.append(exists(t[1:-1]), False)))
         inside = float(t[last])
         outside = float(t[last + 1])
     return inside
@@ -629,10 +629,10 @@ def _around(
             across: Array = np.cross(curvature.normal, way).astype(float)
             looks = x + step * way + radius * ACROSS[:, None] * across
             low = depth(looks)
-            on = np.flatnonzero(np.isfinite(low))
-            if len(on) < 3 or len(ACROSS) // 2 not in on:
+            reached = np.flatnonzero(np.isfinite(low))
+            if len(reached) < 3 or len(ACROSS) // 2 not in reached:
                 break
-            bend, slope, level = np.polyfit(ACROSS[on], low[on] / radius, 2)
+            bend, slope, level = np.polyfit(ACROSS[reached], low[reached] / radius, 2)
             shift = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
             if level - bend * shift**2 > FALLEN:
                 break

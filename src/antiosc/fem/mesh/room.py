@@ -26,9 +26,9 @@ def largest_ball(faces: Faces, point: Array, normal: Array, near: float) -> tupl
     height = away @ normal - SLOPE * distance
     met = (height > 0) & (distance > NEAR * max(near, float(mean)))
     radii = np.where(met, distance**2 / (2 * np.where(met, height, 1.0)), np.inf)
-    here = (np.inf, point)
+    ball = (np.inf, point)
     if radii.size:
         i = int(np.argmin(radii))
-        here = float(radii[i]), faces.samples[i]
-    everywhere: list[tuple[float, Array]] = faces.mesh.comm.allgather(here)
+        ball = float(radii[i]), faces.samples[i]
+    everywhere: list[tuple[float, Array]] = faces.mesh.comm.allgather(ball)
     return min(everywhere, key=lambda found: found[0])

@@ -48,8 +48,8 @@ _PAIRS = 200_000
 def repeated(cells: IntArray) -> IntArray:
     """Numbers of cells (n, vertices) with the same vertices as an earlier cell."""
     order = np.argsort(keys(cells), kind="stable")
-    alike = np.sort(cells[order], axis=1)
-    return np.sort(order[1:][(alike[1:] == alike[:-1]).all(axis=1)])
+    sorted_cells = np.sort(cells[order], axis=1)
+    return np.sort(order[1:][(sorted_cells[1:] == sorted_cells[:-1]).all(axis=1)])
 
 
 def crowded(cells: IntArray, kind: CellKind) -> IntArray:
@@ -148,10 +148,10 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """(first, second) of pairs of equal facets, and the facets without an equal one."""
     code = keys(facets)
     order = np.argsort(code, kind="stable")
-    same = code[order][1:] == code[order][:-1]
+    equal = code[order][1:] == code[order][:-1]
     alone = np.ones(len(facets), dtype=bool)
-    alone[order[1:][same]] = alone[order[:-1][same]] = False
-    return order[:-1][same], order[1:][same], np.flatnonzero(alone)
+    alone[order[1:][equal]] = alone[order[:-1][equal]] = False
+    return order[:-1][equal], order[1:][equal], np.flatnonzero(alone)
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
@@ -187,9 +187,9 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
             flat = height <= 2 * ON * size[side]
             at = at[flat]
             side = side[flat]
-            b, off = _barycentric(corners[side], x[at])
-            on = (b.min(axis=1) > -ON) & (off <= ON * size[side])
-            pairs_found.append(np.stack([at[on], side[on]]))
+            b, distance = _barycentric(corners[side], x[at])
+            lies_on_side = (b.min(axis=1) > -ON) & (distance <= ON * size[side])
+            pairs_found.append(np.stack([at[lies_on_side], side[lies_on_side]]))
     pairs = np.unique(
         np.concatenate([np.zeros((2, 0), dtype=np.int64), *pairs_found], axis=1), axis=1
     )

@@ -310,14 +310,14 @@ class Faces(Entities):
             least = _least(comm, measure[best], site[best], count)
             best = best[measure[best] <= least[site[best]] + LEVEL]
         first = _mean(comm, normal[best], site[best], count)
-        same = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
-        face = face[same]
-        site = site[same]
-        normal = normal[same]
-        gap = gap[same]
-        here = gap <= _least(comm, gap, site, count)[site] + TOUCH * mean[face]
-        normals = _mean(comm, normal[here], site[here], count)
-        label = _least(comm, labels[face[here]].astype(float), site[here], count)
+        same_face = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
+        face = face[same_face]
+        site = site[same_face]
+        normal = normal[same_face]
+        gap = gap[same_face]
+        nearest = gap <= _least(comm, gap, site, count)[site] + TOUCH * mean[face]
+        normals = _mean(comm, normal[nearest], site[nearest], count)
+        label = _least(comm, labels[face[nearest]].astype(float), site[nearest], count)
         height = np.einsum("nvd,nd->nv", self.corners[face] - points[site, None], normals[site])
         return SurfaceAtSites(
             normals,
@@ -372,11 +372,11 @@ class Faces(Entities):
         distances = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
         cosine = np.abs(cosine) if self.sheet else cosine
-        on = (cosine > SAME_FACE) & (distances <= rise)
-        item = item[on]
-        point = point[on]
-        xi_found = xi_found[on]
-        distances = distances[on]
+        hit = (cosine > SAME_FACE) & (distances <= rise)
+        item = item[hit]
+        point = point[hit]
+        xi_found = xi_found[hit]
+        distances = distances[hit]
         order = np.lexsort(
             (-item, -distances, point)
         )  # the nearest, then the first, is written last
@@ -465,8 +465,8 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
     candidate = (
         (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
     )
-    every = mesh.comm.allgather(candidate)
-    _, point, direction = min(every, key=lambda entry: entry[0])
+    candidates = mesh.comm.allgather(candidate)
+    _, point, direction = min(candidates, key=lambda entry: entry[0])
     return np.asarray(point), np.asarray(direction)
 
 

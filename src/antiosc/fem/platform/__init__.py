@@ -46,9 +46,9 @@ FEW_ENTRIES = 64
 _together: WeakKeyDictionary[object, int] = WeakKeyDictionary()
 
 
-def number(made: object, serial: int) -> None:
-    """Register `made` as number `serial` of the objects that all ranks made together."""
-    for k, item in enumerate(made if isinstance(made, list) else [made]):
+def number(created: object, serial: int) -> None:
+    """Register `created` as number `serial` of the objects that all ranks made together."""
+    for k, item in enumerate(created if isinstance(created, list) else [created]):
         if type(item).__hash__ is object.__hash__ and type(item).__module__.startswith("antiosc"):
             _together[item] = serial + k
 
@@ -437,7 +437,7 @@ def alike(first: MPI.Comm, second: MPI.Comm) -> bool:
     return MPI.Comm.Compare(first, second) in (MPI.IDENT, MPI.CONGRUENT)
 
 
-def _conclude(comm: MPI.Comm, error: Exception | None, made: object) -> None:
+def _conclude(comm: MPI.Comm, error: Exception | None, created: object) -> None:
     """Raise the error of any rank on all ranks; otherwise number the objects that they made
     together.
     """
@@ -445,8 +445,8 @@ def _conclude(comm: MPI.Comm, error: Exception | None, made: object) -> None:
     reports = comm.allgather((_portable(error), _serial))
     _raise_first([problem for problem, _ in reports], error)
     serial = max(count for _, count in reports)
-    number(made, serial)
-    _serial = serial + (len(made) if isinstance(made, list) else 1)
+    number(created, serial)
+    _serial = serial + (len(created) if isinstance(created, list) else 1)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
@@ -503,15 +503,13 @@ def _portable(error: Exception | None) -> Exception | None:
     return error
 
 
-def _raise_first(errors: list[Exception | None], own: Exception | None) -> None:
-    """Raise the first error of all ranks, if any; `own` is the same error of this rank with its
-    traceback.
-    """
+def _raise_first(errors: list[Exception | None], local_error: Exception | None) -> None:
+    """Raise the first error of all ranks, if any; `local_error` is that of this rank."""
     first = next((error for error in errors if error is not None), None)
     if first is None:
         return
-    if own is not None and str(_portable(own)) == str(first):
-        raise own  # the same, with its traceback
+    if local_error is not None and str(_portable(local_error)) == str(first):
+        raise local_error  # the same, with its traceback
     raise first
 
 

@@ -524,9 +524,9 @@ class GaussPoints:
         matrix = assemble([form], scalars, {}, 0.0)
         pointers, columns, values = matrix.getValuesCSR()
         weighted = scipy.sparse.csr_matrix((values, columns, pointers), shape=matrix.getSize())
-        same = np.asarray(scalars.dofmap.list) if DOLFINX >= (0, 6) else scalars.dofmap.list.array
+        dofmap = np.asarray(scalars.dofmap.list) if DOLFINX >= (0, 6) else scalars.dofmap.list.array
         dofs_of_cells = np.asarray(getattr(space.dofmap.list, "array", space.dofmap.list))
-        if not np.array_equal(np.ravel(same), np.ravel(dofs_of_cells)):
+        if not np.array_equal(np.ravel(dofmap), np.ravel(dofs_of_cells)):
             raise ValueError("the nodes of a scalar and of a vector differ")
         return scipy.sparse.diags(np.repeat(1 / self.weight, count)) @ weighted
 
@@ -587,8 +587,10 @@ def quadratic(
         return integral.reconstruct(integrand=q * integral.integrand(), metadata=metadata)
 
     def equal(a: fem.Function, b: fem.Function) -> bool:
-        same = a.ufl_element() == b.ufl_element() and np.array_equal(a.x.array, b.x.array)
-        return bool(communicator(space.mesh).allreduce(int(not same)) == 0)
+        equal_functions = a.ufl_element() == b.ufl_element() and np.array_equal(
+            a.x.array, b.x.array
+        )
+        return bool(communicator(space.mesh).allreduce(int(not equal_functions)) == 0)
 
     # equal coefficients become one, so that their factors are computed once
     equal_coefficient: dict[fem.Function, fem.Function] = {}
@@ -725,11 +727,11 @@ class Exchange:
         ranks = range(self._comm.size)
         requested = self._comm.alltoall([ghosts[owners == rank] for rank in ranks])
         # rank -> dofs of this rank that are its ghosts; dofs that are ghosts here and its own
-        here = {rank: requested[rank] - first for rank in ranks}
-        there = {rank: imap.size_local + np.flatnonzero(owners == rank) for rank in ranks}
+        owned_dofs = {rank: requested[rank] - first for rank in ranks}
+        ghost_dofs = {rank: imap.size_local + np.flatnonzero(owners == rank) for rank in ranks}
         self._here, self._there = (
             {rank: _unrolled(nodes, bs) for rank, nodes in of_ranks.items() if len(nodes)}
-            for of_ranks in (here, there)
+            for of_ranks in (owned_dofs, ghost_dofs)
         )
 
     def fetch(self, values: Array) -> Callable[[], None]:

@@ -44,11 +44,11 @@ READERS = {"_load_options", "_load_parameters"}
 SETTINGS = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
 
 
-def _of_the_user(usual: Callable[[], tuple[object, object]]) -> tuple[object, object]:
+def _of_the_user(read_settings: Callable[[], tuple[object, object]]) -> tuple[object, object]:
     """The compiler settings from the file in the user's folder; those of the working folder are
     ignored.
     """
-    return usual()[0], {}
+    return read_settings()[0], {}
 
 
 for _module in (dolfinx.jit, SETTINGS):
@@ -87,12 +87,12 @@ def _replaced(
     module: ModuleType, names: set[str], function: Callable[..., object]
 ) -> Iterator[None]:
     """Context in which `function` replaces the functions `names` of a module."""
-    usual = {name: value for name, value in vars(module).items() if name in names}
-    vars(module).update(dict.fromkeys(usual, function))
+    originals = {name: value for name, value in vars(module).items() if name in names}
+    vars(module).update(dict.fromkeys(originals, function))
     try:
         yield
     finally:
-        vars(module).update(usual)
+        vars(module).update(originals)
 
 
 #: What this process has loaded: to look a library up in a folder of thousands takes 15 ms.
@@ -102,7 +102,7 @@ _loaded: dict[Path, tuple[object, object]] = {}
 def _cached(
     folder: Path,
     entries: dict[str, _Entry],
-    usual: Callable[..., tuple[object, object]],
+    load_cached: Callable[..., tuple[object, object]],
     name: str,
     objects: list[str],
     cache_dir: Path,
@@ -112,7 +112,7 @@ def _cached(
     locked.
     """
     if Path(cache_dir) != folder:  # another thread of the program compiles for itself
-        return usual(name, objects, cache_dir, timeout)
+        return load_cached(name, objects, cache_dir, timeout)
     library = folder / name
     if library in _loaded:
         return _loaded[library]
@@ -120,10 +120,10 @@ def _cached(
     if not entry.whole():
         entry.clear()
     try:
-        loaded = usual(name, objects, cache_dir, timeout)
+        loaded = load_cached(name, objects, cache_dir, timeout)
     except ImportError:  # made for another system
         entry.clear()
-        loaded = usual(name, objects, cache_dir, timeout)
+        loaded = load_cached(name, objects, cache_dir, timeout)
     if loaded[0] is not None:
         entries.pop(name).release()
         _loaded[library] = loaded
@@ -132,13 +132,13 @@ def _cached(
 
 def _compiled(
     entries: dict[str, _Entry],
-    usual: Callable[..., tuple[object, object]],
+    load_objects: Callable[..., tuple[object, object]],
     cache_dir: Path,
     name: str,
     objects: list[str],
 ) -> tuple[object, object]:
     """Replacement of FFCx's `_load_objects` for a form just compiled."""
-    loaded = usual(cache_dir, name, objects)
+    loaded = load_objects(cache_dir, name, objects)
     if name in entries:
         entry = entries.pop(name)
         entry.seal()

@@ -85,17 +85,17 @@ class Equilibrium:
     reserve: float
 
 
-def static_equilibrium(of: Loaded, choice: SolverChoice) -> Equilibrium:
+def static_equilibrium(loaded: Loaded, choice: SolverChoice) -> Equilibrium:
     """The static equilibrium; InputError beyond buckling, or if none is found."""
-    q, added = _equilibrium(of)
-    geometric = of.stiffness(q, geometric=True)
-    K = sum_of(of.K, 1.0, added)
+    q, added = _equilibrium(loaded)
+    geometric = loaded.stiffness(q, geometric=True)
+    K = sum_of(loaded.K, 1.0, added)
     free_when_dropped(K, geometric)
     try:
         solver = solver_for(K, choice, lambda: np.zeros((len(q), 0)))
         further = buckling(K, solver, geometric)
     except (NotConvergedError, AccuracyError):  # K has no factor
-        reserve = buckling(of.K, of.solver, geometric)
+        reserve = buckling(loaded.K, loaded.solver, geometric)
         if reserve > 1:
             raise
         raise InputError(_beyond(reserve)) from None
@@ -111,20 +111,20 @@ def _beyond(reserve: float) -> str:
     )
 
 
-def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
+def _equilibrium(loaded: Loaded) -> tuple[Array, PETSc.Mat]:
     """Newton's iteration: (q, d²Π/dq² at q)."""
-    comm = of.solver.comm
-    q = np.zeros(len(of.dead))
-    residual = of.dead - of.forces(q)
+    comm = loaded.solver.comm
+    q = np.zeros(len(loaded.dead))
+    residual = loaded.dead - loaded.forces(q)
     if not float(dot(comm, residual, residual)):
-        return q, of.stiffness(q)
+        return q, loaded.stiffness(q)
     for _ in range(MOST_STEPS):
-        added = of.stiffness(q)
-        step = _newton_step(of, added, residual)
-        energy = float(dot(comm, step, multiply(of.K, step)))
-        if energy <= CONVERGED * float(dot(comm, q, multiply(of.K, q))):
+        added = loaded.stiffness(q)
+        step = _newton_step(loaded, added, residual)
+        energy = float(dot(comm, step, multiply(loaded.K, step)))
+        if energy <= CONVERGED * float(dot(comm, q, multiply(loaded.K, q))):
             return q + step, added
-        length, residual = _line_search(of, q, step, residual)
+        length, residual = _line_search(loaded, q, step, residual)
         q = q + length * step
     raise InputError(
         f"no equilibrium under the prestress within {MOST_STEPS} steps: the part snaps through, or "
@@ -132,21 +132,21 @@ def _equilibrium(of: Loaded) -> tuple[Array, PETSc.Mat]:
     )
 
 
-def _newton_step(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
+def _newton_step(loaded: Loaded, added: PETSc.Mat, residual: Array) -> Array:
     """Newton's step if the tangent is positive definite, otherwise a descent direction.
 
     Conjugate gradients stop at a direction of negative curvature.
     """
-    comm = of.solver.comm
+    comm = loaded.solver.comm
 
     def product(x: Array) -> Array:
-        return multiply(of.K, x) + multiply(added, x)
+        return multiply(loaded.K, x) + multiply(added, x)
 
     def inner(x: Array, y: Array) -> Array:
         return np.asarray(comm.allreduce(np.einsum("ij,ij->j", x, y)))
 
     steps = conjugate_gradients(
-        residual[:, None], product, of.solver.solve_block, inner, MOST_CG_STEPS
+        residual[:, None], product, loaded.solver.solve_block, inner, MOST_CG_STEPS
     )
     best = np.zeros((len(residual), 1))
     gained = 0.0
@@ -160,31 +160,33 @@ def _newton_step(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
         if float(left[0]) <= STEP_ERROR * first:
             return best[:, 0]
     else:
-        return _by_factor(of, added, residual)
+        return _by_factor(loaded, added, residual)
     if best.any():
         return best[:, 0]
-    return of.solver.solve(residual)
+    return loaded.solver.solve(residual)
 
 
-def _by_factor(of: Loaded, added: PETSc.Mat, residual: Array) -> Array:
+def _by_factor(loaded: Loaded, added: PETSc.Mat, residual: Array) -> Array:
     """Newton's step by a factorization of the tangent: for loads that make it much stiffer
     than K.
     """
-    A = sum_of(of.K, 1.0, added)
+    A = sum_of(loaded.K, 1.0, added)
     free_when_dropped(A)
     try:
         return solver_for(A, "auto", lambda: np.zeros((len(residual), 0))).solve(residual)
     except NotConvergedError:
-        return of.solver.solve(residual)
+        return loaded.solver.solve(residual)
 
 
-def _line_search(of: Loaded, q: Array, step: Array, start_residual: Array) -> tuple[float, Array]:
+def _line_search(
+    loaded: Loaded, q: Array, step: Array, start_residual: Array
+) -> tuple[float, Array]:
     """(step length of least energy, residual (rows of this rank,) at its end)."""
-    comm = of.solver.comm
+    comm = loaded.solver.comm
 
     def residual(length: float) -> Array:
         state = q + length * step
-        return of.dead - multiply(of.K, state) - of.forces(state)
+        return loaded.dead - multiply(loaded.K, state) - loaded.forces(state)
 
     def slope(left: Array) -> float:
         return -float(dot(comm, step, left))
@@ -198,8 +200,8 @@ def _line_search(of: Loaded, q: Array, step: Array, start_residual: Array) -> tu
     slopes = [start, *(slope(residual(t)) for t in lengths[1:3]), end]
     roots = np.roots(np.polyfit(lengths, slopes, 3))
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
-    ahead = real[real > 0]
-    length = float(min(ahead.min(initial=LONGEST), LONGEST))
+    positive = real[real > 0]
+    length = float(min(positive.min(initial=LONGEST), LONGEST))
     return length, residual(length)
 
 

@@ -99,8 +99,8 @@ class Placement(Checked):
         sine = np.sin(self.angle)
         cosine = np.cos(self.angle)
         R = np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
-        whole = np.round(R)
-        return whole if np.abs(R - whole).max() < 1e-15 else R
+        rounded = np.round(R)
+        return rounded if np.abs(R - rounded).max() < 1e-15 else R
 
     def placed(self, x: Array) -> Array:
         """Coordinates (n, 3) in the assembly, of points (n, 3) of the part."""

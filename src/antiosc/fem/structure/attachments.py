@@ -401,8 +401,8 @@ def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[Closest
             f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
         )
     owned = mesh.dolfinx.topology.index_map(0).size_local
-    mine = group[0][group[0] < owned]
-    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[mine, 0]]
+    owned_nodes = group[0][group[0] < owned]
+    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[owned_nodes, 0]]
     points = np.vstack(mesh.comm.allgather(x))
     return [closest(mesh, point) for point in points]
 
@@ -524,16 +524,16 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         fixed = np.isin(on_edges, to.fixed)
         of_ranks = to.mesh.comm.allgather((x, numbers, fixed))
         x, numbers, fixed = (np.concatenate([of_rank[k] for of_rank in of_ranks]) for k in range(3))
-        mine, points = compat.dof_coordinates(form.space, path)
-        points = points[mine < rows]
-        mine = mine[mine < rows]
-        if not len(mine):
+        beam_dofs, points = compat.dof_coordinates(form.space, path)
+        points = points[beam_dofs < rows]
+        beam_dofs = beam_dofs[beam_dofs < rows]
+        if not len(beam_dofs):
             continue
         distance, nearest = scipy.spatial.cKDTree(x).query(points)
         if distance.max() > SAME_DOF * size:
             error = InputError(f"{line.name} do not carry the dofs of the sheet.")
             continue
-        for dof, k in zip(mine, nearest, strict=True):
+        for dof, k in zip(beam_dofs, nearest, strict=True):
             if not fixed[k]:
                 T.setValue(first + dof, numbers[k], 1.0)
     agree(to.mesh.comm, error)

@@ -225,8 +225,8 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     if sizes[0] != sizes[1]:
         raise InputError(f"K and M must be of one size; got {sizes[0]} and {sizes[1]}.")
     comm = communicator(K)
-    same = alike(comm, communicator(M))
-    if not same or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
+    same_ranks = alike(comm, communicator(M))
+    if not same_ranks or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError("K and M must have the same distribution over the MPI ranks.")
     of_K, of_M = (_checked(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
@@ -287,10 +287,10 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
 def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
     pointers, column, value = algebra.entries(matrix)
     row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
-    off = (row != column) & (value != 0)
-    row = row[off]
-    column = column[off]
-    value = value[off]
+    off_diagonal = (row != column) & (value != 0)
+    row = row[off_diagonal]
+    column = column[off_diagonal]
+    value = value[off_diagonal]
     roots = np.sqrt(np.maximum(diagonal, 0.0))
     return _Entries(row, column, value, diagonal, roots[row] * roots[column], noise)
 
@@ -336,11 +336,11 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     small = np.zeros(len(entries.diagonal))
     np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
     small = np.max(comm.allgather(small), axis=0)
-    beside = np.maximum(small[entries.row], small[entries.column])
+    neighbours = np.maximum(small[entries.row], small[entries.column])
     _forbid(
         comm,
         entries,
-        large & (DROWNS * beside < np.abs(entries.value)),
+        large & (DROWNS * neighbours < np.abs(entries.value)),
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
     )

@@ -322,12 +322,12 @@ class MeshedStructure(StructureMatrices):
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):
             # M has no entries on the held dofs
-            whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
+            mass = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
             free[owned] = 0.0
-            free_loads = multiply(whole, free)
+            free_loads = multiply(mass, free)
             free_loads[owned] = 0.0
-            loads += multiply(whole, motions) - free_loads
+            loads += multiply(mass, motions) - free_loads
         return loads
 
     def unsupported(self) -> MeshedStructure:
@@ -524,12 +524,12 @@ def assembled(
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
-    materials = [*(one for one, _ in parts), *stiffeners]
+    materials = [*(entry for entry, _ in parts), *stiffeners]
     doubts = plausible.warn_each(
         [
             plausible.of_part(mesh.extent(), mesh.stated, mesh.tdim == 1),
             *map(plausible.of_material, materials),
-            *(_of_section(one, mesh.extent()) for one in materials),
+            *(_of_section(entry, mesh.extent()) for entry in materials),
         ]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
@@ -558,8 +558,8 @@ def assembled(
         stored.zeroEntries()
     to = Matrices(mesh, form, stored, heavier, fixed, bare)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
-    added = [one for one, _ in on_edges.values()]
-    added += [add_at_points(to, one) for one in carried]
+    added = [entry for entry, _ in on_edges.values()]
+    added += [add_at_points(to, entry) for entry in carried]
     if by_strains:
         assert form.strains is not None
         strains, degree = form.strains
@@ -567,11 +567,11 @@ def assembled(
         _take_by_strains(K, S, stored, fixed)
     if by_cells is not None:
         by_cells.carries = bool(added)
-    mass += sum(one.mass for one in added)
+    mass += sum(entry.mass for entry in added)
     attached_inertia = sum(
-        (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
+        (entry.inertia for entry in added), np.zeros((compat.local_size(form.space), 3))
     )
-    held_by = [spring for one in added for spring in one.springs]
+    held_by = [spring for entry in added for spring in entry.springs]
     springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
     modes, shift = np.zeros((len(springs), 0)), 0.0
     if bare:
@@ -585,13 +585,19 @@ def assembled(
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "
             "that too unless it is intended.",
         )
-    given = dict(material) if isinstance(material, Mapping) else material
+    materials_by_group = dict(material) if isinstance(material, Mapping) else material
 
     def again(
         copy: Mesh, supports: Sequence[Support] = checked_supports, bare: bool = False
     ) -> MeshedStructure:
         return assembled(
-            copy, given, supports, order=order, attached=carried, solver=solver, bare=bare
+            copy,
+            materials_by_group,
+            supports,
+            order=order,
+            attached=carried,
+            solver=solver,
+            bare=bare,
         )
 
     return MeshedStructure(
@@ -609,12 +615,12 @@ def assembled(
         again=again,
         supports=checked_supports,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
-        dampers=[damper for one in added for damper in one.dampers],
+        dampers=[damper for entry in added for damper in entry.dampers],
         springs=held_by,
         conditions=conditions,
         bare=bare,
         doubts=doubts,
-        thickness=_stretched(mesh, form, fixed, [one for one, _ in parts]),
+        thickness=_stretched(mesh, form, fixed, [entry for entry, _ in parts]),
     )
 
 

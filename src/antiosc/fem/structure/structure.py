@@ -141,11 +141,13 @@ class Structure(ReprMixin):
         options: Options = {
             "order": order, "attached": attached, "solver": solver, "prestress": prestress,
         }  # fmt: skip
-        made = assembled(mesh, material, supports, order=order, attached=attached, solver=solver)
+        matrices = assembled(
+            mesh, material, supports, order=order, attached=attached, solver=solver
+        )
         if prestress is not None:
-            made = with_prestress(made, prestress)
-        self._hold(made, started)
-        self.supports = tuple(made.supports)
+            matrices = with_prestress(matrices, prestress)
+        self._hold(matrices, started)
+        self.supports = tuple(matrices.supports)
         self.made_of = mesh, material, options
 
     @classmethod

@@ -384,8 +384,8 @@ def first_elastic(
 def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
     """Polynomial fields at the dofs of this rank (rows, k), or only the `rigid` ones."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
-    every = polynomials(3 if "z" in form.components else 2)
-    chosen = [field for moves, field in every if moves or not rigid]
+    fields = polynomials(3 if "z" in form.components else 2)
+    chosen = [field for moves, field in fields if moves or not rigid]
     size = float((high - low).max())
     places = places_of(form)
     result = np.empty((compat.local_size(form.space), len(chosen)), order="F")

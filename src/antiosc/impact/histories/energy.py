@@ -75,8 +75,8 @@ def replay(
         span = slice(a, b + 1)
         if is_compiled(law):
             if law.has_memory:
-                stored[span], lost, state = _replay_memory(law, depth[span], state)
-                plastic[span] += lost
+                stored[span], losses, state = _replay_memory(law, depth[span], state)
+                plastic[span] += losses
             else:  # the state lasts as long as the contact
                 stored[span] = law.energies(depth[span], state)
             if law.rate_dependent:
@@ -109,17 +109,17 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
     deeper = np.append(False, depth[1:] > before)
     stored = law.energies(depth, state)
-    lost = np.zeros(depth.size)
+    losses = np.zeros(depth.size)
     at = np.flatnonzero(deeper)
     if not at.size:
-        return stored, lost, state
+        return stored, losses, state
     states = [law.advance(delta, 0.0, state) for delta in depth[at].tolist()]
-    lost[at] = np.diff([state[2], *(later[2] for later in states)])
+    losses[at] = np.diff([state[2], *(later[2] for later in states)])
     returns = np.flatnonzero(np.diff(at, append=depth.size) > 1)
     for k in returns.tolist():
-        back = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
-        stored[back] = law.energies(depth[back], states[k])
-    return stored, lost, states[-1]
+        unloading = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
+        stored[unloading] = law.energies(depth[unloading], states[k])
+    return stored, losses, states[-1]
 
 
 def path_work(force: Array, displacement: Array) -> Array:
@@ -140,9 +140,9 @@ def path_work(force: Array, displacement: Array) -> Array:
             f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
         )
 
-    whole = until(1.0)
+    full_steps = until(1.0)
     total = np.zeros_like(displacement)
-    total[2::2] = np.cumsum(whole, axis=0)
+    total[2::2] = np.cumsum(full_steps, axis=0)
     total[1::2] = total[:-1:2] + until(0.5)
     return total
 
@@ -167,7 +167,7 @@ SHORT_PHASE = 0.05  # phase of a mode over a step, below which the trapezoidal r
 def energy_balance(assembly: Assembly, run: Run) -> Energy:
     """Energies at the nodes of a run, and the error of their balance."""
     a = assembly
-    stored, lost = contact_energies(a, run)
+    stored, losses = contact_energies(a, run)
     kinetic = np.empty(run.time.size)
     modal = np.empty(run.time.size)
     work = np.zeros(run.time.size - 1)
@@ -198,7 +198,7 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         kinetic=kinetic,
         strain=modal + 0.5 * np.sum(felt * residual, axis=1),
         contact=stored,
-        dissipated=lost + braked,
+        dissipated=losses + braked,
         gravity=work,
     )
 
@@ -225,17 +225,17 @@ def energy_gain(a: Assembly, run: Run) -> float:
         work = np.zeros(mechanical.size - 1)
         for first, last in blocks(run, system.omega.size):
             q, v = starts(run, system, np.arange(first, last + 1))
-            here = mechanical[first : last + 1]
-            here[...] = library.energies(np.stack([q, v], axis=1), system.omega)
-            here += system.stretch_energy(q)
+            energies = mechanical[first : last + 1]
+            energies[...] = library.energies(np.stack([q, v], axis=1), system.omega)
+            energies += system.stretch_energy(q)
             if system.loads.any():
-                work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, here)
+                work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, energies)
         present = mechanical.copy()
         if system.R.any():
             present += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
-        stored, lost = contact_energies(a, run)
+        stored, losses = contact_energies(a, run)
         present += stored[::2]
-        total = present + lost[::2]
+        total = present + losses[::2]
         if system.loads.any():
             total[1:] -= np.cumsum(work)
     highest = float(present.max())
@@ -245,25 +245,25 @@ def energy_gain(a: Assembly, run: Run) -> float:
 
 
 def _work_and_losses(
-    a: Assembly, run: Run, mechanical: Array, work: Array, lost: Array
+    a: Assembly, run: Run, mechanical: Array, work: Array, losses: Array
 ) -> tuple[Array, Array]:
     """Work (n,) of all modal loads since the start, and energy lost by damping.
 
-    `work`, `lost` (n - 1,): work and loss from one node to the next. In flight, where the steps are
-    long and the motion is exact, both follow from the energy balance instead.
+    `work`, `losses` (n - 1,): work and loss from one node to the next. In flight, where the steps
+    are long and the motion is exact, both follow from the energy balance instead.
     """
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
     pressed = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
-    still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
-    flight = np.repeat(still, 2)
+    flight_steps = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
+    flight = np.repeat(flight_steps, 2)
     change = np.diff(mechanical)
     if damped:
-        lost = np.where(flight, work - change, lost)
+        losses = np.where(flight, work - change, losses)
     else:
         work = np.where(flight, change, work)
-    return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+    return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(losses))
 
 
 def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
@@ -300,8 +300,8 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     work = end * q[1:] - start * q[:-1] - slope * area - bend * first
     power = 2 * system.decay * v**2
     short = system.omega * step < SHORT_PHASE
-    lost = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
-    return np.asarray(np.sum(np.where(system.decay > 0, lost, 0.0), axis=1))
+    losses = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
+    return np.asarray(np.sum(np.where(system.decay > 0, losses, 0.0), axis=1))
 
 
 def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
@@ -358,7 +358,7 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
 def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     """Recoverable energy and losses of all contacts at the nodes."""
     stored = np.zeros(run.time.size)
-    lost = np.zeros(run.time.size)
+    losses = np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
@@ -378,9 +378,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         speeds = closed["speed"].tolist()
         recoverable, plastic, damping = replay(law, force, depth, nodes, speeds, earlier)
         stored += recoverable
-        lost += plastic
+        losses += plastic
         if law.rate_dependent:
-            lost += path_work(damping[:, None], depth[:, None])[:, 0]
+            losses += path_work(damping[:, None], depth[:, None])[:, 0]
     for c, sides in enumerate(system.sides):
         for i in range(sides.start, sides.stop):
             T = run.force[:, i]
@@ -388,5 +388,5 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             spring = 0.5 * T**2 / system.slip[c, 1]
             work = path_work(T[:, None], displacement[:, None])[:, 0]
             stored += spring
-            lost += work - spring
-    return stored, lost
+            losses += work - spring
+    return stored, losses

@@ -152,8 +152,8 @@ def modal_amplitudes(
     omega = modes.omega
     swing = np.zeros(modes.omega.size)
     sizes = np.zeros(modes.omega.size)
-    for some in np.array_split(times, -(-len(times) // AT_ONCE)):
-        motion = _motion_at(history, some, body)
+    for block in np.array_split(times, -(-len(times) // AT_ONCE)):
+        motion = _motion_at(history, block, body)
         # of the oscillation x: x' = v and x'' = a
         swing = np.maximum(swing, np.hypot(omega * motion.v, motion.a).max(axis=0))
     np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)

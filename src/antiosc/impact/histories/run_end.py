@@ -65,9 +65,9 @@ def open_contacts(run: Run, system: System) -> list[int]:
         return []
     events = run.events.tolist()
     last = {which: piece for _, which, piece, _ in events}
-    on = sorted(int(c) for c, piece in last.items() if piece != library.APART)
-    parted = {which for _, which, piece, _ in events if piece == library.APART} if on else ()
-    return [c for c in on if c in parted or not system.closed[c]]
+    touching = sorted(int(c) for c, piece in last.items() if piece != library.APART)
+    parted = {which for _, which, piece, _ in events if piece == library.APART} if touching else ()
+    return [c for c in touching if c in parted or not system.closed[c]]
 
 
 def check_result(
@@ -84,8 +84,8 @@ def check_result(
     failure = failure or stopped(ended.answer, ended.time, *limits)
     ringing = "" if assembly.system.damped else UNDAMPED
     if failure:
-        said = failure[0].upper() + failure[1:] + "."
-        return CheckResult(STOPPED, said + ringing * (ended.answer == library.TOO_MANY_STEPS))
+        reason = failure[0].upper() + failure[1:] + "."
+        return CheckResult(STOPPED, reason + ringing * (ended.answer == library.TOO_MANY_STEPS))
     cut = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
         steps = ringing if "max_steps" in doubt else ""

@@ -53,11 +53,11 @@ def body_energy(history: History, body: str) -> BodyEnergy:
     motion = history.bodies[history.name_of(body)]
     omega = motion.placed.omega
     v = motion.v
-    still = omega == 0
+    is_rigid = omega == 0
     return BodyEnergy(
         time=history.time,
-        rigid=0.5 * np.sum(v[:, still] ** 2, axis=1),
-        kinetic=0.5 * np.sum(v[:, ~still] ** 2, axis=1),
+        rigid=0.5 * np.sum(v[:, is_rigid] ** 2, axis=1),
+        kinetic=0.5 * np.sum(v[:, ~is_rigid] ** 2, axis=1),
         strain=motion.strain,
     )
 

@@ -387,10 +387,10 @@ class UnitBeam:
         w = np.empty_like(x)
         theta = np.empty_like(x)
         for (start, length), coefficients in zip(self.segments, c, strict=True):
-            here = (x >= start) & (x <= start + length)
-            states = self._states(Omega, length, x[here] - start)
-            w[here] = states[0] @ coefficients
-            theta[here] = states[1] @ coefficients
+            in_segment = (x >= start) & (x <= start + length)
+            states = self._states(Omega, length, x[in_segment] - start)
+            w[in_segment] = states[0] @ coefficients
+            theta[in_segment] = states[1] @ coefficients
         return w, theta
 
     def respond(self, Omega: float, *, force: bool, x: Array | None = None) -> Response:
@@ -457,9 +457,9 @@ class UnitBeam:
         wanted = rigid + 1 + np.arange(n)
         while np.any(hi - lo > 1e-12 * hi):
             middle = (lo + hi) / 2
-            enough = self._count(middle**4, constrained=constrained) >= wanted
-            lo = np.where(enough, lo, middle)
-            hi = np.where(enough, middle, hi)
+            high_enough = self._count(middle**4, constrained=constrained) >= wanted
+            lo = np.where(high_enough, lo, middle)
+            hi = np.where(high_enough, middle, hi)
         return ((lo + hi) / 2) ** 4
 
     def spectra(self, n: int) -> tuple[Array, Array]:

@@ -60,7 +60,7 @@ class HalvedBeams(MeshErrors):
         coarse = self.part
         place = point[None, :], direction[None, :], np.array([np.nan])
         fine = self._fine(point)
-        up = interpolation(coarse, fine)
+        to_fine = interpolation(coarse, fine)
         b = located(fine, *place).loads[:, 0].toarray()
         shapes = np.asarray(model.shapes)
         masses = np.append(0.0, model.m)
@@ -68,7 +68,7 @@ class HalvedBeams(MeshErrors):
         lacks = 0.0
         for part, load, values, sign in (
             (coarse, site.b[:, None], shapes, -1.0),
-            (fine, b, up @ shapes, 1.0),
+            (fine, b, to_fine @ shapes, 1.0),
         ):
             forces = squares * (csr(part.M) @ values - masses * load)
             forces[:, :1] = model.k0 * load
@@ -96,11 +96,11 @@ def excess(lacks: Array) -> Array:
     """
     size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
     over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    alike = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
-    np.fill_diagonal(alike, 1.0)
-    negative = max(-float(np.linalg.eigvalsh(alike)[0]), 0.0) + ROUNDING
-    alike = (alike + negative * np.eye(len(alike))) / (1 + negative)
-    return np.asarray(size[:, None] * alike * size)
+    cosines = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
+    np.fill_diagonal(cosines, 1.0)
+    negative = max(-float(np.linalg.eigvalsh(cosines)[0]), 0.0) + ROUNDING
+    cosines = (cosines + negative * np.eye(len(cosines))) / (1 + negative)
+    return np.asarray(size[:, None] * cosines * size)
 
 
 def answers(part: MeshedStructure, forces: Array) -> Array:
@@ -123,7 +123,7 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
     parent = np.asarray(fine.mesh.dolfinx.topology.original_cell_index) // 2
     ends = part.mesh.geometry.nodes[parent]
     along = ends[:, 1] - ends[:, 0]
-    done: list[tuple[Array, IntArray, IntArray]] = []
+    blocks: list[tuple[Array, IntArray, IntArray]] = []
     for path in part.form.components.values():
         dofs = compat.cell_dofs(fine.form.space, path, np.arange(len(parent)))
         where, x = compat.dof_coordinates(fine.form.space, path)
@@ -136,8 +136,8 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
         parent_dofs = np.repeat(parent_dofs, dofs.shape[1], axis=0)
         rows, first = np.unique(dofs.ravel(), return_index=True)
         fine_rows = np.repeat(rows[:, None], parent_dofs.shape[1], axis=1)
-        done.append((table[first], fine_rows, parent_dofs[first]))
-    values, rows, columns = (np.concatenate([entry[k] for entry in done]) for k in range(3))
+        blocks.append((table[first], fine_rows, parent_dofs[first]))
+    values, rows, columns = (np.concatenate([entry[k] for entry in blocks]) for k in range(3))
     entries = values.ravel(), (rows.ravel(), columns.ravel())
     shape = tuple(compat.local_size(entry.form.space) for entry in (fine, part))
     return scipy.sparse.csr_matrix(entries, shape=shape)
@@ -206,14 +206,14 @@ def _largest_angle(pieces: Pieces) -> float:
     return float(max(angle[(angle > LEAST_ANGLE) & (angle < MOST_ANGLE)], default=0.0))
 
 
-def _divided(mesh: Mesh, usual: float, point: Array | None) -> Mesh:
-    """The mesh with each cell cut at the share `usual` of its length (NaN: not cut), or at
+def _divided(mesh: Mesh, share: float, point: Array | None) -> Mesh:
+    """The mesh with each cell cut at the share `share` of its length (NaN: not cut), or at
     `point`.
     """
     pieces = gathered(mesh, np.zeros(compat.cell_map(mesh.dolfinx).size_local))
     raw: RawMesh | InputError | None = None
     if pieces is not None:
-        cuts = np.full(len(pieces.cells), usual)
+        cuts = np.full(len(pieces.cells), share)
         if point is not None:
             _cut_at(cuts, pieces, point)
         raw = _pieced(pieces, cuts)
@@ -254,8 +254,8 @@ def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
             groups[name][1] = _children(cells, middle, members)
     start, end = (pieces.points[cells[cut, side]] for side in (0, 1))
     points = np.vstack([pieces.points, start + cuts[cut, None] * (end - start)])
-    every = _children(cells, middle, np.arange(len(cells)))
-    return RawMesh(points, every, KINDS["line"], "gmsh", groups)
+    children = _children(cells, middle, np.arange(len(cells)))
+    return RawMesh(points, children, KINDS["line"], "gmsh", groups)
 
 
 def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:

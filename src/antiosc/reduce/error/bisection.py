@@ -150,18 +150,18 @@ def gathered(mesh: Mesh, values: Array) -> Pieces | None:
     if of_ranks is None:
         return None
     points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
-    whole: dict[str, dict[int, list[IntArray]]] = {}
+    all_groups: dict[str, dict[int, list[IntArray]]] = {}
     for numbers, x, _, _, own_groups in of_ranks:
         points[numbers] = x
         for name, parts in own_groups.items():
             for dim, rows in parts.items():
-                whole.setdefault(name, {}).setdefault(dim, []).append(np.sort(rows, axis=1))
+                all_groups.setdefault(name, {}).setdefault(dim, []).append(np.sort(rows, axis=1))
     return Pieces(
         points,
         np.vstack([of_rank[2] for of_rank in of_ranks]).astype(np.int64),
         {
             name: {dim: np.unique(np.vstack(rows), axis=0) for dim, rows in parts.items()}
-            for name, parts in whole.items()
+            for name, parts in all_groups.items()
         },
         np.concatenate([of_rank[3] for of_rank in of_ranks]),
     )

@@ -65,9 +65,9 @@ def _angles(x: Array, corners: IntArray) -> Array:
     sides = np.sort(np.concatenate([corners[:, list(place)] for place in places]), axis=1)
     facet = np.tile(np.arange(len(corners)), len(places))
     order = np.lexsort(sides.T)
-    same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
-    first = facet[order[:-1][same]]
-    second = facet[order[1:][same]]
+    shared = (np.diff(sides[order], axis=0) == 0).all(axis=1)
+    first = facet[order[:-1][shared]]
+    second = facet[order[1:][shared]]
     cosine = np.abs(np.einsum("nd,nd->n", normals[first], normals[second]))
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
@@ -83,9 +83,9 @@ def mean_gaps(faces: Faces) -> tuple[Array, Array]:
     """
     mesh = faces.mesh
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
-    every = mesh.comm.allgather((numbers, faces.corners, faces.normals))
-    first = sum(len(arrays[0]) for arrays in every[: mesh.comm.rank])
-    vertices, x, normals = (np.concatenate(arrays) for arrays in zip(*every, strict=True))
+    faces_of_ranks = mesh.comm.allgather((numbers, faces.corners, faces.normals))
+    first = sum(len(arrays[0]) for arrays in faces_of_ranks[: mesh.comm.rank])
+    vertices, x, normals = (np.concatenate(arrays) for arrays in zip(*faces_of_ranks, strict=True))
     around = AROUND[vertices.shape[1]]
     gap = _gaps(vertices[:, around], x[:, around], normals)
     area = _areas(faces.corners[:, around])
@@ -95,16 +95,16 @@ def mean_gaps(faces: Faces) -> tuple[Array, Array]:
 def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
     """Mean gaps (F,) of faces with corners x (F, v, 3) around them, at `vertices` (F, v)."""
     corners = vertices.shape[1]
-    ahead = np.roll(x, -1, axis=1) - x
-    back = np.roll(x, 1, axis=1) - x
-    size = np.linalg.norm(ahead, axis=2)
+    to_next = np.roll(x, -1, axis=1) - x
+    to_previous = np.roll(x, 1, axis=1) - x
+    size = np.linalg.norm(to_next, axis=2)
     weight = 1 / size
     if corners > 2:
-        other = np.linalg.norm(back, axis=2)
-        weight = np.linalg.norm(np.cross(ahead, back), axis=2) / (size * other) ** 2
+        other = np.linalg.norm(to_previous, axis=2)
+        weight = np.linalg.norm(np.cross(to_next, to_previous), axis=2) / (size * other) ** 2
     n = _normals(vertices.ravel(), np.repeat(normals, corners, axis=0), weight.ravel())
     n = n.reshape(x.shape)
-    bent = np.einsum("fvd,fvd->f", np.roll(n, -1, axis=1) - n, ahead)
+    bent = np.einsum("fvd,fvd->f", np.roll(n, -1, axis=1) - n, to_next)
     return np.asarray(bent / 24)  # a segment is gone along twice
 
 

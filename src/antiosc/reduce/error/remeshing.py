@@ -150,8 +150,8 @@ class OfGeometry(MeshSource):
         coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
-        few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
-        wished = wished_sizes(coarse, max(size, few) / edge_lengths(coarse))
+        coarsest_size = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
+        wished = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
         try:
             return self._meshed(coarse, wished, FIRST_GRADING)
         except InputError:

@@ -87,10 +87,10 @@ class StrainErrors(MeshErrors):
         assert part is not None  # of a prestress
         stiffness = dot(comm, shapes, multiply(part.K, shapes))
         added = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
-        off = float(self.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
+        relative_error = float(self.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
         least = np.finfo(float).tiny
         ratios = np.diag(energies) / np.maximum(np.diag(stiffness), least)
-        share = (off * np.clip(ratios, off, 1.0)) ** 0.25
+        share = (relative_error * np.clip(ratios, relative_error, 1.0)) ** 0.25
         values, vectors = np.linalg.eigh((added + added.T) / 2)
         return np.asarray(share[:, None] * ((vectors * np.abs(values)) @ vectors.T) * share)
 

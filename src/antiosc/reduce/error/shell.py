@@ -178,9 +178,9 @@ def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: 
     """
     count = len(number)
     # each cell twice: with its normal, and with the opposite one
-    ahead = np.where(turned, b + count, b)
-    back = np.where(turned, b, b + count)
-    sides = _connected(2 * count, np.append(a, a + count), np.append(ahead, back))
+    same_sign = np.where(turned, b + count, b)
+    opposite_sign = np.where(turned, b, b + count)
+    sides = _connected(2 * count, np.append(a, a + count), np.append(same_sign, opposite_sign))
     if np.any(sides[:count] == sides[count:]):
         raise InputError(
             f"error='estimate' needs surfaces with two sides, and {name} has one that turns over "
@@ -257,8 +257,10 @@ class StrainsOfSheets:
         """The strains at all points of `cells`."""
         points = len(self.X)
         k = self._shapes.shape[1]
-        every = np.repeat(cells, points)
-        at = PointsInCells(self._part, self._shapes, every, np.tile(self.X, (len(cells), 1)))
+        cell_of_point = np.repeat(cells, points)
+        at = PointsInCells(
+            self._part, self._shapes, cell_of_point, np.tile(self.X, (len(cells), 1))
+        )
         frame = self._axes.frame(at)
         axes = np.stack(frame, axis=1)
         metric = np.linalg.inv(np.swapaxes(at.J, 1, 2) @ at.J)
@@ -268,21 +270,25 @@ class StrainsOfSheets:
 
         def slopes(dofs: Array, axes: Array) -> Array:
             """Derivatives (P, axes, 2, k), along e1 and e2, of the components along the axes."""
-            found = (self._slopes @ dofs).reshape(len(every), 2, 3 * k)
-            found = (np.swapaxes(along, 1, 2) @ found).reshape(len(every), 2, 3, k)
-            found = axes @ np.swapaxes(found, 1, 2).reshape(len(every), 3, 2 * k)
-            return np.asarray(found.reshape(len(every), -1, 2, k))
+            derivatives = (self._slopes @ dofs).reshape(len(cell_of_point), 2, 3 * k)
+            derivatives = (np.swapaxes(along, 1, 2) @ derivatives).reshape(
+                len(cell_of_point), 2, 3, k
+            )
+            derivatives = axes @ np.swapaxes(derivatives, 1, 2).reshape(
+                len(cell_of_point), 3, 2 * k
+            )
+            return np.asarray(derivatives.reshape(len(cell_of_point), -1, 2, k))
 
         du = slopes(u, axes)
         dr = slopes(turn, axes[:, :2])
-        theta = axes @ (self._values @ turn).reshape(len(every), 3, k)
+        theta = axes @ (self._values @ turn).reshape(len(cell_of_point), 3, k)
         # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
         lean = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
         across = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
-        near = (self._interpolation @ turn).reshape(len(every), 2, 6, k)
+        near = (self._interpolation @ turn).reshape(len(cell_of_point), 2, 6, k)
         near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
         gap = np.swapaxes(along, 1, 2) @ near - lean
-        strains = np.empty((len(every), STRAINS, k))
+        strains = np.empty((len(cell_of_point), STRAINS, k))
         strains[:, 0] = du[:, 0, 0]
         strains[:, 1] = du[:, 1, 1]
         strains[:, 2] = du[:, 0, 1] + du[:, 1, 0]
@@ -291,7 +297,7 @@ class StrainsOfSheets:
         strains[:, 5] = dr[:, 1, 1] - dr[:, 0, 0]
         strains[:, SHEAR] = du[:, 2] + lean + gap
         strains[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
-        strains[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
+        strains[:, DRILLING] -= self._middle[cell_of_point, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
         area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
         return SheetStrains(strains, gap, area * np.tile(self._weights, len(cells)))
 
@@ -329,13 +335,13 @@ class SheetRecovery:
         self.count = shapes.shape[1]
         self._strains = strains = StrainsOfSheets(part, shapes, pieces)
         self._space = compat.lagrange(part.mesh.dolfinx, DEGREE, 0)
-        every = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
-        dofs = compat.cell_dofs(self._space, (0,), every).astype(np.int64)
+        all_cells = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
+        dofs = compat.cell_dofs(self._space, (0,), all_cells).astype(np.int64)
         # a function of its own for each piece
         known, dofs = np.unique(
             pieces.number[:, None] * (dofs.max() + 1) + dofs, return_inverse=True
         )
-        self._dofs = dofs.reshape(len(every), -1)
+        self._dofs = dofs.reshape(len(all_cells), -1)
         table = compat.tabulate(self._space, (), strains.X)
         self._points = len(strains.X)
         width = max(1, BLOCK_NUMBERS // (STRAINS * self._points * self.count))
@@ -343,17 +349,17 @@ class SheetRecovery:
         self._blocks: list[tuple[slice, scipy.sparse.csr_matrix]] = []
         mass = scipy.sparse.csc_matrix((len(known), len(known)))
         loads = np.zeros((len(known), STRAINS * self.count))
-        for first in range(0, len(every), width):
-            some = slice(first, min(first + width, len(every)))
-            strains_here = strains.at(every[some])
+        for first in range(0, len(all_cells), width):
+            block = slice(first, min(first + width, len(all_cells)))
+            strains_here = strains.at(all_cells[block])
             rows = len(strains_here.weights)
-            columns = np.repeat(self._dofs[some], self._points, axis=0)
+            columns = np.repeat(self._dofs[block], self._points, axis=0)
             values = np.tile(table, (rows // self._points, 1))
             starts = np.arange(rows + 1) * columns.shape[1]
             at = scipy.sparse.csr_matrix(
                 (values.ravel(), columns.ravel(), starts), shape=(rows, len(known))
             )
-            self._blocks.append((some, at))
+            self._blocks.append((block, at))
             weighted = at.T @ scipy.sparse.diags(strains_here.weights)
             mass = mass + weighted @ at
             loads += weighted @ strains_here.own.reshape(rows, -1)
@@ -367,12 +373,12 @@ class SheetRecovery:
     def blocks(self) -> Iterator[StrainBlock]:
         """All cells, in blocks."""
         number = self._part.part_of_cells()
-        every = np.arange(len(number))
-        for some, at in self._blocks:
-            strains = self._strains.at(every[some])
+        positions = np.arange(len(number))
+        for block, at in self._blocks:
+            strains = self._strains.at(positions[block])
             recovered = (at @ self._values).reshape(strains.own.shape)
             yield StrainBlock(
-                some, strains, recovered, self._D[np.repeat(number[some], self._points)]
+                block, strains, recovered, self._D[np.repeat(number[block], self._points)]
             )
 
     def at(self, cells: IntArray, X: Array) -> tuple[Array, Array]:
@@ -444,8 +450,8 @@ def layers_of(part: MeshedStructure, pieces: SmoothPieces, recovery: SheetRecove
         weights.append(free * side.weights * side.c)
     if changes.size:
         side, other_side = (_side(part, pieces, recovery, places) for places in changes)
-        same = np.sign(np.einsum("pc,pc->p", side.n, other_side.n))
-        m.append(side.m - same[:, None] * other_side.m)
+        same_side = np.sign(np.einsum("pc,pc->p", side.n, other_side.n))
+        m.append(side.m - same_side[:, None] * other_side.m)
         weights.append(side.weights * side.c * other_side.c / (side.c + other_side.c))
     cells = np.append(exterior, changes[:1]) // EDGES
     return Layers(np.vstack(m), np.concatenate(weights), np.repeat(cells, len(POINTS)))

@@ -153,29 +153,31 @@ class Projection:
         self._columns = np.repeat(corners[:, None], self._points, axis=1).reshape(-1, self._count)
         self._values = np.tile(table, (len(cells), 1))
         self._weighted = self._values * weight.reshape(-1, 1)
-        every = slice(0, len(cells))
-        self._mass = self._at(self._weighted, every).T.tocsr() @ self._at(self._values, every)
+        all_cells = slice(0, len(cells))
+        self._mass = self._at(self._weighted, all_cells).T.tocsr() @ self._at(
+            self._values, all_cells
+        )
         mass = compat.ghosts_added(self._space, self._mass.diagonal()[:, None])[:, 0]
         # corners of other cells have no function here
         self._inverse = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0)[:, None]
 
-    def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
+    def _at(self, numbers: Array, block: slice) -> scipy.sparse.csr_matrix:
         """Sparse matrix from values at corners to values at the quadrature points of the cells
-        `some`.
+        `block`.
         """
-        rows = slice(some.start * self._points, some.stop * self._points)
+        rows = slice(block.start * self._points, block.stop * self._points)
         data = numbers[rows]
         columns = self._columns[rows]
         starts = np.arange(len(data) + 1) * self._count
-        whole = data.ravel(), columns.ravel(), starts
-        return scipy.sparse.csr_matrix(whole, shape=(len(data), self.size))
+        csr_arrays = data.ravel(), columns.ravel(), starts
+        return scipy.sparse.csr_matrix(csr_arrays, shape=(len(data), self.size))
 
-    def add_loads(self, loads: Array, some: slice, fields: Array) -> None:
-        """Add ∫ f φ over the cells `some` to loads (corners, m, k).
+    def add_loads(self, loads: Array, block: slice, fields: Array) -> None:
+        """Add ∫ f φ over the cells `block` to loads (corners, m, k).
 
         `fields` (m, points, k): values of f at all points of the cells.
         """
-        gather = self._at(self._weighted, some).T
+        gather = self._at(self._weighted, block).T
         for k, field in enumerate(fields):
             loads[:, k] += gather @ field
 
@@ -198,11 +200,9 @@ class Projection:
             "of nearly no volume; mesh the part anew, or leave error=None."
         )
 
-    def at_points(self, some: slice, values: Array) -> Array:
-        """Values (points, fields) at the quadrature points of `some` cells, from corner values with
-        ghosts.
-        """
-        return np.asarray(self._at(self._values, some) @ values)
+    def at_points(self, block: slice, values: Array) -> Array:
+        """Values (points, fields) at the points of some cells, from corner values with ghosts."""
+        return np.asarray(self._at(self._values, block) @ values)
 
     def within(self, cells: IntArray, X: Array, values: Array) -> Array:
         """Values (n, fields) at reference points X (n, tdim) of cells (n,), from values with
@@ -315,8 +315,8 @@ class SolidErrors(StrainErrors):
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))
-            for some, strains_here, weights in _scaled(strains, root, cells):
-                projection.add_loads(loads, some, strains_here)
+            for block, strains_here, weights in _scaled(strains, root, cells):
+                projection.add_loads(loads, block, strains_here)
                 strains_here *= np.sqrt(weights)[:, None]
                 flat = strains_here.reshape(-1, count)
                 total += flat.T @ flat
@@ -334,11 +334,11 @@ class SolidErrors(StrainErrors):
     ) -> Array:
         """Energies (count,) of the shapes in the layers on the faces of `cells`."""
         faces = self.part.faces
-        here = np.flatnonzero(np.isin(faces.cells, cells))
-        X = faces.reference(here, faces.middle[here])
-        values = projection.within(faces.cells[here], X, projection.with_ghosts(recovered))
-        values = values.reshape(len(here), -1, count)
-        return np.asarray(np.einsum("fmk,fmk,f->k", values, values, layers[here]))
+        on_cells = np.flatnonzero(np.isin(faces.cells, cells))
+        X = faces.reference(on_cells, faces.middle[on_cells])
+        values = projection.within(faces.cells[on_cells], X, projection.with_ghosts(recovered))
+        values = values.reshape(len(on_cells), -1, count)
+        return np.asarray(np.einsum("fmk,fmk,f->k", values, values, layers[on_cells]))
 
     def of_cells(self, shapes: Array) -> Array:
         strains = self._strains(shapes)
@@ -346,15 +346,15 @@ class SolidErrors(StrainErrors):
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, strains.count))
-            for some, strains_here, _ in _scaled(strains, root, cells):
-                projection.add_loads(loads, some, strains_here)
+            for block, strains_here, _ in _scaled(strains, root, cells):
+                projection.add_loads(loads, block, strains_here)
             flat = projection.owned(loads.reshape(len(loads), -1))
             recovered = projection.with_ghosts(projection.solve(flat))
-            for some, strains_here, weights in _scaled(strains, root, cells):
-                smooth = projection.at_points(some, recovered)
+            for block, strains_here, weights in _scaled(strains, root, cells):
+                smooth = projection.at_points(block, recovered)
                 left = smooth.reshape(-1, *loads.shape[1:]) - np.swapaxes(strains_here, 0, 1)
                 at_points = np.einsum("pmk,pmk,p->p", left, left, weights)
-                energies[cells[some]] = at_points.reshape(len(cells[some]), -1).sum(axis=1)
+                energies[cells[block]] = at_points.reshape(len(cells[block]), -1).sum(axis=1)
         return energies
 
     def _strains(self, shapes: Array) -> CellStrains:
@@ -377,9 +377,9 @@ def _scaled(
     strains: CellStrains, root: Array, cells: IntArray
 ) -> Iterator[tuple[slice, Array, Array]]:
     """Yield (some cells, R × strains (components, points, k), weights (points,)) in blocks."""
-    for some in strains.quadrature.slices(cells):
-        values, weights = strains.at(cells[some])
-        yield some, (root @ values.reshape(len(values), -1)).reshape(values.shape), weights
+    for block in strains.quadrature.slices(cells):
+        values, weights = strains.at(cells[block])
+        yield block, (root @ values.reshape(len(values), -1)).reshape(values.shape), weights
 
 
 def stiffness(material: Material, dim: int) -> Array:

@@ -393,13 +393,13 @@ def _dense_modes(
     return omega, phi
 
 
-def residuals(structure: Structure, modes: Modes, held: SiteShapes | None = None) -> Array:
+def residuals(structure: Structure, modes: Modes, sites: SiteShapes | None = None) -> Array:
     """Relative residual ‖Kφ - ω²Mφ − reactions of the sites‖ / ‖Kφ‖ (k,) of each mode."""
     forces = multiply(structure.K, modes.phi)
     residual_forces = forces - multiply(structure.M, modes.phi) * modes.omega**2
-    if held is not None:  # loadᵀΦ = 1 gives the reactions
-        residual_forces = residual_forces - held.load @ dot(
-            structure.comm, held.phi, residual_forces
+    if sites is not None:  # loadᵀΦ = 1 gives the reactions
+        residual_forces = residual_forces - sites.load @ dot(
+            structure.comm, sites.phi, residual_forces
         )
     size_of_residual, size = np.split(
         structure.factorize().force_sizes(np.hstack([residual_forces, forces])), 2

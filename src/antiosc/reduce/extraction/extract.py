@@ -328,8 +328,8 @@ def extract(
     choice("error", error, (None, "estimate"))
     options = _checked_options(structure, n, method, tol, band, accuracy)
     stretch = checked_count(stretch)
-    given = as_damping(damping)
-    if given is not None:
+    damping_of_modes = as_damping(damping)
+    if damping_of_modes is not None:
         refuse_dampers(structure, "damping=")
     errors: ModelErrors | None = None
     if error is not None:
@@ -344,14 +344,14 @@ def extract(
     if (
         names
     ):  # one model has as many anti-oscillators for several sites, and a static shape of each
-        columns = 1 + (sum(1 + len(one.across) for one in targets) - 1) / SOLVES
+        columns = 1 + (sum(1 + len(target.across) for target in targets) - 1) / SOLVES
     structure.factorize(max(columns, AS_SITES) if method == "modes" else columns)
     spent = time.perf_counter() - started
     if not factored:
         spent -= structure.seconds["factorization"]
-    groups: list[Columns] = [{UNNAMED: [one]} for one in targets]
+    groups: list[Columns] = [{UNNAMED: [target]} for target in targets]
     if names:
-        groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
+        groups = [{n: [target, *target.across] for n, target in zip(names, targets, strict=True)}]
     models: list[AntiOscillators] = []
     for first in range(0, len(groups), width):
         models += models_of(
@@ -361,8 +361,8 @@ def extract(
             log.info("extracted %d of %d sites", len(models), len(groups))
     if stretch is not False:
         models = [with_stretch(structure, model, stretch) for model in models]
-    if given is not None:
-        models = [replace(model, damping=given) for model in models]
+    if damping_of_modes is not None:
+        models = [replace(model, damping=damping_of_modes) for model in models]
     if isinstance(site, list | tuple):
         return models
     return models[0]

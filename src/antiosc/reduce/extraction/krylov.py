@@ -341,9 +341,9 @@ class Lanczos:
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             energy = float(dot(self._comm, w, load))
-            lost = self._solver.error * np.sqrt(max(energy, 0.0))
+            dropped = self._solver.error * np.sqrt(max(energy, 0.0))
             size = energy if i >= self._inertial else 0.0
-            self._dropped[int(self.applied >= 0)] += lost + self._add(w, load, size)
+            self._dropped[int(self.applied >= 0)] += dropped + self._add(w, load, size)
         self.applied = first
         self.load = self._project()
         new = self.vectors[:, first:]
@@ -371,13 +371,13 @@ class Lanczos:
         rest = self._c[n:]
         shift = self._shift
         following = self.H[n:, :n] @ eigenvectors
-        none, beside = self._dropped
+        none, dropped_norms = self._dropped
 
         def bound(x: ComplexArray) -> Array:
             z = x + shift
             X = start / (1 - z[:, None] * theta)[:, :, None]
             Q = spectral_norms(rest + z[:, None, None] * (following @ X))
-            Q += none + beside * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
+            Q += none + dropped_norms * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
             return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
 
         return bound
@@ -421,15 +421,15 @@ def by_krylov(
         Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
-    done: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
+    results: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
     if band is None:
-        done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
+        results = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
     with doing("extracting anti-oscillators", structure.comm.rank) as further:
         step = 0
-        while len(done) < len(runs):
+        while len(results) < len(runs):
             step += 1
-            further(f"step {step}, about {max(counts)}; {len(done)} of {len(runs)} models done")
-            active = [i for i in range(len(runs)) if i not in done]
+            further(f"step {step}, about {max(counts)}; {len(results)} of {len(runs)} models done")
+            active = [i for i in range(len(runs)) if i not in results]
             loads = [runs[i].load for i in active]
             shapes = statics[0].solver.solve_block(np.hstack(loads))
             ends = np.cumsum([load.shape[1] for load in loads])
@@ -443,10 +443,10 @@ def by_krylov(
                     count = _finished(runs[i], before, counts[i], tol, band, accuracy)
                     bound = None if band is None or count is None else runs[i].remainder(count)
                 if count is not None:
-                    done[i] = runs[i].modes(count), bound
+                    results[i] = runs[i].modes(count), bound
                     runs[i].release()
-            log.debug("Krylov step: %d of %d models done", len(done), len(runs))
-    return [done[i] for i in range(len(runs))]
+            log.debug("Krylov step: %d of %d models done", len(results), len(runs))
+    return [results[i] for i in range(len(runs))]
 
 
 def _enough(
@@ -459,8 +459,8 @@ def _enough(
     if not tried:
         return None, None
     reached = run.damped_error(tried, band)
-    enough = tried == n or run.exhausted or reached.error <= accuracy
-    return (tried if enough else None), reached
+    sufficient = tried == n or run.exhausted or reached.error <= accuracy
+    return (tried if sufficient else None), reached
 
 
 def _finished(
@@ -471,8 +471,8 @@ def _finished(
     """
     if band is not None:
         tried = min(run.applied, n)  # the truncation error of these is known only now
-        enough = tried == n or run.exhausted
-        if enough or (tried and run.error(tried, band) <= accuracy):
+        sufficient = tried == n or run.exhausted
+        if sufficient or (tried and run.error(tried, band) <= accuracy):
             return tried
         return None
     for count in range(max(before + 1, n), run.steps + 1):

@@ -73,22 +73,24 @@ def checked_modes(
             "rigid body: some part is attached by a hinge, a single common point or line; join it "
             "along a face."
         )
-    off = known.off
+    residual_forces = known.off
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
     strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
     sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    equation = {"residual": off} if method == "modes" else {"projection": projection}
+    equation = {"residual": residual_forces} if method == "modes" else {"projection": projection}
     measured = {
         **{name: float(np.abs(value).max(initial=0.0)) for name, value in equation.items()},
-        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
+        "orthogonality": float(
+            np.abs(known.masses - np.eye(len(residual_forces))).max(initial=0.0)
+        ),
         "constraint": _displacement(comm, static.load, modes.phi),
         "mass": _excess(static.mass, known.P),
         "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }
     for name, value in measured.items():
         check_limit(name, value, FORCES if name == "residual" else CHECK, comm)
-    return measured, int(np.sum(off < CONVERGED))
+    return measured, int(np.sum(residual_forces < CONVERGED))
 
 
 def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:

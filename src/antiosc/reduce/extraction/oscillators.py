@@ -116,7 +116,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         parts.append(
             [*products, _forces_left(structure, static, modes.omega[columns], k_phi, m_phi)]
         )
-    stiffnesses, coupling, masses, off = (
+    stiffnesses, coupling, masses, residual_forces = (
         np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)
     )
     return ConstraintModes(
@@ -128,7 +128,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         stiffnesses=stiffnesses,
         masses=masses,
         coupling=coupling.T,
-        off=off,
+        off=residual_forces,
     )
 
 
@@ -195,12 +195,12 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     turn = np.zeros((len(omega), len(order)))
     for column, i in enumerate(order):
         turn[mixed[i][0], column] = mixed[i][1]
-    lost = known.P - turn @ P[order]  # what is not kept goes back to m0
+    dropped = known.P - turn @ P[order]  # what is not kept goes back to m0
     return Selection(
-        m0=semidefinite(known.m0 + lost.T @ lost),
+        m0=semidefinite(known.m0 + dropped.T @ dropped),
         P=P[order],
         omega=np.sqrt(poles[order]),
-        residual=known.residual + known.modes.phi @ lost,
+        residual=known.residual + known.modes.phi @ dropped,
         phi=known.modes.phi @ turn,
         unobservable=len(omega) - modes,
         merged=modes - len(seen),
@@ -215,12 +215,12 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
     if P.shape[1] == 1:
         least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
         P = np.where(np.abs(P) < least, least, P)
-    lost = np.delete(known.P, order, axis=0)
+    dropped = np.delete(known.P, order, axis=0)
     return Selection(
-        m0=semidefinite(known.m0 + lost.T @ lost),
+        m0=semidefinite(known.m0 + dropped.T @ dropped),
         P=P,
         omega=known.modes.omega[order],
-        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lost,
+        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ dropped,
         phi=known.modes.phi[:, order],
         unobservable=0,
         merged=0,
@@ -279,10 +279,12 @@ def by_modes(
         known = lumped(structure, static, modes)
         selected = oscillators(known, n, tol)
         remainder = None if band is None else left_out(known)
-        enough = modes.complete or count >= most or len(selected.omega) >= n or not known.m0.any()
-        if not enough and remainder is not None and band is not None:
-            enough = error_bound(structure, known, remainder, selected, band)[0] <= accuracy
-        if enough:
+        sufficient = (
+            modes.complete or count >= most or len(selected.omega) >= n or not known.m0.any()
+        )
+        if not sufficient and remainder is not None and band is not None:
+            sufficient = error_bound(structure, known, remainder, selected, band)[0] <= accuracy
+        if sufficient:
             return modes, remainder
         count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
@@ -348,18 +350,24 @@ def error_bound(
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
     stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
     error = remainder(x) + change + stored + _rounding(structure, known, x)
-    off = (1 + SAMPLE_RISE) * error / sizes[:, -1]
-    off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
+    dropped_error = (1 + SAMPLE_RISE) * error / sizes[:, -1]
+    dropped_error = np.where(
+        dropped_error < 1,
+        dropped_error / np.where(dropped_error < 1, 1 - dropped_error, 1.0),
+        np.inf,
+    )
     # with the weak rigid-body modes: H = H_e - a aᵀ/x
     moved = static.weak.T @ static.weak / x[:, None, None]
-    whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
-    off = off * spectral_norms(whole)
+    ratio = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
+    dropped_error = dropped_error * spectral_norms(ratio)
     # displacements of the sites in rigid-body motions: their rounding, and what is left out
     rounding = spectral_norms(static.uncertainty[None])
     largest = static.moved.max(initial=0.0) + spectral_norms(static.weak[None])
     hidden = spectral_norms(static.missed[None]) + rounding
-    off = off + spectral_norms(elastic @ whole) / np.abs(x) * (hidden**2 + 2 * largest * rounding)
-    return float(np.max(off)), float(np.sqrt(x[0]).real)
+    dropped_error = dropped_error + spectral_norms(elastic @ ratio) / np.abs(x) * (
+        hidden**2 + 2 * largest * rounding
+    )
+    return float(np.max(dropped_error)), float(np.sqrt(x[0]).real)
 
 
 def left_out(known: ConstraintModes) -> Remainder:
@@ -409,8 +417,8 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        off = np.abs(matrix[np.ix_(real, real)]) @ amplitudes
-        error += times * spectral_norms(amplitudes.transpose(0, 2, 1) @ off)
+        off_diagonal = np.abs(matrix[np.ix_(real, real)]) @ amplitudes
+        error += times * spectral_norms(amplitudes.transpose(0, 2, 1) @ off_diagonal)
     return error
 
 

@@ -336,11 +336,11 @@ def superposition(
             break
         count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
     if len(seen.omega) < n and not modes.complete:
-        few = (
+        observable = (
             f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
             f"site, fewer than n = {n}: the model contains these."
         )
-        on_root(structure.comm, partial(warn, few, AccuracyWarning))
+        on_root(structure.comm, partial(warn, observable, AccuracyWarning))
     selected = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept

@@ -344,9 +344,9 @@ def _across(
     if not tangential_sites or sites_found.weighted is None:
         return [()] * len(sites)
     for across in tangents(sites_found.directions, "z" not in structure.form.components):
-        whole = loads(structure, sites_found.weighted, across)
-        free = on_free_dofs(structure, whole)
-        moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, whole)
+        tangential_loads = loads(structure, sites_found.weighted, across)
+        free = on_free_dofs(structure, tangential_loads)
+        moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, tangential_loads)
         columns = free.toarray().T * moving[:, None]
         for i in tangential_sites:
             b = np.ascontiguousarray(columns[i])
@@ -393,11 +393,11 @@ def _check_distance(
     mesh: Mesh, extent: float, site: Site, points: Array, nearest: ClosestPoint
 ) -> None:
     """InputError for a site far from the mesh; `points` (2, 3): the site and the nearest point."""
-    on = ON_STRUCTURE * extent
-    if site.snap is False and nearest.distance <= on:
+    tolerance = ON_STRUCTURE * extent
+    if site.snap is False and nearest.distance <= tolerance:
         return
     free = isinstance(site.snap, bool)
-    reach = Reach("the point of the site", None if free else max(site.snap, on))
+    reach = Reach("the point of the site", None if free else max(site.snap, tolerance))
     reach.check(points[0], points[1], extent, partial(size_at, mesh, nearest))
     if site.snap is False:
         raise InputError(

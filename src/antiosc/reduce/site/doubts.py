@@ -129,8 +129,8 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
     times = 1.0 if kind.outside else COARSE_SHEET
     which = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
     if kind.sheet and sites.contact is not None:
-        usual = [material.patch_radius for material, _ in structure.parts]
-        thickness = np.array(usual, dtype=float)
+        default_radii = [material.patch_radius for material, _ in structure.parts]
+        thickness = np.array(default_radii, dtype=float)
         which &= sites.size < THIN * thickness[sites.contact.label]
     i = int(np.argmax(np.where(which, sites.size / sites.radii, 0.0)))
     size, radius = sites.size[i], sites.radii[i]

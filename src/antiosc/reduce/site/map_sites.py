@@ -88,37 +88,37 @@ def targets(where: object) -> Sequence[str] | None:
     return names
 
 
-def joined(found: Sequence[MapSites]) -> MapSites:
+def joined(surfaces: Sequence[MapSites]) -> MapSites:
     """The sites of several surfaces, concatenated.
 
     If one surface has triangles, segments of lines are dropped: their sites stand alone.
     """
-    if len(found) == 1:
-        return found[0]
-    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in found)
+    if len(surfaces) == 1:
+        return surfaces[0]
+    faces = any(len(surface.elements) and surface.elements.shape[1] == 3 for surface in surfaces)
     corners = 3 if faces else 2
-    starts = np.cumsum([0, *(len(surface.sites) for surface in found)])
+    starts = np.cumsum([0, *(len(surface.sites) for surface in surfaces)])
     elements = [
         surface.elements + start
-        for surface, start in zip(found, starts[:-1], strict=True)
+        for surface, start in zip(surfaces, starts[:-1], strict=True)
         if surface.elements.shape[1] == corners
     ]
     columns = {
-        name: np.concatenate([getattr(surface.sites, name) for surface in found])
-        for name in vars(found[0].sites)
+        name: np.concatenate([getattr(surface.sites, name) for surface in surfaces])
+        for name in vars(surfaces[0].sites)
         if name not in ("loads", "weighted", "contact")
     }
-    loads = scipy.sparse.hstack([surface.sites.loads for surface in found]).tocsr()
-    counts_before = np.cumsum([0, *(surface.count for surface in found)])[:-1]
+    loads = scipy.sparse.hstack([surface.sites.loads for surface in surfaces]).tocsr()
+    counts_before = np.cumsum([0, *(surface.count for surface in surfaces)])[:-1]
     return MapSites(
         Sites(loads=loads, **columns),
         np.concatenate([np.zeros((0, corners), dtype=int), *elements]),
         np.concatenate(
-            [surface.kept + start for surface, start in zip(found, counts_before, strict=True)]
+            [surface.kept + start for surface, start in zip(surfaces, counts_before, strict=True)]
         ),
-        sum(surface.count for surface in found),
-        np.concatenate([surface.names for surface in found]),
-        min(surface.dimension for surface in found),
+        sum(surface.count for surface in surfaces),
+        np.concatenate([surface.names for surface in surfaces]),
+        min(surface.dimension for surface in surfaces),
     )
 
 
@@ -169,15 +169,15 @@ def sites_of(
     )
 
 
-def movable(found: MapSites, where: object) -> MapSites:
-    """`found` itself; InputError if it has no sites."""
-    if not len(found.sites):
-        on = f" on {where!r}" if isinstance(where, str) else ""
+def movable(sites: MapSites, where: object) -> MapSites:
+    """`sites` itself; InputError if it has no sites."""
+    if not len(sites.sites):
+        place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(
-            f"no site of the map can move{on}: supports fix the whole surface, or there is no "
+            f"no site of the map can move{place}: supports fix the whole surface, or there is no "
             "surface under the patches; give another group."
         )
-    return found
+    return sites
 
 
 def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:

@@ -185,7 +185,7 @@ class Released:
                 for term in springs_or_terms:
                     at = None if term.point is None else member.at.placed(term.point[None])[0]
                     kind.append(Element(term.name and prefix + term.name, at, member.rows, term))
-        springs = [one for one in springs if one.name]
+        springs = [spring for spring in springs if spring.name]
         return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
 
     def _functional(self, site: Site) -> Functional:
@@ -284,19 +284,19 @@ class Released:
 
 def _centre(member: Member, dofs: IntArray) -> Array:
     """Mean coordinates (3,) of dofs of a part, over all of its ranks."""
-    there = member.nodes[dofs // member.block]
+    coordinates = member.nodes[dofs // member.block]
     comm = member.part.comm
-    total = comm.allreduce(there.sum(axis=0))
-    count = comm.allreduce(len(there))
+    total = comm.allreduce(coordinates.sum(axis=0))
+    count = comm.allreduce(len(coordinates))
     return np.asarray(total / max(count, 1))
 
 
-def names_of(supports: Sequence[Support], taken: Container[str] = ()) -> list[str]:
-    """Names of supports: their groups, or "support 1", "support 2", … that are not in `taken`."""
+def names_of(supports: Sequence[Support], used: Container[str] = ()) -> list[str]:
+    """Names of supports: their groups, or "support 1", "support 2", … that are not in `used`."""
     names: list[str] = []
     for number, support in enumerate(supports, start=1):
         name = support.where if isinstance(support.where, str) else f"support {number}"
-        names.append(f"{name} ({number})" if name in taken or name in names else name)
+        names.append(f"{name} ({number})" if name in used or name in names else name)
     return names
 
 

@@ -78,12 +78,16 @@ def segment(count: int) -> tuple[Array, Array]:
 
 
 def patches(
-    faces: Faces, points: Array, radii: Array, contact: SurfaceAtSites, taken: Sequence[Faces] = ()
+    faces: Faces,
+    points: Array,
+    radii: Array,
+    contact: SurfaceAtSites,
+    used_faces: Sequence[Faces] = (),
 ) -> tuple[Points, Array]:
     """(weighted points of patches on this rank, share of each patch on its faces (P,)).
 
     The quadrature resolves the smaller of the patch and the faces under it. If an edge cuts a
-    patch, its weights are scaled to a unit force. Points on `taken` faces do not count.
+    patch, its weights are scaled to a unit force. Points on `used_faces` faces do not count.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS[faces.dim])
@@ -91,13 +95,13 @@ def patches(
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
     share = np.zeros(len(points))
     point_sets = []
-    for count, even in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
+    for count, is_flat in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
         rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
-        members = np.flatnonzero((rings == count) & (flat == even))
-        rise = FLAT_RISE if even else MOST_RISE
+        members = np.flatnonzero((rings == count) & (flat == is_flat))
+        rise = FLAT_RISE if is_flat else MOST_RISE
         for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
             points_of_rule = _rule_on_faces(
-                faces, points, radii, contact.normals, part, rule, weights, rise, taken
+                faces, points, radii, contact.normals, part, rule, weights, rise, used_faces
             )
             share[part] = points_of_rule[1]
             point_sets.append(points_of_rule[0])
@@ -113,7 +117,7 @@ def _rule_on_faces(
     rule: Array,
     weights: Array,
     rise: float,
-    taken: Sequence[Faces],
+    used_faces: Sequence[Faces],
 ) -> tuple[Points, Array]:
     """The points of one quadrature rule, projected on the faces at some sites; see `patches`."""
     comm = faces.mesh.comm
@@ -131,15 +135,15 @@ def _rule_on_faces(
     line = x.reshape(-1, 3), np.repeat(normal, count, axis=0), rise * float(radii[part].max())
     face, xi, distance = faces.along(*line)
     ranks = np.array(comm.allgather(distance))
-    on = np.isfinite(ranks).any(axis=0)
-    for others in taken:
-        on &= ~np.isfinite(comm.allgather(others.along(*line)[2])).any(axis=0)
-    share = (np.tile(weights, len(part)) * on).reshape(len(part), count).sum(axis=1)
-    mine = np.flatnonzero(on & (ranks.argmin(axis=0) == comm.rank))
-    at = mine // count
-    weight = np.tile(weights, len(part))[mine] / share[at]
-    reference = faces.reference(face[mine], xi[mine])
-    return Points(part[at], faces.cells[face[mine]], reference, weight), share
+    hit = np.isfinite(ranks).any(axis=0)
+    for others in used_faces:
+        hit &= ~np.isfinite(comm.allgather(others.along(*line)[2])).any(axis=0)
+    share = (np.tile(weights, len(part)) * hit).reshape(len(part), count).sum(axis=1)
+    owned = np.flatnonzero(hit & (ranks.argmin(axis=0) == comm.rank))
+    at = owned // count
+    weight = np.tile(weights, len(part))[owned] / share[at]
+    reference = faces.reference(face[owned], xi[owned])
+    return Points(part[at], faces.cells[face[owned]], reference, weight), share
 
 
 def loads(structure: MeshedStructure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
@@ -262,15 +266,15 @@ def located(
     point_sets = []
     contact = None
     own_radii = [material.patch_radius for material, _ in structure.parts]
-    usual = np.array([np.nan if radius is None else radius for radius in own_radii])
-    patch = np.isfinite(usual).all() | has_radius
+    default_radii = np.array([np.nan if radius is None else radius for radius in own_radii])
+    patch = np.isfinite(default_radii).all() | has_radius
     if patch.any():
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
         if not has_radius[patch].all():
             near = np.full(count, ON_SHEET * mesh.extent())
             part = faces.contact(points, directions, near, labels).label
-            radii = np.where(has_radius, radii, usual[part])
+            radii = np.where(has_radius, radii, default_radii[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
         on_patches, share[patch] = patches(faces, points[patch], radii[patch], contact)
         point_sets.append(replace(on_patches, site=np.flatnonzero(patch)[on_patches.site]))
