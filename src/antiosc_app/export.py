@@ -338,7 +338,7 @@ def export(
         return
     tol = checks.tolerance(tol)
     if scene is not None:
-        data = of_scene(scene, duration, tol, plain=scene is not exported)
+        data = of_scene(scene, duration, tol, without_body=scene is not exported)
     else:
         data = of_model(exported)
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}

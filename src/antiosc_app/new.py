@@ -224,8 +224,8 @@ class Inspection:
             largest = BALL_OVER_LENGTH * self.length
         else:
             largest = BALL_OVER_PATCH[self.of_deck] * self.radius
-        wanted = min(LARGEST_BALL, float(f"{largest:.1g}"))
-        return min(wanted, float(f"{BALL_OVER_ROOM * self.room:.2g}"))
+        preferred = min(LARGEST_BALL, float(f"{largest:.1g}"))
+        return min(preferred, float(f"{BALL_OVER_ROOM * self.room:.2g}"))
 
     @property
     def stiffness(self) -> float | None:
@@ -269,12 +269,12 @@ class Inspection:
         if self.of_deck:
             return unit
         longest = float((self.high - self.low).max()) / UnitSystem.of(unit).length
-        others = [
+        unit_texts = [
             f"{engineering(longest * UnitSystem.of(other).length, 'm')} in {other}"
             for other in ("mm", "in", "m")
             if other != unit
         ]
-        return f"{unit}, not stated there (it would measure {' or '.join(others)})"
+        return f"{unit}, not stated there (it would measure {' or '.join(unit_texts)})"
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
@@ -496,10 +496,10 @@ def _held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     try:
         motion = np.ones((structure.rows, 1))
         motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
-        nodes, _, moved = source(structure).at_nodes(structure, motion)
+        nodes, _, displacements = source(structure).at_nodes(structure, motion)
     except AntioscError:  # matrices alone have no nodes
         return np.zeros(len(x), dtype=bool)
-    fixed = ~np.any(moved, axis=(1, 2))
+    fixed = ~np.any(displacements, axis=(1, 2))
     if not fixed.any():
         return np.zeros(len(x), dtype=bool)
     distance = cKDTree(nodes[fixed]).query(x)[0]
@@ -592,8 +592,8 @@ def _movable(
 def _spread(sites: Iterator[T]) -> Iterator[T]:
     """Yield the first sites, then a sample of the others."""
     yield from islice(sites, MOST_TRIED)
-    others = list(sites)
-    yield from others[:: 1 + len(others) // MOST_TRIED]
+    remaining = list(sites)
+    yield from remaining[:: 1 + len(remaining) // MOST_TRIED]
 
 
 def _groups_with(mesh: Mesh, words: Sequence[str]) -> tuple[str, ...]:
@@ -983,8 +983,8 @@ def write_scene(
     if inspection.pieces:
         boxes = partial(pieces.draw, inspection.pieces, chosen=inspection.read.get("piece"))
         pictures[pieces.ENDING] = ("its pieces, of which piece = 2 is the second", boxes)
-    for ending, (about, draw_it) in pictures.items():
-        sentences += _picture(target.with_suffix(ending), about, draw_it)
+    for ending, (caption, draw_it) in pictures.items():
+        sentences += _picture(target.with_suffix(ending), caption, draw_it)
     return target, sentences
 
 

@@ -225,9 +225,9 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     data, headline = _live(results)
     one_view = data is not None and data.get("part") is not None
     program = f"antiosc {info.version()}"
-    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+    date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
-    names = [program, python, now]
+    names = [program, python, date]
     source = ""
     if results.compiled is not None:
         path = results.compiled.document.path

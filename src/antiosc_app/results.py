@@ -141,10 +141,10 @@ def spectrum(model: AntiOscillators, ax: Axes) -> None:
 
 def escaped(name: str) -> str:
     """A name from the scene as plain text in a picture, without formulas."""
-    shown = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
-    if len(shown) <= 60:
-        return shown
-    return f"{shown[:57]}…"
+    printable = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
+    if len(printable) <= 60:
+        return printable
+    return f"{printable[:57]}…"
 
 
 #: (name, value) rows; a table as name of a column -> its values.
@@ -502,28 +502,30 @@ def _of_impact(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
     contacts = _contacts(results.history)
     forces = [(f"{a} – {b}", contact.time, contact.force) for (a, b), contact in contacts.items()]
     several = partial(curves, forces, "contact force (N)")
-    about = "Force (N) over time; an estimated error of 0.5 % or more is drawn as a band."
-    pictures = [chart("Contact force", about, several if contacts else partial(plot_force, hit))]
+    caption = "Force (N) over time; an estimated error of 0.5 % or more is drawn as a band."
+    pictures = [chart("Contact force", caption, several if contacts else partial(plot_force, hit))]
     if not contacts:
-        about = "Displacements of the site and of the impactor over time."
-        pictures.append(chart("Displacements", about, partial(plot_motion, hit)))
+        caption = "Displacements of the site and of the impactor over time."
+        pictures.append(chart("Displacements", caption, partial(plot_motion, hit)))
     energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGIES]
-    about = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."
-    pictures.append(chart("Energies", about, partial(curves, energies, "energy (J)")))
+    caption = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."
+    pictures.append(chart("Energies", caption, partial(curves, energies, "energy (J)")))
     if probes:
-        about = "The component of each probe with the largest value; of probes with several units"
-        about += " each is divided by its largest value, which the legend states."
-        pictures.append(chart("Probes", about, partial(_signals, probes)))
+        caption = "The component of each probe with the largest value; of probes with several units"
+        caption += " each is divided by its largest value, which the legend states."
+        pictures.append(chart("Probes", caption, partial(_signals, probes)))
     if results.structure is not None:
-        about = "The structure at the time of the largest displacement of its site, or of the"
-        about += " largest force; displacements are drawn larger by the factor stated."
+        caption = "The structure at the time of the largest displacement of its site, or of the"
+        caption += " largest force; displacements are drawn larger by the factor stated."
         arrow = _struck(results.model)
         for name, view in (VIEWS if arrow else {"": None}).items():
             draw = partial(plot_deformed, results.structure, hit, view=view, **arrow)
-            pictures.append(Picture(f"Deformed structure{name}", about, draw, same_view=bool(name)))
+            pictures.append(
+                Picture(f"Deformed structure{name}", caption, draw, same_view=bool(name))
+            )
     for name, peak in (results.stresses or {}).items():
-        about = f"The largest value at each node over the run: {_words(name)}."
-        pictures.append(Picture("Largest stress", about, peak.plot))
+        caption = f"The largest value at each node over the run: {_words(name)}."
+        pictures.append(Picture("Largest stress", caption, peak.plot))
     return pictures
 
 
@@ -572,8 +574,8 @@ class Probe:
             return dict.fromkeys(names.split(), unit)
         if self.quantity == "section_forces":
             return SECTION_FORCES[count]
-        alone = (self.quantity, count) == ("rotation", 1)
-        return dict.fromkeys("z" if alone else "xyz"[:count], unit)
+        is_plane = (self.quantity, count) == ("rotation", 1)
+        return dict.fromkeys("z" if is_plane else "xyz"[:count], unit)
 
     def table(self) -> Columns:
         """The columns of a file."""
@@ -653,12 +655,12 @@ def _fall(results: SceneResults) -> Presentation:
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
     if is_single:
-        about = "The part as it first touches, the heights (m), the energies (J) and the peak"
-        pictures.append(Picture("Fall", f"{about} forces of the impacts (N).", fall.plot))
+        caption = "The part as it first touches, the heights (m), the energies (J) and the peak"
+        pictures.append(Picture("Fall", f"{caption} forces of the impacts (N).", fall.plot))
     if worst is not None:
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
-        about = "The largest value at each node over all impacts."
-        pictures.append(Picture("Largest stress", about, worst.plot))
+        caption = "The largest value at each node over all impacts."
+        pictures.append(Picture("Largest stress", caption, worst.plot))
     return Presentation(
         text=[fall.summary() if is_single else format_columns(table), format_rows(rows)],
         tables={"fall.csv": table},
@@ -698,14 +700,14 @@ def how_it_ended(message: str) -> str:
 def _blow(results: SceneResults) -> Presentation:
     """The result of `find_impact`."""
     blow = results.found
-    about = "Signals in the band that is compared, and the contact force (N) that was found."
+    caption = "Signals in the band that is compared, and the contact force (N) that was found."
     return Presentation(
         text=[blow.summary()],
         tables={"force.csv": {"time (s)": blow.time, "force (N)": blow.force}},
         numbers={"found": blow.numbers()},
         plotted={"found": blow},
         sections={"Blow": [blow.rows(), blow.message]},
-        pictures=[Picture("Signals and force", about, blow.plot)],
+        pictures=[Picture("Signals and force", caption, blow.plot)],
     )
 
 
@@ -730,13 +732,13 @@ def _sweep(results: SceneResults) -> Presentation:
         ax.set_xlabel(escaped(f"{name} (SI)"))
         ax.set_ylabel("peak force (N)")
 
-    about = "Peak force (N) of each impact, over the first value that varies."
+    caption = "Peak force (N) of each impact, over the first value that varies."
     return Presentation(
         [format_columns(table)],
         {"sweep.csv": table},
         {"sweep": table},
         sections={"Sweep": [table]},
-        pictures=[chart("Sweep", about, draw)],
+        pictures=[chart("Sweep", caption, draw)],
     )
 
 
@@ -771,14 +773,16 @@ def _sample(results: SceneResults) -> Presentation:
     sample = results.sample
     table = _quantiles(results.sample, QUANTITIES)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
-    about = "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
+    caption = (
+        "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
+    )
     return Presentation(
         text=[format_columns(table)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={"monte_carlo": table},
         plotted={"monte_carlo": sample},
         sections={"Random values": [table]},
-        pictures=[Picture("Random values", about, sample.plot, ".svg")],
+        pictures=[Picture("Random values", caption, sample.plot, ".svg")],
     )
 
 
@@ -796,7 +800,7 @@ def _tradeoff(results: SceneResults) -> Presentation:
         "bar": [percent(member.bar) for member in members],
         "to finest": [percent(member.difference) for member in members],
     }
-    about = (
+    caption = (
         "Error bars of methods with coarse and fine meshes, with few and many anti-oscillators, and"
         " their differences to the finest one, over the time of each."
     )
@@ -811,7 +815,7 @@ def _tradeoff(results: SceneResults) -> Presentation:
         numbers={"tradeoff": compared.numbers()},
         plotted={"tradeoff": compared},
         sections={"Speed against accuracy": [table, compared.message, *compared.notes]},
-        pictures=[chart("Speed against accuracy", about, draw)],
+        pictures=[chart("Speed against accuracy", caption, draw)],
     )
 
 

@@ -229,8 +229,8 @@ def of_model(model: LinearBody) -> RunData:
     )
 
 
-def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool) -> RunData:
-    """Data of a scene's run; `plain`: names of results without the body, as in `simulate`."""
+def of_scene(scene: SceneParts, duration: float | None, tol: float, without_body: bool) -> RunData:
+    """Data of a scene's run; `without_body`: names of results lack the body, as in `simulate`."""
     for contact in scene.contacts:
         if not is_compiled(contact.law):
             raise InputError(
@@ -242,7 +242,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     for span in spans:
         assembly = _assembled(scene, span, tol)
         converged, _ = integrate_exact(assembly, span, tol, None, *_MAX)
-        if not plain or not open_contacts(
+        if not without_body or not open_contacts(
             converged.run, assembly.system
         ):  # scenes may come to rest
             break
@@ -256,12 +256,12 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
         converged, tol, _MAX[1], lambda: energy_gain(assembly, converged.run)
     ):
         warn(message, AccuracyWarning)
-    names, modes, columns = _sites(assembly, plain)
+    names, modes, columns = _sites(assembly, without_body)
     shift = assembly.pushes(assembly.system.breaks) @ assembly.r
     ends = [(c.a, c.b) for c in scene.contacts]
-    contacts, contact_variables = _contact_outputs(ends, plain)
+    contacts, contact_variables = _contact_outputs(ends, without_body)
     sites, site_variables = _site_outputs(names)
-    parameters, starts = _initial_speeds(assembly, plain)
+    parameters, starts = _initial_speeds(assembly, without_body)
     span = float(span)  # its repr is that of C
     options = (LONGEST_RUN * span, converged.share, 0.0, 0.0, assembly.contact_time_estimate / FINE)
     return RunData(
@@ -316,22 +316,22 @@ def _column_names(body: SceneBody, prefix: str = "") -> list[str]:
     return names
 
 
-def _sites(assembly: Assembly, plain: bool) -> tuple[list[str], Array, list[int]]:
+def _sites(assembly: Assembly, without_body: bool) -> tuple[list[str], Array, list[int]]:
     """Names of all sites' columns, their modes (S, J), and the columns."""
     names: list[str] = []
     columns: list[int] = []
     for name, body in assembly.bodies.items():
         if isinstance(body.body, Obstacle):
             continue
-        prefix = {"structure": "", "impactor": "impactor_"}[name] if plain else name
+        prefix = {"structure": "", "impactor": "impactor_"}[name] if without_body else name
         span = range(assembly.columns[name].start, assembly.columns[name].stop)
         columns += span
-        names += [prefix for _ in span] if plain else _column_names(body, prefix)
+        names += [prefix for _ in span] if without_body else _column_names(body, prefix)
     return names, np.ascontiguousarray(assembly.B.T[columns]), columns
 
 
 def _contact_outputs(
-    contacts: Sequence[tuple[str, str]], plain: bool
+    contacts: Sequence[tuple[str, str]], without_body: bool
 ) -> tuple[NDArray[np.int32], list[Variable]]:
     """Output specifications and variables of contacts."""
     specs = []
@@ -339,7 +339,7 @@ def _contact_outputs(
     for c, (a, b) in enumerate(contacts):
         for kind, (name, unit) in OF_CONTACT.items():
             specs.append((kind, c))
-            full = name if plain else f"{a},{b}.{name}"
+            full = name if without_body else f"{a},{b}.{name}"
             description = f"{name.replace('_', ' ')} of the contact of {a} and {b}"
             variables.append(Variable(full, unit, description))
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
@@ -357,7 +357,7 @@ def _site_outputs(names: Sequence[str]) -> tuple[NDArray[np.int32], list[Variabl
     return np.array(specs, dtype=np.int32).reshape(-1, 2), variables
 
 
-def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Array]:
+def _initial_speeds(assembly: Assembly, without_body: bool) -> tuple[list[Variable], Array]:
     """Initial speeds of strikers that can be changed, and their modal velocities (N, J)."""
     variables: list[Variable] = []
     rows = []
@@ -371,7 +371,7 @@ def _initial_speeds(assembly: Assembly, plain: bool) -> tuple[list[Variable], Ar
         row = np.zeros(assembly.system.omega.size)
         row[assembly.spans[name]] = body.start / speed
         rows.append(row)
-        variable_name = "initial_velocity" if plain else f"{name}.initial_velocity"
+        variable_name = "initial_velocity" if without_body else f"{name}.initial_velocity"
         variables.append(Variable(variable_name, "m/s", f"velocity of {name} at the start", speed))
     return variables, np.array(rows).reshape(len(rows), assembly.system.omega.size)
 

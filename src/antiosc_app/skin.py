@@ -42,8 +42,8 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         drawn = surface(points, cells)
-        used, faces = np.unique(drawn.faces, return_inverse=True)
-        shape = geometry(drawn.points[used], faces.reshape(-1, 3))
+        used_points, faces = np.unique(drawn.faces, return_inverse=True)
+        shape = geometry(drawn.points[used_points], faces.reshape(-1, 3))
         shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
         return PageSkin(shape, *_with_usual(_groups(mesh), look))
     outer = Faces(mesh, mesh.tdim < 3)
@@ -57,8 +57,8 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if corners.shape[1] == 4:  # in tensor order: 0 1 / 2 3
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
         owner = np.tile(owner, 2)
-    used, faces = np.unique(corners, return_inverse=True)
-    shape = geometry(mesh.dolfinx.geometry.x[used], faces.reshape(-1, 3))
+    used_points, faces = np.unique(corners, return_inverse=True)
+    shape = geometry(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
     on_plane = _faces_on(outer, look.plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     beyond = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()

@@ -43,8 +43,10 @@ class View:
         html = rendered(
             live.FOLDER / "open.html", title=title, style=live.style(), script=program, drawn=""
         )
-        more = f"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors {frames}"
-        self._server = Server((html, f"{live.policy(program)}; {more}"), opened.calls)
+        directives = (
+            f"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors {frames}"
+        )
+        self._server = Server((html, f"{live.policy(program)}; {directives}"), opened.calls)
         self._server.start()
         self.address = self._server.address
 
@@ -104,16 +106,16 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
 
 def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
     """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known."""
-    shown = _shown(_file(path), None, NOBODY, unit)
-    say(f"{path} is open at {shown.address}\nit is for this machine alone; Ctrl-C ends it.")
+    page = _shown(_file(path), None, NOBODY, unit)
+    say(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
-        webbrowser.open(shown.address)
+        webbrowser.open(page.address)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
         say("closed.")
     finally:
-        shown.close()
+        page.close()
 
 
 def _file(part: str | os.PathLike[str]) -> Path:

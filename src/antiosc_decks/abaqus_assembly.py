@@ -154,9 +154,9 @@ class Whole:
         name = card.needed(card.keyword)
         within = card.within
         instance = self.instances[within.name.upper()]
-        if wanted := card.option("INSTANCE"):
-            message = f"there is no instance {wanted!r}."
-            instance = card.place.found(self.instances, wanted.upper(), message)
+        if instance_name := card.option("INSTANCE"):
+            message = f"there is no instance {instance_name!r}."
+            instance = card.place.found(self.instances, instance_name.upper(), message)
         members = [NONE]
         missing = []
         count = 0
@@ -195,8 +195,8 @@ class Whole:
             message = (
                 f"{card.place}: {len(missing)} of {count} members of *{keyword} {name} do not exist"
             )
-            shown = f"{', '.join(missing[:4])}{', …' * (len(missing) > 4)}"
-            self.deck.told.append(f"{message} ({shown}).")
+            missing_text = f"{', '.join(missing[:4])}{', …' * (len(missing) > 4)}"
+            self.deck.told.append(f"{message} ({missing_text}).")
         self._extend(keyword, name, within, members)
 
     def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
@@ -233,9 +233,9 @@ def read(sources: Sources) -> Whole:
     top, parts, placed = _divided(cards, assembled.steps)
     assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
-    used = {card.option("PART").upper() for card, _ in placed}
+    used_parts = {card.option("PART").upper() for card, _ in placed}
     for part, (spelled, _) in parts.items():
-        if part not in used:
+        if part not in used_parts:
             assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
     for card, moves in placed:
         assembled.add(_placed(assembled, card, moves, parts, meshes))
@@ -295,16 +295,16 @@ def _placed(
 ) -> Instance:
     """The instance of an *INSTANCE card: its mesh, rotation and translation."""
     name = card.needed("NAME")
-    wanted = card.option("PART")
-    message = f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
-    spelled, cards = card.place.found(parts, wanted.upper(), message)
+    part_name = card.option("PART")
+    message = f"the instance {name!r} is of the part {part_name!r}, which the deck does not define."
+    spelled, cards = card.place.found(parts, part_name.upper(), message)
     cards = [*cards, *instance_cards]
     if any(c.keyword in ("NODE", "ELEMENT") for c in instance_cards):
         mesh = mesh_of(cards, name)
     else:
-        if wanted.upper() not in meshes:
-            meshes[wanted.upper()] = mesh_of(cards, spelled)
-        mesh = meshes[wanted.upper()]
+        if part_name.upper() not in meshes:
+            meshes[part_name.upper()] = mesh_of(cards, spelled)
+        mesh = meshes[part_name.upper()]
     turn = np.eye(3)
     shift = np.zeros(3)
     rows = card.rows()

@@ -93,8 +93,8 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
         corners = sides[number - 1]
     edges = [frozenset(edge) for edge in EDGES[block.shape]]
     ring = zip(corners, (*corners[1:], corners[0]), strict=True)
-    around = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
-    return list(zip(block.corners[:, list(corners)], block.mids[:, around], strict=True))
+    edge_order = [edges.index(frozenset(pair)) for pair in ring] if block.mids.shape[1] else []
+    return list(zip(block.corners[:, list(corners)], block.mids[:, edge_order], strict=True))
 
 
 #: Default tolerance of a tie, as a share of the master's mean edge length (Abaqus).
@@ -130,28 +130,28 @@ def tie(
     size = float(np.mean(edges))
     centres = np.array([x.mean(axis=0) for _, x in faces])
     reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
-    far = 0
+    untied = 0
     nodes = slave.nodes
     for node in nodes[~np.isin(nodes, master.nodes)].tolist():
         point = joints.place(node)
         order = np.argsort(np.linalg.norm(centres - point, axis=1), kind="stable")[:TRIED]
         distance, leaders, weights = _nearest([faces[k] for k in order], point)
         if distance > reach:
-            far += 1
+            untied += 1
             continue
         with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
         for c in range(6 if with_rotations else 3):
             joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
     place.needs(
-        far != len(nodes),
+        untied != len(nodes),
         "*TIE joins nothing: no node of the slave surface lies within "
         f"{reach:.3g} of the master surface (POSITION TOLERANCE=).",
     )
     message = (
-        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
+        f"{place}: {untied} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
     )
-    return [f"{message}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(far)
+    return [f"{message}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(untied)
 
 
 def _nearest(
@@ -267,11 +267,11 @@ class _Joints:
             words: list[str] = []
             while len(words) < 3 * count:
                 place = row.place
-                more = next(rows, None)
-                if more is None:
+                next_row = next(rows, None)
+                if next_row is None:
                     terms_read = len(words) // 3
                     raise place.error(f"the *EQUATION ends after {terms_read} of {count} terms.")
-                row = more
+                row = next_row
                 words += row.fields + [""] * (-len(row.fields) % 3)
             if set(words[1 : 3 * count : 3]) == {TEMPERATURE}:  # moves nothing
                 continue
@@ -285,9 +285,9 @@ class _Joints:
         nodes = [row.card.within.nodes(word, place) for word, _, _ in triples]
         for (word, _, _), members in zip(triples, nodes, strict=True):
             place.needs(len(members), f"*EQUATION names {word!r}, a set without nodes.")
-        alone = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
+        is_single = len(nodes[0]) == 1 or sum(len(members) > 1 for members in nodes) == 1
         place.needs(
-            alone,
+            is_single,
             "*EQUATION between several sets of nodes pairs them by their order, "
             "which is not kept here; write one equation for each pair.",
         )
@@ -331,8 +331,8 @@ class _Joints:
                     )
             else:
                 pairs = [[node, nodes[-1]] for node in nodes[:-1]]  # a set, and the node it follows
-                alone = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
-                read_it = alone and all([self._pair(kind, pair, place) for pair in pairs])
+                is_single = len(nodes) == 2 or (len(words) == 2 and words[1].isdigit())
+                read_it = is_single and all([self._pair(kind, pair, place) for pair in pairs])
                 place.needs(
                     read_it,
                     f"the *MPC of type {kind} with {len(nodes)} nodes is not "
@@ -487,8 +487,8 @@ def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]
     for k, node in enumerate(nodes):
         if k not in spanning:
             s, t = np.linalg.lstsq(basis, x[k] - a, rcond=None)[0]
-            others = [(nodes[i], -w) for i, w in zip(spanning, (1 - s - t, s, t), strict=True)]
-            yield _along(normal(spanning) / area, [(node, 1.0), *others])
+            terms = [(nodes[i], -w) for i, w in zip(spanning, (1 - s - t, s, t), strict=True)]
+            yield _along(normal(spanning) / area, [(node, 1.0), *terms])
 
 
 def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:

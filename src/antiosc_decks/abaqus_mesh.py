@@ -153,9 +153,11 @@ def element_copies(
 ) -> Iterator[tuple[Block, IntArray, int]]:
     """*ELGEN: yields (copies, their numbers, number of the copied element)."""
     for row in card.rows():
-        master, *rest = (whole_number(word, row.place) for word in row.fields if word)
-        row.needs(rest, "2 numbers are needed at least.")
-        counts, shifts, steps = np.array([*rest, *[1] * (9 - len(rest))][:9]).reshape(3, 3).T
+        master, *increments = (whole_number(word, row.place) for word in row.fields if word)
+        row.needs(increments, "2 numbers are needed at least.")
+        counts, shifts, steps = (
+            np.array([*increments, *[1] * (9 - len(increments))][:9]).reshape(3, 3).T
+        )
         counts = np.maximum(counts, 1)
         total = int(np.prod(counts.astype(object)))
         row.needs(0 < total <= MOST_GENERATED, f"*ELGEN would make {total} elements.")
@@ -177,9 +179,9 @@ def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: DeckPlace) 
     label[nodes.order] = nodes.labels
 
     def moved(rows: IntArray) -> IntArray:
-        wanted = label[rows] + shift[:, None]
-        shifted = nodes.rows(wanted)
-        missing = wanted[shifted < 0]
+        new_labels = label[rows] + shift[:, None]
+        shifted = nodes.rows(new_labels)
+        missing = new_labels[shifted < 0]
         if len(missing):
             raise place.error(
                 f"*ELGEN needs the node {missing[0]}, which the deck does not define."
@@ -257,12 +259,11 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     coordinates = np.array(points, dtype=float).reshape(-1, 3)
     mesh.points = coordinates[last]
     mesh.nodes = Numbering(numbers[last])
-    apart = np.abs(mesh.points[mesh.nodes.rows(numbers)] - coordinates).max(axis=1)
-    moved = apart > 1e-9 * np.abs(coordinates).max(initial=0.0)
-    if moved.any():
-        message = (
-            f"the node {numbers[moved][0]} is defined at several places ({int(moved.sum())} such"
-        )
+    distances = np.abs(mesh.points[mesh.nodes.rows(numbers)] - coordinates).max(axis=1)
+    redefined = distances > 1e-9 * np.abs(coordinates).max(initial=0.0)
+    if redefined.any():
+        count = int(redefined.sum())
+        message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
         mesh.told.append(f"{message} lines): the last one is taken.")
     mesh.sets = [(which, name, mesh.nodes.rows(members)) for which, name, members in mesh.sets]
 

@@ -107,11 +107,11 @@ class Orientations:
         scope = card.within
         if self.cylindrical(name, by):
             a, b = np.reshape(first.reals(6), (2, 3)) @ scope.turn.T + scope.shift
-            apart = (a != b).any()
-            card.needs(apart, "a cylindrical *ORIENTATION needs two points on its axis.")
+            distinct = (a != b).any()
+            card.needs(distinct, "a cylindrical *ORIENTATION needs two points on its axis.")
             return around_axis(a, b, x)
-        plain = card.option("SYSTEM", "R").upper().startswith("R") and card.rows()
-        by_points = plain and "DEFINITION" not in card.options
+        rectangular = card.option("SYSTEM", "R").upper().startswith("R") and card.rows()
+        by_points = rectangular and "DEFINITION" not in card.options
         card.needs(by_points, "*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
         a, b, origin = np.reshape(first.reals(9), (3, 3)) @ scope.turn.T
         normal = np.cross(a - origin, b - origin)
@@ -265,9 +265,9 @@ class Sections:
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         """Raise the error of a section card that does not fit its elements."""
         kinds = ", ".join(sorted(types))
-        around = any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types)
+        axisymmetric = any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types)
         card.needs(
-            not around,
+            not axisymmetric,
             f"the elements {kinds} are axisymmetric, which is not supported; "
             "model the part, or a sector between planes of symmetry, by "
             "solids.",
@@ -434,8 +434,8 @@ class Sections:
                 angle = _angle_between(axis, directions, normals, row.place)
             layers.append(self.builder.layer(material, row.real(0), angle))
             solid = material.constants is not None and np.isfinite(material.constants).all()
-            around = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
-            if around and solid and material.isotropic is None:
+            cylindrical = any(self.orientations.cylindrical(n, card) for n in (name, row.word(3)))
+            if cylindrical and solid and material.isotropic is None:
                 message = (
                     f"the directions of the cylindrical *ORIENTATION ({card.place}) as CalculiX"
                 )

@@ -31,8 +31,10 @@ def chosen_elements(deck: Deck) -> BoolArray:
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
         if not len(members):
             known = sorted(n for n, rows in deck.element_sets.items() if len(rows))
-            shown = ", ".join(map(repr, known[:20])) or "none"
-            raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
+            known_text = ", ".join(map(repr, known[:20])) or "none"
+            raise MeshError(
+                f"{deck.name} has no elements of a part {name!r}; it has: {known_text}."
+            )
         chosen[members] = True
     if deck.piece is None:
         return chosen
@@ -375,8 +377,10 @@ def _section(builder: ModelBuilder, element: int, place: DeckPlace) -> tuple[int
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:
     """Raise the density of elements by `density`, in the deck's units."""
     for name, family, value, members in builder.grouped(elements, density):
-        more = value * builder.units.density
-        builder.add(name, members, family._replace(arguments=_heavier(family.arguments, more)))
+        added_density = value * builder.units.density
+        builder.add(
+            name, members, family._replace(arguments=_heavier(family.arguments, added_density))
+        )
 
 
 def _heavier(arguments: Json, density: float) -> Json:

@@ -346,8 +346,8 @@ def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
             f"{deck.name} has {len(pieces)} pieces that share no node; there is no "
             f"piece {deck.piece}."
         )
-    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
-    return np.asarray(chosen & (label == wanted))
+    piece = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
+    return np.asarray(chosen & (label == piece))
 
 
 def held_apart(

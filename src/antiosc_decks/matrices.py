@@ -227,17 +227,17 @@ def _whole(source: MatrixFile, text: bytes, line: int, least: int) -> list[int]:
     except ValueError:
         numbers = []
     if len(numbers) < least:
-        shown = text.decode("ascii", "replace").strip()[:60]
-        raise source.error(line, f"{least} whole numbers are expected; got {shown!r}.")
+        line_text = text.decode("ascii", "replace").strip()[:60]
+        raise source.error(line, f"{least} whole numbers are expected; got {line_text!r}.")
     return numbers
 
 
 def _format(source: MatrixFile, text: bytes) -> tuple[int, int]:
     """(numbers in a line, width of a number) of a Fortran format."""
-    shown = text.decode("ascii", "replace").strip()
-    match = _FORMAT.fullmatch(shown.upper().replace(" ", ""))
+    format_text = text.decode("ascii", "replace").strip()
+    match = _FORMAT.fullmatch(format_text.upper().replace(" ", ""))
     if match is None or int(match[3]) == 0 or match[1] == "0":
-        raise source.error(4, f"the Fortran format {shown!r} is not one of numbers.")
+        raise source.error(4, f"the Fortran format {format_text!r} is not one of numbers.")
     return int(match[1] or 1), int(match[3])
 
 
@@ -262,8 +262,8 @@ def _fields(
         try:
             values[done : done + count] = [float(fortran(field)) for field in fields]
         except ValueError:
-            shown = lines[k].decode("ascii", "replace").strip()[:60]
-            raise source.error(k + 1, f"{count} numbers are expected; got {shown!r}.") from None
+            line_text = lines[k].decode("ascii", "replace").strip()[:60]
+            raise source.error(k + 1, f"{count} numbers are expected; got {line_text!r}.") from None
         done += count
     return values
 
@@ -423,11 +423,11 @@ def _text_header(line: str) -> tuple[_Header, int, int]:
     line = line.rstrip().removesuffix("|I16")
     columns = int(line[:width])
     rows = int(line[width : 2 * width])
-    rest = line[2 * width :]
-    form = int(rest[:8])
-    kind = int(rest[8:16])
-    name = rest[16:24].strip()
-    layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
+    tail = line[2 * width :]
+    form = int(tail[:8])
+    kind = int(tail[8:16])
+    name = tail[16:24].strip()
+    layout = tail[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
     per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
     sound = columns >= 0 and 0 < form < 20 and 0 < kind < 5 and name[:1].isalpha()
     if not sound or per_line < 1 or size < 1:

@@ -398,9 +398,9 @@ def _own_ends(
         return {}  # both ends are equally far off along the height: by the section
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
-    moved = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
+    ends = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
     following = [tuple(c for c in range(6) if c not in released) for released in pins]
-    return {k: (places[k], following[k], axes) for k in moved}
+    return {k: (places[k], following[k], axes) for k in ends}
 
 
 def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
@@ -409,9 +409,9 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
     if not offsets.any():
         return offsets
     kind = entry.text(7).upper()
-    plain = not kind.isalpha() or not set(kind[1:]) & set("OE")
+    in_element_axes = not kind.isalpha() or not set(kind[1:]) & set("OE")
     entry.needs(
-        plain,
+        in_element_axes,
         f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
         "not supported; give them in the displacement system (GGG).",
     )

@@ -311,8 +311,8 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     """
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
-        first, *more = first.split() if first[:1].isalpha() else [first]
-        rest = [*more, *rest]  # blanks separate free fields, too
+        first, *further = first.split() if first[:1].isalpha() else [first]
+        rest = [*further, *rest]  # blanks separate free fields, too
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
         mark = "".join(rest[count : count + 1])

@@ -53,14 +53,14 @@ class CoordinateSystem:
         a, b, c = self.axes @ (x - self.origin)
         phi = math.atan2(b, a)
         outward = np.array([math.cos(phi), math.sin(phi), 0.0])
-        around = np.array([-outward[1], outward[0], 0.0])
+        tangential = np.array([-outward[1], outward[0], 0.0])
         z_axis = np.array([0.0, 0.0, 1.0])
-        rows = [outward, around, z_axis]
+        rows = [outward, tangential, z_axis]
         if self.kind == "S":
             theta = math.atan2(math.hypot(a, b), c)
             sine = math.sin(theta)
             cosine = math.cos(theta)
-            rows = [sine * outward + cosine * z_axis, cosine * outward - sine * z_axis, around]
+            rows = [sine * outward + cosine * z_axis, cosine * outward - sine * z_axis, tangential]
         return np.asarray(np.stack(rows) @ self.axes)
 
 
@@ -74,8 +74,8 @@ def axes_of(points: list[Array], entry: Entry) -> CoordinateSystem:
     arm = points[2] - a
     z = np.cross(x, arm)
     size = np.linalg.norm(x)
-    apart = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
-    entry.needs(apart, f"the three points of {entry.name} lie on one line.")
+    independent = np.linalg.norm(z) > 1e-12 * size * np.linalg.norm(arm)
+    entry.needs(independent, f"the three points of {entry.name} lie on one line.")
     x = x / size
     z = z / np.linalg.norm(z)
     return CoordinateSystem(a, np.stack([x, np.cross(z, x), z]))
@@ -245,14 +245,14 @@ class NastranDeck:
             return present
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
-        used = set() if first is None else {first}
+        selected = set() if first is None else {first}
         if first in sums:
             words = sums[first].words(1)
             place = sums[first].place
-            used = {whole_number(word, place) for word in words} | used & present
-        missing = used - present
-        others = (present | set(sums)) - used - {first}
-        if missing == used and what == "SPC" and used:
+            selected = {whole_number(word, place) for word in words} | selected & present
+        missing = selected - present
+        others = (present | set(sums)) - selected - {first}
+        if missing == selected and what == "SPC" and selected:
             message = f"the case control of {name} selects SPC = {first}"
             raise MeshError(f"{message}, which is not there.")
         if missing:
@@ -262,7 +262,7 @@ class NastranDeck:
         if others:
             message = f"not used of {name}: {what} {_sets(others)}"
             self.deck.told.append(f"{message}, which the first subcase does not select.")
-        return used & present
+        return selected & present
 
     def element_labels(self) -> IntArray:
         """Numbers of the elements in the deck's order."""
@@ -386,8 +386,8 @@ def read(sources: Sources) -> NastranDeck:
 
 def _sets(numbers: set[int]) -> str:
     """Text that names some sets."""
-    shown = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
-    return f"set{'s' * (len(numbers) > 1)} {shown}"
+    numbers_text = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
+    return f"set{'s' * (len(numbers) > 1)} {numbers_text}"
 
 
 def _nodes(bulk: Bulk, name: str) -> NastranDeck:

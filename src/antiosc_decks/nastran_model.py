@@ -58,9 +58,9 @@ class NastranJoints:
                 rigid(self, entry)
         for follower, node in deck.coincident():
             self._follow([follower], node, ALL, deck.grids[follower], local_axes=False)
-        used = deck.used_sets("MPC")
+        mpc_sets = deck.used_sets("MPC")
         for entry in deck.named("MPC"):
-            if entry.whole(0) in used:
+            if entry.whole(0) in mpc_sets:
                 self._mpc(entry)
         for kind in ("CELAS", "CDAMP"):
             self._scalars(kind)
@@ -76,9 +76,9 @@ class NastranJoints:
         for entry in self.found.named("CONM1"):
             self._matrix(entry)
         self._scalars("CMASS")
-        used = self.found.used_sets("NSM")
+        nsm_sets = self.found.used_sets("NSM")
         for entry in self.found.named(*SETS["NSM"]):
-            if entry.whole(0) in used:
+            if entry.whole(0) in nsm_sets:
                 self._nonstructural(entry)
 
     def _follow(
@@ -116,8 +116,8 @@ class NastranJoints:
     def _seconct(self, entry: Entry) -> None:
         """SECONCT: pairs of nodes of two superelements that move as one."""
         words = entry.words(8)
-        plain = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
-        entry.needs(plain, "SECONCT is read as pairs of nodes.")
+        is_list = "THRU" not in map(str.upper, words) and len(words) % 2 == 0
+        entry.needs(is_list, "SECONCT is read as pairs of nodes.")
         places = [place_in(self.found.bulk.entries, entry, k) for k in (0, 1)]
         for pair in zip(words[::2], words[1::2], strict=True):
             words_and_places = zip(pair, places, strict=True)
@@ -135,8 +135,8 @@ class NastranJoints:
         if not leads and follows:
             first, second, leads, follows = second, first, follows, leads
             dependent = entry.text(5)
-        plain = set(leads) - {" "} == set("123456") and not follows
-        entry.needs(plain, "RBAR is read with CNA or CNB = 123456 only.")
+        is_rigid = set(leads) - {" "} == set("123456") and not follows
+        entry.needs(is_rigid, "RBAR is read with CNA or CNB = 123456 only.")
         motions = _motions(entry, dependent) if dependent else ALL
         self._follow([second], first, motions, entry)
 
@@ -156,9 +156,10 @@ class NastranJoints:
             if set(components) & set("456") and not with_rotations:
                 message = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
                 self.builder.tell_once(message)
-            plain = set(components) - set("456 ") == set("123")
+            is_mean = set(components) - set("456 ") == set("123")
             entry.needs(
-                plain, f"RBE3 is read where the independent nodes move by 123; got {components!r}."
+                is_mean,
+                f"RBE3 is read where the independent nodes move by 123; got {components!r}.",
             )
             start = k = k + 2
             while k < len(words) and "." not in words[k] and words[k][:1].isdigit():
@@ -335,8 +336,8 @@ class NastranJoints:
             J = axes.T @ J @ axes
         negative = mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max()
         entry.needs(not negative, "the mass or the inertia of CONM2 is negative.")
-        plain = not offset.any() and not (J - np.diag(np.diag(J))).any()
-        if plain and (self.builder.has_rotations[row] or not J.any()):
+        is_simple = not offset.any() and not (J - np.diag(np.diag(J))).any()
+        if is_simple and (self.builder.has_rotations[row] or not J.any()):
             if mass or J.any():
                 self.builder.mass(row, mass, np.diag(J).tolist(), entry.place)
             return
@@ -394,12 +395,12 @@ class NastranJoints:
                 else np.ones(len(properties), dtype=bool)
             )
         entry.needs("BY" not in words, f"{entry.name} is read without BY; list the numbers.")
-        chosen = np.zeros(len(properties), dtype=bool)
+        selected = np.zeros(len(properties), dtype=bool)
         for first, last in through(words, entry.place):
             in_range = (properties >= first) & (properties <= last)
             entry.needs(in_range.any(), f"{entry.name} names {kind} {first}, of no element.")
-            chosen |= in_range
-        return chosen
+            selected |= in_range
+        return selected
 
 
 #: Rigid elements, in the order in which they are read.

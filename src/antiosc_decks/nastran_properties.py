@@ -149,10 +149,10 @@ class Properties:
     def _layered(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the solid of a PCOMPS entry, whose layers must be of one isotropic material."""
         numbers = {entry.text(k) for k in range(9, len(entry.fields), 8)} - {""}
-        plain = Entry("PCOMPS", entry.place, [name, *numbers])
-        one_isotropic = len(numbers) == 1 and self._material(plain, 1).isotropic is not None
+        pcomps = Entry("PCOMPS", entry.place, [name, *numbers])
+        one_isotropic = len(numbers) == 1 and self._material(pcomps, 1).isotropic is not None
         entry.needs(one_isotropic, "PCOMPS is read with layers of one isotropic material alone.")
-        self._solid(plain, name, elements)
+        self._solid(pcomps, name, elements)
 
     def _rods(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the rods of a PROD, PTUBE or CONROD entry."""
@@ -254,11 +254,11 @@ class Properties:
         )
         material = self._material(entry, 1)
         same_material = material.plane is None and entry.whole(3) == entry.whole(1)
-        plain = same_material and entry.real(4, 1.0) == 1
+        isotropic = same_material and entry.real(4, 1.0) == 1
         share = entry.real(6, 5 / 6)
         shear = entry.text(5) in ("", entry.text(1)) and abs(share - 5 / 6) <= 1e-3
         if not entry.text(5):
-            taken = "its material's" if plain else "that of MID1 with 5/6"
+            taken = "its material's" if isotropic else "that of MID1 with 5/6"
             message = f"the rigid transverse shear of PSHELL {number} (no MID3), {taken} is taken"
             self.builder.tell_once(message)
         self._tell_extra(entry, entry.real(7))
@@ -266,7 +266,7 @@ class Properties:
         for thickness, offset, members in self._by_thickness(elements, entry.real(2), entry):
             offset += entry.real(12)
             extra = self._extra_density(entry.real(7), thickness)
-            if not plain or not shear:
+            if not isotropic or not shear:
                 self._directed(
                     entry, name, members, "GivenSheet", self._given(entry, thickness), offset
                 )
@@ -375,9 +375,9 @@ class Properties:
         """Arguments of a layer."""
         if material.plane is not None:
             Q = _plane(material)
-            plain = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
+            uncoupled = np.abs(Q[:2, 2]).max() <= 1e-9 * np.abs(Q).max()
             material.needs(
-                plain,
+                uncoupled,
                 f"{material.name} couples stretching with shear, which plies "
                 "here do not; give the ply along its fibres by MAT8.",
             )

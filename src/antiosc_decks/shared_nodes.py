@@ -259,8 +259,8 @@ class CoincidentNodes:
                 return None
             for n, share in shares.items():
                 total[n] = total.get(n, 0.0) + weight * share
-        around = [self.cells.get(n, set()) for n in total]
-        common = set.intersection(*around)
+        cells_around = [self.cells.get(n, set()) for n in total]
+        common = set.intersection(*cells_around)
         names = ROTATIONS if motion >= 3 else DISPLACEMENTS
         for k, cell in sorted(common):
             mesh = self.nodes.meshes[k]
@@ -445,8 +445,8 @@ def _sliders(
     """Yields constraints for the dofs between nodes that slide across a direction or are fixed."""
     axes = range(2 if nodes.layout.plane else 3)
     by_motion = [list(_dofs(mesh, first + c, directions, among)) for c in axes]
-    near = {n for _, numbers, _ in by_motion[0] for n in numbers}
-    nodes.prepare((n, first + c) for n in near - directions.keys() for c in axes)
+    near_nodes = {n for _, numbers, _ in by_motion[0] for n in numbers}
+    nodes.prepare((n, first + c) for n in near_nodes - directions.keys() for c in axes)
     for directions_of_node in zip(*by_motion, strict=True):
         columns = [column for column, _, _ in directions_of_node]
         _, numbers, weights = directions_of_node[0]
@@ -497,11 +497,11 @@ def _check_places(layout: Layout, meshes: Sequence[NumberedMesh]) -> None:
     equal = np.flatnonzero(np.diff(numbers[order]) == 0)
     first = order[equal]
     second = order[equal + 1]
-    apart = np.linalg.norm(positions[first] - positions[second], axis=1)
-    if len(apart) and apart.max() > SAME_PLACE * layout.size:
-        k = int(np.argmax(apart))
+    distances = np.linalg.norm(positions[first] - positions[second], axis=1)
+    if len(distances) and distances.max() > SAME_PLACE * layout.size:
+        k = int(np.argmax(distances))
         raise InputError(
-            f"node {numbers[first[k]]} lies {apart[k]:.3g} m apart in two parts that share it."
+            f"node {numbers[first[k]]} lies {distances[k]:.3g} m apart in two parts that share it."
         )
 
 
@@ -600,8 +600,8 @@ class NodeConstraints(Joint):
         rows = [Rows(equations, dependent, label)] if equations.shape[0] else []
         nodes.fixed = held.fixed.copy()
         for row in held.rows:
-            alone = np.diff(row.matrix.indptr) == 1
-            nodes.fixed[row.matrix[alone].indices] = True
+            is_single = np.diff(row.matrix.indptr) == 1
+            nodes.fixed[row.matrix[is_single].indices] = True
         between = between_nodes(nodes, self.equations, equations, self.among)
         if between.shape[0]:
             rows.append(Rows.free(between, label))

@@ -221,10 +221,10 @@ def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list
 def lines(places: Iterable[DeckPlace]) -> str:
     """Text of lines and their file; a long list is shortened."""
     listed = list(places)
-    shown = listed[:MOST_LINES]
+    shown_lines = listed[:MOST_LINES]
     hidden = len(listed) - MOST_LINES
-    more = f" and {hidden} more" if hidden > 0 else ""
+    more_text = f" and {hidden} more" if hidden > 0 else ""
     if len({place.file for place in listed}) > 1:
-        return ", ".join(map(str, shown)) + more
-    numbers = ", ".join(str(place.line) for place in shown)
-    return f"line{'s' * (len(listed) > 1)} {numbers}{more} of {listed[0].file}"
+        return ", ".join(map(str, shown_lines)) + more_text
+    numbers = ", ".join(str(place.line) for place in shown_lines)
+    return f"line{'s' * (len(listed) > 1)} {numbers}{more_text} of {listed[0].file}"

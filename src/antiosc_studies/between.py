@@ -57,8 +57,10 @@ def contact_between(
     """
     surface = _surface_of(part, at)
     if radius is not None:
-        bent = 1 / checks.positive("radius", radius, "m")
-        surface = replace(surface, curvatures=(bent, bent), error=0.0, kind=CURVED, along=None)
+        curvature = 1 / checks.positive("radius", radius, "m")
+        surface = replace(
+            surface, curvatures=(curvature, curvature), error=0.0, kind=CURVED, along=None
+        )
     elif surface.kind in SHARP:
         point = checks.point_text(np.asarray(getattr(at, "point", at)))
         raise InputError(f"the part has a sharp {surface.kind} at {point}: give radius=.")

@@ -405,10 +405,10 @@ def free_memory() -> float:
             free = 1024 * float(line.split()[1])
     for limit, usage, stat in CONTAINERS:
         most = _lines(limit)
-        used = _lines(usage)
-        if most and used and most[0].isdigit():
+        used_memory = _lines(usage)
+        if most and used_memory and most[0].isdigit():
             cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
-            free = min(free, float(most[0]) - float(used[0]) + float((cached or ["0"])[0]))
+            free = min(free, float(most[0]) - float(used_memory[0]) + float((cached or ["0"])[0]))
     return min(free, _process_limit())
 
 

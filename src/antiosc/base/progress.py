@@ -53,8 +53,8 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     index = len(lines)
     lines.append(text)
 
-    def further(more: str) -> None:
-        lines[index] = f"{text}: {more}"
+    def further(further_text: str) -> None:
+        lines[index] = f"{text}: {further_text}"
         _write(rank)
 
     try:
@@ -104,11 +104,11 @@ def progress_text(count: int, total: int, elapsed: float) -> str:
     return text
 
 
-def _seconds(left: float) -> str:
+def _seconds(seconds: float) -> str:
     """A time in words: 12 s, 3 min, 2 h."""
-    if left < 100:
-        return f"{left:.0f} s"
-    return f"{left / 60:.0f} min" if left < 6000 else f"{left / 3600:.0f} h"
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
 
 
 def _write(rank: int) -> None:

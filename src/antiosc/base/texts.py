@@ -38,8 +38,8 @@ class ReprMixin:
         facts = [(name, text) for name, value in fields if (text := value_text(value))]
         if len(facts) <= LINES:
             return facts
-        rest = ", ".join(name for name, _ in facts[LINES - 1 :])
-        return [*facts[: LINES - 1], ("and", rest)]
+        hidden_names = ", ".join(name for name, _ in facts[LINES - 1 :])
+        return [*facts[: LINES - 1], ("and", hidden_names)]
 
     def _shown_facts(self) -> list[tuple[str, str]]:
         try:
@@ -145,8 +145,8 @@ def _is_default(field: dataclasses.Field[object], value: object) -> bool:
     """Whether a field of a dataclass has its default value."""
     if field.default is dataclasses.MISSING:
         return field.default_factory is not dataclasses.MISSING and not np.size(np.asarray(value))
-    plain = isinstance(value, float | int | str | tuple)
-    return value is field.default or (plain and bool(value == field.default))
+    is_simple = isinstance(value, float | int | str | tuple)
+    return value is field.default or (is_simple and bool(value == field.default))
 
 
 def _field_text(value: object) -> str:
@@ -232,8 +232,8 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     scaled = rounded / 10**power
     exponent = prefixed and abs(scaled) >= 10**digits  # which two digits of 690 would have
-    shown = f"{scaled:.0f}" if exponent else f"{scaled:#.{digits}g}".rstrip(".")
-    return f"{shown} {PREFIXES[power]}{unit}".rstrip()
+    digits_text = f"{scaled:.0f}" if exponent else f"{scaled:#.{digits}g}".rstrip(".")
+    return f"{digits_text} {PREFIXES[power]}{unit}".rstrip()
 
 
 def point_text(point: Iterable[float]) -> str:
@@ -260,9 +260,9 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit for a table column with this largest value: (1e6, "µs")."""
     if unit == "kg" and 0 < largest < 1:
         return 1e3, "g"
-    shown = engineering(largest, unit).rpartition(" ")[2] if largest else unit
-    power = {f"{sign}{unit}": p for p, sign in PREFIXES.items()}.get(shown, 0)
-    return 10.0**-power, shown if power else unit
+    prefixed_unit = engineering(largest, unit).rpartition(" ")[2] if largest else unit
+    power = {f"{sign}{unit}": p for p, sign in PREFIXES.items()}.get(prefixed_unit, 0)
+    return 10.0**-power, prefixed_unit if power else unit
 
 
 def percent(share: float) -> str:

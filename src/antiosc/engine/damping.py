@@ -377,20 +377,20 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     touched = modal_damping > UNDAMPED * modal_damping.max(initial=0.0)
     touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
     coupled = np.flatnonzero(touched)
-    alone = np.flatnonzero(~touched)
+    undamped = np.flatnonzero(~touched)
     damping_of_coupled = in_coordinates(damping, turn[:, coupled])
     w, d, S, JS, braked, stretched = _modes(omega[coupled], damping_of_coupled)
     k = coupled.size
     size = w.size
-    free = alone.size
-    both = alone.size + w.size
+    free = undamped.size
+    both = undamped.size + w.size
     first = np.concatenate((np.arange(free), both + np.arange(free)))
     second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
     states = np.zeros((2 * J, 2 * both))
     dual = np.zeros((2 * J, 2 * both))
     for half in range(2):  # of undamped modes a is the displacement, b its rate
-        states[half * J + alone, first[half * free : (half + 1) * free]] = 1.0
-        dual[half * J + alone, first[(1 - half) * free : (2 - half) * free]] = 1.0
+        states[half * J + undamped, first[half * free : (half + 1) * free]] = 1.0
+        dual[half * J + undamped, first[(1 - half) * free : (2 - half) * free]] = 1.0
         states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
     deceleration = np.zeros((J, 2 * both))
@@ -398,13 +398,13 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     springs = []
     row = 0
     for L, _ in damping_of_coupled.factors:
-        moved = np.zeros((J, 2 * both))
+        by_mode = np.zeros((J, 2 * both))
         end = row + len(L)
-        moved[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
-        springs.append(moved)
+        by_mode[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+        springs.append(by_mode)
         row = end
     shapes = scipy.linalg.block_diag(turn, turn)
-    w = np.append(omega[alone], w)
+    w = np.append(omega[undamped], w)
     d = np.append(np.zeros(free), d)
     states = shapes @ states
     dual = shapes @ dual
@@ -459,10 +459,10 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
             # sqrtm of SciPy before 1.11 may return long doubles, which inv refuses
             root = scipy.linalg.sqrtm(gram).astype(complex) if len(group) > 1 else np.sqrt(gram)
             for z, column in zip(poles[group], (Y[:, group] @ np.linalg.inv(root)).T, strict=True):
-                turned = column * np.sqrt(2j * z.imag)
-                rate = turned.imag / z.imag
+                scaled = column * np.sqrt(2j * z.imag)
+                rate = scaled.imag / z.imag
                 real = min(float(z.real), 0.0)
-                pairs.append((abs(z), -real, turned.real - real * rate, rate))
+                pairs.append((abs(z), -real, scaled.real - real * rate, rate))
         elif pole.imag == 0:
             values, vectors = np.linalg.eigh(gram.real)
             vectors_of_group = Y[:, group].real @ (vectors / np.sqrt(np.abs(values)))
@@ -524,8 +524,8 @@ def _groups(poles: Numbers) -> list[list[int]]:
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
         for group in reversed(groups[-8:]):
-            near = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
-            if near and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
+            same_pole = abs(poles[i] - poles[group[0]]) <= REPEATED * abs(poles[i])
+            if same_pole and (poles[i].imag == 0) == (poles[group[0]].imag == 0):
                 group.append(i)
                 break
         else:

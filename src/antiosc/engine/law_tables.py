@@ -42,9 +42,9 @@ class CallbackLaw:
 
     def _force(self, _: object, delta: float, rate: float, state: Doubles, out: Doubles) -> int:
         def values() -> Iterator[float]:
-            now = tuple(state[: self.size])
-            yield self.law.force(delta, rate, now)
-            yield from self.law.tangent(delta, rate, now)
+            law_state = tuple(state[: self.size])
+            yield self.law.force(delta, rate, law_state)
+            yield from self.law.tangent(delta, rate, law_state)
 
         return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
@@ -56,8 +56,8 @@ class CallbackLaw:
         self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles
     ) -> int:
         where = f"advance at {delta:g} m and {rate:g} m/s"
-        now = tuple(state[: self.size])
-        return self._state(where, state, origin, self.law.advance, delta, rate, now)
+        law_state = tuple(state[: self.size])
+        return self._state(where, state, origin, self.law.advance, delta, rate, law_state)
 
     def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
         def values() -> Iterator[float]:

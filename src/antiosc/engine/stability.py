@@ -68,8 +68,8 @@ def growth_rate(omega: Array, beta: Array, R: Array, stiffness: Array, h: float)
     s0 = sm - wm / (2 * half)
     soft = np.diag(1 / k) + R[np.ix_(closed, closed)]
     f = np.linalg.solve(soft, b)
-    rest = b / half - 2 * (b * s1) @ b.T @ f
-    g = np.linalg.solve(soft + (b * s0) @ b.T, rest)
+    middle_rows = b / half - 2 * (b * s1) @ b.T @ f
+    g = np.linalg.solve(soft + (b * s0) @ b.T, middle_rows)
     # u N q = M q
     nodes = (b * w1).T @ f
     middles = (b * wm).T @ g

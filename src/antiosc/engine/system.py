@@ -105,12 +105,12 @@ class System:
 
     def with_rows(self, beta: Array, quadratic: Array, cubic: Array) -> System:
         """The system with further rows beta (s, J), on which the second-order forces act."""
-        more = len(beta)
+        count = len(beta)
         return replace(
             self,
             beta=np.vstack([self.beta, beta]),
-            R=np.pad(self.R, (0, more)),
-            offsets=np.pad(self.offsets, ((0, 0), (0, more))),
+            R=np.pad(self.R, (0, count)),
+            offsets=np.pad(self.offsets, ((0, 0), (0, count))),
             quadratic=quadratic,
             cubic=cubic,
         )
@@ -219,8 +219,8 @@ class System:
         return float(estimate.time)
 
     def __getstate__(self) -> dict[str, Any]:
-        left = ("packed", "marched", "block")
-        return {name: value for name, value in self.__dict__.items() if name not in left}
+        omitted = ("packed", "marched", "block")
+        return {name: value for name, value in self.__dict__.items() if name not in omitted}
 
 
 class BodyModes(NamedTuple):

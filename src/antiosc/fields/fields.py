@@ -210,8 +210,8 @@ def nodal_motion(
     """Displacements (P, 3) [m] at one time, at the points of `peak_field`."""
     shape_blocks = shapes_of(structure, history, body)
     _, cells, shapes = source(structure).at_nodes(structure, shape_blocks)
-    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
-    displacements = shapes[used] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
+    used_nodes = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    displacements = shapes[used_nodes] @ amplitudes(history, floats("time", [time], (1,)), body)[0]
     motion: Array = structure.comm.bcast(displacements, root=0)
     return motion
 

@@ -165,8 +165,8 @@ def margin_of(
     if len(leave_out):
         within = is_within(points, leave_out)
         beyond, nearer = (
-            margin_of(criterion, values, np.where(left, strengths, np.nan), points, times, places)
-            for left in (~within, within)
+            margin_of(criterion, values, np.where(judged, strengths, np.nan), points, times, places)
+            for judged in (~within, within)
         )
         if beyond is None:
             return nearer

@@ -105,21 +105,23 @@ def refined_maxima(
     step, missed = _step(motion, columns, scalar)
     times = _sample_times(motion.nodes, step)
     sampled = np.full((2, len(columns)), -np.inf)
-    near = np.zeros((2, len(columns)), dtype=int)
+    coarse_places = np.zeros((2, len(columns)), dtype=int)
     single = columns.astype(np.float32)
     for first in range(0, max(len(times) - 2, 1), WINDOW - 2):
         t = times[first : first + WINDOW]
         factors = motion.factors(t).astype(np.float32)
         for block in _blocks(columns, len(t)):
             y = _values(single[block], factors, scalar)
-            for best, k, candidates in zip(sampled, near, (y, _parabola_maxima(t, y)), strict=True):
+            for best, k, candidates in zip(
+                sampled, coarse_places, (y, _parabola_maxima(t, y)), strict=True
+            ):
                 index = candidates.argmax(axis=1)
                 top = candidates[np.arange(len(index)), index]
                 higher = np.flatnonzero(top > best[block])
                 best[block][higher] = top[higher]
                 k[block][higher] = first + index[higher]
-    values, when = _refined_near(motion, columns, scalar, times, near[0])
-    second_best, then = _refined_near(motion, columns, scalar, times, near[1])
+    values, when = _refined_near(motion, columns, scalar, times, coarse_places[0])
+    second_best, then = _refined_near(motion, columns, scalar, times, coarse_places[1])
     above = second_best > values
     return np.where(above, second_best, values), np.where(above, then, when), missed
 
@@ -218,13 +220,13 @@ def _refined_near(
     columns: Array,
     scalar: Callable[[Array], Array],
     times: Array,
-    near: IntArray,
+    coarse_places: IntArray,
 ) -> tuple[Array, Array]:
-    """(largest values (S,) within a step of the times `near` (S,), their times)."""
+    """(largest values (S,) within a step of the times `coarse_places` (S,), their times)."""
     values = np.zeros(len(columns))
     when = np.zeros(len(columns))
-    order = np.argsort(near, kind="stable")
-    used, starts = np.unique(near[order], return_index=True)
+    order = np.argsort(coarse_places, kind="stable")
+    used, starts = np.unique(coarse_places[order], return_index=True)
     groups = np.split(order, starts[1:])
     share = np.linspace(0, 1, PARTS + 1)
     before = times[np.maximum(used - 1, 0)]
@@ -335,8 +337,8 @@ class PeakField(Completed):
     def judged(self) -> int:
         """Node of the largest value outside the zones that the margin leaves out."""
         beyond = margin.NOTHING if self._margin is None else self._margin.beyond
-        left = ~margin.is_within(self.points, beyond)
-        return int(np.argmax(np.where(left, self.values, -np.inf)))
+        judged = ~margin.is_within(self.points, beyond)
+        return int(np.argmax(np.where(judged, self.values, -np.inf)))
 
     def largest(
         self, count: int = 5, apart: float | None = None
@@ -375,8 +377,8 @@ class PeakField(Completed):
             largest = engineering(value, self.unit, 4)
             rows.append(f"{largest:>12}  {placed(x)}  {engineering(t, 's')}")
         if self.error is not None:
-            more = engineering(self.error, self.unit)
-            rows.append(f"between the times that were looked at: up to {more} more")
+            error_text = engineering(self.error, self.unit)
+            rows.append(f"between the times that were looked at: up to {error_text} more")
         left_out = ""
         if self._margin is not None and len(self._margin.beyond):
             left_out = " that is judged"
@@ -541,8 +543,8 @@ def peak_field(
         )
         search = functools.partial(_at_times, factors_of_motion, at)
     if recovered == "motion":
-        points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        best = Maxima(*search(moved, length))
+        points, cells, displacements = source(structure).at_nodes(structure, shapes, part)
+        best = Maxima(*search(displacements, length))
     else:
         maxima: list[Maxima] = []
         for ply in margin.plies(structure, quantity, part):
@@ -609,13 +611,13 @@ def _with_pairs(
     modes.
     """
     count = shapes.shape[1]
-    moved, bends = (
+    motions, bends = (
         np.abs(amplitudes(history, times, body, order)[:, count:]).max(axis=0) for order in (0, 2)
     )
-    pairs = np.where(moved > 0, moved, 1.0)
-    size = moved if derivative == 0 else bends if derivative == 2 else np.sqrt(moved * bends)
-    of_motion = np.eye(len(moved), count + len(moved), count)
-    all_shapes = np.vstack([np.pad(shapes, ((0, 0), (0, len(moved)))), of_motion])
+    pairs = np.where(motions > 0, motions, 1.0)
+    size = motions if derivative == 0 else bends if derivative == 2 else np.sqrt(motions * bends)
+    of_motion = np.eye(len(motions), count + len(motions), count)
+    all_shapes = np.vstack([np.pad(shapes, ((0, 0), (0, len(motions)))), of_motion])
     return np.append(omega, np.sqrt(bends / pairs)), all_shapes, np.append(sizes, size)
 
 
@@ -647,10 +649,12 @@ def _peak_field_of(
     quantity: str, unit: str, points: Array, cells: list[tuple[str, IntArray]], best: Maxima
 ) -> PeakField:
     """The field at the nodes of these cells, without nodes of other ranks."""
-    used = _used_nodes(cells)
-    renumbered: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
-    exposures = None if best.exposure is None else best.exposure[used]
-    at_used = points[used], best.values[used], best.times[used]
+    used_nodes = _used_nodes(cells)
+    renumbered: list[tuple[str, IntArray]] = [
+        (kind, np.searchsorted(used_nodes, c)) for kind, c in cells
+    ]
+    exposures = None if best.exposure is None else best.exposure[used_nodes]
+    at_used = points[used_nodes], best.values[used_nodes], best.times[used_nodes]
     field = PeakField(quantity, unit, *at_used, renumbered, best.error, exposures)
     return replace(field, _margin=best.margin)
 

@@ -163,8 +163,8 @@ class SavedFields(ReprMixin):
         """
         seen_from = None if view is None else checks.floats("view", view, (2,))
         surface = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        shown = path is None
-        figure = surfaces.deformed_figure(surface, view=seen_from, whole_scale=True, shown=shown)
+        is_shown = path is None
+        figure = surfaces.deformed_figure(surface, view=seen_from, whole_scale=True, shown=is_shown)
         return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -286,14 +286,16 @@ def plot_map(
     figure, axes, scale, unit = surfaces.axes_in_space(impact_map.points, shown=path is None)
     x = scale * impact_map.points
     if triangles:
-        seen = _front_faces(impact_map, axes)
-        faces = impact_map.elements[seen]
+        front_faces = _front_faces(impact_map, axes)
+        faces = impact_map.elements[front_faces]
         values = _on_faces(value[faces])
-        alone = impact_map.alone
-        scale = surfaces.colour_scale(np.concatenate([values, value[alone]]))
+        single_sites = impact_map.alone
+        scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
         surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
-        if len(alone):
-            axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
+        if len(single_sites):
+            axes.scatter(
+                *x[single_sites].T, c=scale.to_rgba(value[single_sites]), s=30, depthshade=False
+            )
     else:
         scale = surfaces.colour_scale(value)
         axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
@@ -327,8 +329,12 @@ def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
     if impact_map.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
         return np.ones(len(corners), dtype=bool)
     elevation = np.radians(axes.elev)
-    around = np.radians(axes.azim)
+    azimuth = np.radians(axes.azim)
     view = np.array(
-        [np.cos(elevation) * np.cos(around), np.cos(elevation) * np.sin(around), np.sin(elevation)]
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
     )
     return np.asarray((normal @ view) * -np.sign(across) > 0)

@@ -63,10 +63,12 @@ class PrestressedState(ReprMixin):
     @cached_property
     def _moved(self) -> tuple[Array, Array]:
         structure = self._structure
-        points, cells, moved = source(structure).at_nodes(structure, self._preload.q[:, None])
-        used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+        points, cells, displacements = source(structure).at_nodes(
+            structure, self._preload.q[:, None]
+        )
+        used_nodes = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
         points_and_motion: tuple[Array, Array] = structure.comm.bcast(
-            (points[used], moved[used, :, 0]), root=0
+            (points[used_nodes], displacements[used_nodes, :, 0]), root=0
         )
         return points_and_motion
 

@@ -70,9 +70,9 @@ def with_pairs(
         )
     square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
     squares = square[..., i == j]
-    mixed = (square - squares[..., i] - squares[..., j]) / 2
+    products = (square - squares[..., i] - squares[..., j]) / 2
     columns = linear[..., : shapes.shape[1]] + _of_state(at, structure, shapes)
-    columns[..., count:] += np.where(i == j, square, mixed)
+    columns[..., count:] += np.where(i == j, square, products)
     return columns
 
 

@@ -176,13 +176,13 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
     """(contact law without the half-space compliance [m/N] of its patches, notes)."""
     if local == 0.0 or law.compliance > 0.0:
         return law, []
-    less = law.without(local)
-    if less is law:
+    reduced_law = law.without(local)
+    if reduced_law is law:
         return law, [
             f"The half-space compliance {local:.4g} m/N of the patches stays in {a!r} - {b!r}:"
             f" {law.theory} has less flexibility than they."
         ]
-    return less, [
+    return reduced_law, [
         f"The half-space compliance {local:.4g} m/N of the patches was subtracted from {law.theory}"
         f" of {a!r} - {b!r}, so that the indentation is counted once."
     ]
@@ -349,7 +349,7 @@ def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw]
                 f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
                 f" tangential_stiffness = {stiffness:g} N/m: a tenth is taken."
             )
-        law, more = without_patch(contact.law, local, contact.a, contact.b)
+        law, law_notes = without_patch(contact.law, local, contact.a, contact.b)
         laws.append(law)
-        notes += more
+        notes += law_notes
     return laws, notes

@@ -360,10 +360,10 @@ def simulate_many(
     def given_of(part: list[int]) -> _Chunk:
         return [scenes[i] for i in part], [steps[i] for i in part], n, settings
 
-    with counting("simulating impacts", len(todo)) as ready:
+    with counting("simulating impacts", len(todo)) as report:
         if executor is None:
             chunks: Iterable[list[_Row] | AntioscError] = (
-                _solve_chunk(*given_of(part), partial(_report_progress, ready, k * chunk))
+                _solve_chunk(*given_of(part), partial(_report_progress, report, k * chunk))
                 for k, part in enumerate(parts)
             )
         else:
@@ -374,7 +374,7 @@ def simulate_many(
                 result = [_failed(result)] * len(part)
             for i, row in zip(part, result, strict=True):
                 rows[i] = row
-            ready(min(count * chunk, len(todo)))
+            report(min(count * chunk, len(todo)))
     _raise(rows)
     warn_batch([r.result for r in rows])
     struck = [i for i, row in enumerate(rows) if row.impulse > 0]
@@ -403,14 +403,14 @@ def _info(scene: Impact) -> ModelInfo:
 
 def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
     """The contact laws of all scenes, chosen for "auto"; InputError names the scene."""
-    chosen: dict[tuple[int, int], ContactLaw] = {}
+    laws_by_pair: dict[tuple[int, int], ContactLaw] = {}
     laws = list(contacts)
     for i, pair in enumerate(zip(models, impactors, strict=True)):
         if not is_auto(laws[i]):
             continue
         key = id(pair[0]), id(pair[1])
         try:
-            chosen[key] = laws[i] = chosen.get(key) or law_of(AUTO, *pair)
+            laws_by_pair[key] = laws[i] = laws_by_pair.get(key) or law_of(AUTO, *pair)
         except InputError as error:
             raise InputError(f"scene {i}: {error}") from error
     return laws
@@ -427,12 +427,12 @@ def _warn_of_worst(
     `ranked` has (rank, scene); only ranks > 0 count. One scene of each model is repeated, for at
     most `CHECKED_MODELS` models.
     """
-    seen: set[int] = set()
+    repeated: set[int] = set()
     for rank, i in sorted(ranked, reverse=True):
-        if len(seen) == CHECKED_MODELS or not rank > 0:
+        if len(repeated) == CHECKED_MODELS or not rank > 0:
             return
-        if id(scenes[i].model) not in seen:
-            seen.add(id(scenes[i].model))
+        if id(scenes[i].model) not in repeated:
+            repeated.add(id(scenes[i].model))
             if sentence := check(run(i)):
                 warn(f"scene {i}: {sentence}", AccuracyWarning)
                 return
@@ -564,8 +564,10 @@ def _row_of(
     settings: Settings,
 ) -> _Row | None:
     """The row of an outcome of the C library; None if the impact must be integrated separately."""
-    answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *rest = outcome
-    end, contact_time_estimate, gained, highest, rotation = rest
+    answer, contacts, touches, goes_on, _, body, numbers, force, peak, certain, *further_values = (
+        outcome
+    )
+    end, contact_time_estimate, gained, highest, rotation = further_values
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
     ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)

@@ -144,13 +144,13 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
         for omega, b, r, decay in bodies
     ]
     noise_changes = changes[: int(facts["draws"])]
-    others = changes[int(facts["draws"]) :]
+    band_changes = changes[int(facts["draws"]) :]
     noise, band = (
         {
             name: BAR * float(np.sqrt(np.mean([shares[name] ** 2 for shares in part])))
             for name in QUANTITIES
         }
-        for part in (noise_changes, others)
+        for part in (noise_changes, band_changes)
     )
     return bars.with_floor(noise), bars.with_floor(band)
 
@@ -306,8 +306,8 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         names = (*QUANTITIES, "deflection")
         known = {name: hit.error.get(f"stretch {name}", 0.0) for name in names}
     else:
-        more = min(stretch.size + 2, model.stretch.size)
-        known = differences(hit, rerun(with_count(model, more), tol))
+        count = min(stretch.size + 2, model.stretch.size)
+        known = differences(hit, rerun(with_count(model, count), tol))
     worst = max(known[name] for name in DECIDING)
     least = max(bars.FLOOR * worst, STRETCH_LEAST)
     return {name: STRETCH_SAFETY * max(known[name], least) for name in QUANTITIES}

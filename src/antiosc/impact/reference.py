@@ -358,8 +358,8 @@ class ConservingScene(SceneStep):
             quotients[c] = Quotient(self.laws[c], R[c], contacts.state(c), float(before[c]), h)
 
         def sweep(c: int) -> None:
-            rest = float(free[c] - A[c] @ F + A[c, c] * F[c])
-            F[c] = quotients[c].solve(rest, float(A[c, c]))
+            unloaded = float(free[c] - A[c] @ F + A[c, c] * F[c])
+            F[c] = quotients[c].solve(unloaded, float(A[c, c]))
             contacts.friction(c, (before + free) / 2, A / 2, F)  # the spring at mid-step
 
         return contacts.settled(sweep, F, QUOTIENT)
@@ -577,15 +577,15 @@ class Refinement:
             self.halvings = 1.0
 
 
-def _rate(ratio: float, before: float, now: float) -> float:
+def _rate(ratio: float, before: float, later: float) -> float:
     """Error ratio rho per halving, from the ratio of two successive differences over `before` and
-    `now` halvings.
+    `later` halvings.
     """
     low = _LEAST
     high = _SLOWEST_RATE
     for _ in range(14):
         rho = 0.5 * (low + high)
-        if rho**before * (1 - rho**now) / (1 - rho**before) < ratio:
+        if rho**before * (1 - rho**later) / (1 - rho**before) < ratio:
             low = rho
         else:
             high = rho

@@ -316,9 +316,9 @@ class SceneMethod(ABC):
             flight_system, duration - t, 1.0, fine=TOUCH_RESOLUTION * self.step, max_contacts=0
         )
         ends = np.arange(flight.time.size // 2 + 1)
-        moved = starts(flight, flight_system, ends)
+        end_states = starts(flight, flight_system, ends)
         depth = flight.depth + origins
-        piece = Segment(t + flight.time, flight.force, depth, np.stack(moved, axis=1))
+        piece = Segment(t + flight.time, flight.force, depth, np.stack(end_states, axis=1))
         if flight.answer != library.TOO_MANY_CONTACTS:
             return piece, flight.answer
         if self.contacts.touches >= max_contacts:
@@ -419,22 +419,22 @@ class SceneIVP(SceneMethod):
             if solution.t.size > 1:
                 pieces.append(self._recorded(solution.t, solution.sol))
                 self.steps += solution.t.size - 1
-            moved = float(solution.t[-1])
-            y = self._clipped(moved, solution.y[:, -1].copy())
-            free, rate, force = self._contact_state(moved, y)
+            end_time = float(solution.t[-1])
+            y = self._clipped(end_time, solution.y[:, -1].copy())
+            free, rate, force = self._contact_state(end_time, y)
             contacts.advance(free - s.R @ force, rate)
             if solution.status == 1:
-                self._apply_events(moved, y, solution.t_events)
+                self._apply_events(end_time, y, solution.t_events)
             elif solution.status < 0:
                 answer = library.STUCK
             if self.steps > max_steps:
                 answer = library.TOO_MANY_STEPS
             elif contacts.touches > max_contacts:
                 answer = library.TOO_MANY_CONTACTS
-            idle = 0 if moved - t > SAME_TIME * end else idle + 1
+            idle = 0 if end_time - t > SAME_TIME * end else idle + 1
             if idle > MOST_IDLE:
                 answer = library.STUCK
-            t = until if solution.status == 0 else moved
+            t = until if solution.status == 0 else end_time
         return joined_segments(pieces), answer
 
     def _solved(self, span: tuple[float, float], y: Array, atol: Array) -> Any:
@@ -577,8 +577,8 @@ class SceneIVP(SceneMethod):
 
         def beyond(t: float, y: Array) -> float:
             free, _, force = self._contact_state(t, y)
-            others = self.system.R[c] @ force - self.system.R[c, c] * force[c]
-            events = float(free[c] - others - self.contacts.origin(c))
+            other_forces = self.system.R[c] @ force - self.system.R[c, c] * force[c]
+            events = float(free[c] - other_forces - self.contacts.origin(c))
             return events or (1e-300 if closed else -1e-300)  # at rest it neither touches nor parts
 
         def turn(t: float, y: Array) -> float:

@@ -212,11 +212,11 @@ def _integrate(
     check = check_result(assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run))
     known = step is None and settings.method not in IVP_METHODS
     error = {"force": converged.force, "peak": converged.peak} if known else {}
-    apart = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
+    untouched = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
     notes = []
-    if apart:
+    if untouched:
         notes = direction_notes(
-            [assembly.scene.contacts[c] for c in sorted(apart)], assembly.bodies
+            [assembly.scene.contacts[c] for c in sorted(untouched)], assembly.bodies
         )
     message = " ".join([check.message, *notes])
     return kind(assembly, run, error, check.status, message, given=step), check

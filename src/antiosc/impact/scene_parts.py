@@ -423,8 +423,8 @@ def _distance(contact: Contact, ends: tuple[End, End]) -> str:
     gap = sum(body.gap for body, _ in ends) if contact.gap is None else contact.gap
     along = (a - b) @ direction
     # drawn in contact, or at the distance of the gap
-    apart = a - b - np.clip(along, 0.0, gap) * direction
-    distance = float(np.linalg.norm(apart))
+    offset = a - b - np.clip(along, 0.0, gap) * direction
+    distance = float(np.linalg.norm(offset))
     allowed = sum(_reach(*end) for end in ends)
     if distance <= max(allowed, SAME_PLACE):
         return ""
@@ -557,24 +557,26 @@ def load_series(
         accelerations = scene.base.accelerations
         accelerations = accelerations if accelerations.ndim == 2 else accelerations[:, None]
         times = scene.base.times
-        moved = np.stack([np.interp(breaks, times, column) for column in accelerations.T], 1)
+        ground_motion = np.stack(
+            [np.interp(breaks, times, column) for column in accelerations.T], 1
+        )
         for name, body in bodies.items():
             weights = _unit_loads(body, vector and accelerations.shape[1] == 3)
             if weights.size:
-                _check_ground_direction(body, moved)
-                loads[:, stacked.spans[name]] -= moved @ weights.T
+                _check_ground_direction(body, ground_motion)
+                loads[:, stacked.spans[name]] -= ground_motion @ weights.T
     return breaks, loads, gaps - forces @ stacked.r @ G.T
 
 
-def _check_ground_direction(body: SceneBody, moved: Array) -> None:
+def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
     """InputError if the ground (K, 3) moves across the only direction in which a body can move."""
     if body.inertia is not None or body.weight is None or body.weight.ndim == 2:
         return
     axis = _axis(body)
-    if axis is None or moved.shape[1] != 3:
+    if axis is None or ground_motion.shape[1] != 3:
         return
-    across = np.abs(moved - np.outer(moved @ axis, axis)).max()
-    size = np.abs(moved).max()
+    across = np.abs(ground_motion - np.outer(ground_motion @ axis, axis)).max()
+    size = np.abs(ground_motion).max()
     if across > 1e-6 * size:
         raise InputError(
             f"the ground moves with {across:.3g} m/s² across the direction of the site of "

@@ -195,16 +195,16 @@ def _advanced(
     a = bends[0] @ system.beta - at[:, :size]
     b = bends[1] @ system.beta - slope[:, :size]
     c = bends[2] @ system.beta
-    moved = P * q + S * v - a * J0 - b * J1 - c * J2
+    displacements = P * q + S * v - a * J0 - b * J1 - c * J2
     sped = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
     if system.gamma is None:
-        return moved, sped
+        return displacements, sped
     x, y, z = (bend @ system.gamma for bend in bends)
     x = x - at[:, size:]
     y = y - slope[:, size:]
     way = x * J0 + y * J1 + z * J2
     rate = x * S + y * J0 + z * J1
-    return moved - rate, sped + system.omega**2 * way + 2 * system.decay * rate
+    return displacements - rate, sped + system.omega**2 * way + 2 * system.decay * rate
 
 
 def node_states(
@@ -264,16 +264,18 @@ def with_flight_nodes(run: Run, system: System) -> Run:
         return run
     length = (h / count)[step]
     since = length * (np.arange(step.size) - np.repeat(np.cumsum(count) - count, count))
-    chosen = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
-    time = run.time[chosen]
-    force = run.force[chosen]
-    depth = run.depth[chosen]
+    step_ends = np.append(np.ravel(2 * step[:, None] + [0, 1]), run.time.size - 1)
+    time = run.time[step_ends]
+    force = run.force[step_ends]
+    depth = run.depth[step_ends]
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
     at = step[new // 2]
     within = since[new // 2] + new % 2 * 0.5 * length[new // 2]
     time[new] = run.time[2 * at] + within
-    moved, _ = states(run, system, at, within)
-    depth[new] = moved @ system.beta.T - interpolated(time[new], system.breaks, system.offsets)
+    displacements, _ = states(run, system, at, within)
+    depth[new] = displacements @ system.beta.T - interpolated(
+        time[new], system.breaks, system.offsets
+    )
     begins = np.append(step, h.size)[:: run.every]
     beyond = np.append(since, 0.0)[:: run.every]
     q, v = integrated_starts(run, system, begins)
@@ -299,9 +301,9 @@ def largest_rotation(
     Only bodies whose inertia in space is known are compared.
     """
     q = free_steps(run, system)
-    turned = [
+    angles = [
         (name, float(np.linalg.norm(body.rotation(q[:, span]), axis=1).max()))
         for (name, body), span in zip(bodies.items(), parts.values(), strict=True)
         if may_rotate(body)
     ]
-    return max(turned, key=lambda pair: pair[1], default=("", 0.0))
+    return max(angles, key=lambda pair: pair[1], default=("", 0.0))

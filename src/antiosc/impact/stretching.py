@@ -53,8 +53,8 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
     for name, forces in by_body.items():
         part = np.arange(begin, begin + forces.size)
         span = a.spans[name]
-        moved = system.beta[: len(a.laws), span] @ forces.modes
-        scale = float(np.abs(moved).max(initial=0.0)) or 1.0
+        site_rows = system.beta[: len(a.laws), span] @ forces.modes
+        scale = float(np.abs(site_rows).max(initial=0.0)) or 1.0
         rows[part, span] = scale * forces.modes.T
         quadratic[np.ix_(part, part, part)] = forces.quadratic / scale**3
         cubic[np.ix_(part, part, part, part)] = forces.cubic / scale**4
@@ -134,20 +134,20 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     count = min(FIRST, most)
     while True:
         stretches = {name: motion.first(count) for name, motion in moves.items()}
-        now = again(with_rows(a, stretches))
+        finer = again(with_rows(a, stretches))
         if fixed:
-            return now, ""
-        changes += [] if before is None else [differences(before, now)]
+            return finer, ""
+        changes += [] if before is None else [differences(before, finer)]
         last = largest(changes[-AGREE:])
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
         if (worst <= aim and len(changes) >= AGREE) or count >= most:
             break
-        before = now
+        before = finer
         count = min(count + 2, most)
-    now.error.update({f"stretch {name}": value for name, value in last.items()})
+    finer.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, TOLD):
-        return now, _not_enough(count, worst)
-    return now, ""
+        return finer, _not_enough(count, worst)
+    return finer, ""
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:
@@ -165,8 +165,10 @@ def differences(first: History, second: History) -> dict[str, float]:
         if b.contacts:
             changes = bars.differences(a, b)
             worst = {name: max(value, changes[name]) for name, value in worst.items()}
-    moved = [[deflection(run, name) for name in run.assembly.stretched] for run in (first, second)]
-    apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*moved, strict=True)]
+    deflections = [
+        [deflection(run, name) for name in run.assembly.stretched] for run in (first, second)
+    ]
+    apart = [abs(a - b) / max(a, b, 1e-300) for a, b in zip(*deflections, strict=True)]
     return {**worst, "deflection": max(apart, default=0.0)}
 
 

@@ -78,14 +78,14 @@ def truncation_share(
     squares = system.beta[contact] ** 2 / (s[:, None] ** 2 + system.omega**2)
     C = squares.sum(axis=1) + system.R[contact, contact] + 1 / stiffness
     if model.sites:
-        more = _compliance_deficit(model, s, assembly.row(contact, begin))
+        deficit = _compliance_deficit(model, s, assembly.row(contact, begin))
     else:
         modes = model.modal()
         site = squares[:, begin : begin + modes.omega.size].sum(axis=1) + modes.r
         D = _stiffness_deficit(model, s)
-        more = D * site**2 / (1 - D * site)
+        deficit = D * site**2 / (1 - D * site)
     weight = 1 / abs(s)
-    shares = abs(more / (C * (C + more))) ** 2
+    shares = abs(deficit / (C * (C + deficit))) ** 2
     force = abs(C) ** -2.0
     return float(np.sqrt((shares @ weight) / (force @ weight)))
 
@@ -102,8 +102,8 @@ def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> 
     zero = np.zeros_like(model.m0)
     site = []
     for lam, P, m0 in ((model.omega**-2.0, model.P, model.m0), (*known, zero)):
-        moved = (P[None] / (1 + lam * square)) @ P.T
-        site.append(np.linalg.inv(model.k0 + square * (m0 + moved)))
+        compliances = (P[None] / (1 + lam * square)) @ P.T
+        site.append(np.linalg.inv(model.k0 + square * (m0 + compliances)))
     return np.asarray(row @ (site[1] - site[0]) @ row)
 
 
@@ -153,9 +153,9 @@ def _rule(model: AntiOscillators) -> tuple[Array, Array]:
     """Nodes λ_i of the Gauss–Radau rule, and the logarithms of m_i Π_(j≠i) (λ_i - λ_j)²."""
     lam = np.append(0.0, model.omega**-2.0)
     masses = np.append(model.m0, model.m)
-    apart = abs(lam[:, None] - lam)
-    apart.flat[:: lam.size + 1] = 1.0
-    return lam, 2 * np.log(np.maximum(apart, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
+    distances = abs(lam[:, None] - lam)
+    distances.flat[:: lam.size + 1] = 1.0
+    return lam, 2 * np.log(np.maximum(distances, np.finfo(float).tiny)).sum(axis=1) + np.log(masses)
 
 
 _rules: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictionary()
@@ -317,8 +317,8 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
         damping = in_coordinates(damping, _softest_coordinates(model, masses, psi))
     if inertia is not None:
         momentum = inertia.momentum
-        rest = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
-        hung = psi @ np.vstack((rest, momentum[1 : n + 1]))
+        residual_momentum = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
+        hung = psi @ np.vstack((residual_momentum, momentum[1 : n + 1]))
         inertia = inertia.along(np.vstack((momentum[:1], hung, momentum[n + 1 :])))
     if p is not None:
         p = np.concatenate(([0.0], psi @ p[: n + 1], p[n + 1 :]))
@@ -363,10 +363,10 @@ def _gauss(m: Array, omega: Array) -> tuple[Array, Array, Array]:
     is that of the space orthogonal to the last Lanczos vector, 1/(sqrt(m_i) prod(lam_i - lam_j)).
     """
     lam = np.append(0.0, (omega[0] / omega) ** 2)
-    apart = lam[:, None] - lam
-    np.fill_diagonal(apart, 1.0)
-    logs = -np.log(np.maximum(abs(apart), np.finfo(float).tiny)).sum(axis=1) - 0.5 * np.log(m)
-    last = np.sign(apart).prod(axis=1) * np.exp(logs - logs.max())
+    gaps = lam[:, None] - lam
+    np.fill_diagonal(gaps, 1.0)
+    logs = -np.log(np.maximum(abs(gaps), np.finfo(float).tiny)).sum(axis=1) - 0.5 * np.log(m)
+    last = np.sign(gaps).prod(axis=1) * np.exp(logs - logs.max())
     basis = np.linalg.qr(last[:, None], mode="complete")[0][:, 1:]
     eigenvalues, turn = np.linalg.eigh(basis.T * lam @ basis)
     eigenvalues = np.clip(

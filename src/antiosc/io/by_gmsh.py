@@ -126,12 +126,12 @@ def _extent(gmsh: ModuleType) -> float:
 
 def _refined(ask: Request, dim: int) -> float:
     """Estimated number of additional cells at refined points: the integral of their size field."""
-    far = ask.size or 1.0
+    outer_size = ask.size or 1.0
     growth, reach = ask.grading
     count = 0.0
     for _, local in ask.refine:
         ball = CELLS_PER_SIZE[dim] * (2 * reach / SHORTER) ** dim
-        count += ball * (1 + log(1 + max(far / local, 0.0)) / growth)
+        count += ball * (1 + log(1 + max(outer_size / local, 0.0)) / growth)
     return count
 
 
@@ -194,13 +194,13 @@ def _corners(gmsh: ModuleType, dim: int, tag: int) -> Array:
 def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: Request) -> int:
     """A size field: edges of at most `local` around the point, growing to the size away from it."""
     x, y, z = (float(c) for c in (*point, 0.0)[:3])
-    far = 1e22 if ask.size is None else float(ask.size)
+    outer_size = 1e22 if ask.size is None else float(ask.size)
     growth, reach = (float(value) for value in ask.grading)
     local = float(local)
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
     grown = f"{SHORTER * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
-    gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
+    gmsh.model.mesh.field.setString(tag, "F", f"Min({outer_size!r},{grown})")
     return int(tag)
 
 
@@ -312,17 +312,17 @@ def _text_of(script: Path) -> str:
     return script.read_text(encoding="latin-1")
 
 
-def _beside(script: Path, shown: str, name: str) -> str:
+def _beside(script: Path, script_name: str, name: str) -> str:
     """The text of a script that another script includes."""
-    return _text_of(_merged(script, shown, name))
+    return _text_of(_merged(script, script_name, name))
 
 
-def _merged(script: Path, shown: str, name: str) -> Path:
+def _merged(script: Path, script_name: str, name: str) -> Path:
     """A file that a script merges; MeshError if it is not there."""
     merged = script.with_name(name)
     if not merged.is_file():
         raise MeshError(
-            f"{shown} merges {name}, but there is no such file in its folder: put it there."
+            f"{script_name} merges {name}, but there is no such file in its folder: put it there."
         )
     return merged
 

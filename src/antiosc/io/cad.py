@@ -154,12 +154,12 @@ def in_order(names: Iterable[str]) -> list[str]:
 def _labelled(gmsh: ModuleType, dim: int) -> Names:
     """Entities by label; a label of several entities gets numbers."""
     names: Names = {}
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
         label = label_of(gmsh.model.getEntityName(*entity))
         if label:
-            seen[label] = seen.get(label, 0) + 1
-            names[entity] = [label if seen[label] == 1 else f"{label} ({seen[label]})"]
+            counts[label] = counts.get(label, 0) + 1
+            names[entity] = [label if counts[label] == 1 else f"{label} ({counts[label]})"]
     return names
 
 
@@ -213,8 +213,8 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
 
 def _colour(gmsh: ModuleType, face: tuple[int, int]) -> str:
     """ "colour #rrggbb" of a face; "" if the file has none."""
-    red, green, blue, shown = gmsh.model.getColor(*face)
-    return f"colour #{red:02x}{green:02x}{blue:02x}" if shown else ""
+    red, green, blue, has_colour = gmsh.model.getColor(*face)
+    return f"colour #{red:02x}{green:02x}{blue:02x}" if has_colour else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,12 +257,12 @@ def _holes(
 
 def _beside(first: CylindricalFace, second: CylindricalFace) -> bool:
     """Whether two cylinders share an edge, the axis and the radius."""
-    near = ALIKE * first.radius
-    apart = float(np.linalg.norm(first.foot - second.foot))
+    tolerance = ALIKE * first.radius
+    distance = float(np.linalg.norm(first.foot - second.foot))
     parallel = abs(float(first.axis @ second.axis)) > 1 - ALIKE
     if not first.edges & second.edges:
         return False
-    return parallel and abs(first.radius - second.radius) < near and apart < 10 * near
+    return parallel and abs(first.radius - second.radius) < tolerance and distance < 10 * tolerance
 
 
 def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:

@@ -25,16 +25,16 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
         low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
         inner = at + BESIDE * (np.tile((low + high) / 2, len(tags)) - at)
         normals, tensors, known = _bent(gmsh, tag, at)
-        others = _bent(gmsh, tag, inner)
-        moved = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, inner)]
+        inner_values = _bent(gmsh, tag, inner)
+        positions = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, inner)]
         # a reversed surface has the curvature of the other normal
-        turns = np.einsum("nij,nj->ni", tensors, moved[1] - moved[0])[known]
-        if np.sum((others[0] - normals)[known] * turns) < 0:
+        turns = np.einsum("nij,nj->ni", tensors, positions[1] - positions[0])[known]
+        if np.sum((inner_values[0] - normals)[known] * turns) < 0:
             tensors = -tensors
-            others = (others[0], -others[1], others[2])
-        poles = ~known & others[2]
-        normals[poles] = others[0][poles]
-        tensors[poles] = others[1][poles]
+            inner_values = (inner_values[0], -inner_values[1], inner_values[2])
+        poles = ~known & inner_values[2]
+        normals[poles] = inner_values[0][poles]
+        tensors[poles] = inner_values[1][poles]
         known[poles] = True
         # seams have their nodes twice
         first = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]

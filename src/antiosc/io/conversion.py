@@ -489,17 +489,17 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
     return np.vstack(corners), np.concatenate(rows)
 
 
-def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
+def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles from the lowest node of each face, and the row of the face of each."""
-    rows = np.arange(len(around))
-    if around.shape[1] == 4:
-        turn = (np.argmin(around, axis=1)[:, None] + np.arange(4)) % 4
-        a, b, c, d = np.take_along_axis(around, turn, axis=1).T
-        around = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    rows = np.arange(len(corners))
+    if corners.shape[1] == 4:
+        turn = (np.argmin(corners, axis=1)[:, None] + np.arange(4)) % 4
+        a, b, c, d = np.take_along_axis(corners, turn, axis=1).T
+        corners = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         rows = np.concatenate([rows, rows])
-    ordered = np.sort(around, axis=1)
+    ordered = np.sort(corners, axis=1)
     sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
-    return around[sound], rows[sound]
+    return corners[sound], rows[sound]
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:

@@ -235,5 +235,5 @@ def real_number(text: str, place: DeckPlace) -> float:
 def listed(counts: dict[str, int]) -> str:
     """Counts by element type as text."""
     words = [f"{count} {kind}" for kind, count in sorted(counts.items())]
-    more = f" and {len(words) - 8} more" if len(words) > 8 else ""
-    return ", ".join(words[:8]) + more
+    more_text = f" and {len(words) - 8} more" if len(words) > 8 else ""
+    return ", ".join(words[:8]) + more_text

@@ -103,12 +103,12 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     side = _components(rows, columns, 2 * count)
     piece = _components(a, b, count)
     _, start = np.unique(piece, return_index=True)
-    turned = np.array(triangles, dtype=np.int64)
+    flipped = np.array(triangles, dtype=np.int64)
     reversed_side = side[:count] != side[start][piece]
-    turned[reversed_side] = turned[reversed_side][:, ::-1]
-    inward = np.bincount(piece, volumes(points - points.mean(axis=0), turned)) < 0
-    turned[inward[piece]] = turned[inward[piece]][:, ::-1]
-    return turned, piece
+    flipped[reversed_side] = flipped[reversed_side][:, ::-1]
+    inward = np.bincount(piece, volumes(points - points.mean(axis=0), flipped)) < 0
+    flipped[inward[piece]] = flipped[inward[piece]][:, ::-1]
+    return flipped, piece
 
 
 def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
@@ -153,9 +153,11 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
     sound = ~_flat(points, triangles)
     once = np.zeros(len(triangles), dtype=bool)
     once[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
-    for left, what in ((~sound, "without area"), (sound & ~once, "that repeat another")):
-        if left.any():
-            notes.append(f"{name}: {left.sum()} of {len(left)} triangles {what} are left out.")
+    for removed, what in ((~sound, "without area"), (sound & ~once, "that repeat another")):
+        if removed.any():
+            notes.append(
+                f"{name}: {removed.sum()} of {len(removed)} triangles {what} are left out."
+            )
     triangles = triangles[sound & once]
     if not len(triangles):
         raise MeshError(f"{name} holds no triangles with an area.")
@@ -208,14 +210,14 @@ def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> N
     corners = triangles[row]
     ends = points[corners] - np.roll(points[corners], -1, axis=0)
     i, j, middle = np.roll(corners, -int(np.argmax(np.linalg.norm(ends, axis=1))))
-    others = np.flatnonzero((triangles == i).any(axis=1) & (triangles == j).any(axis=1))
-    others = others[others != row]
-    if len(set(corners.tolist())) < 3 or len(others) != 1 or flat[others[0]]:
+    neighbours = np.flatnonzero((triangles == i).any(axis=1) & (triangles == j).any(axis=1))
+    neighbours = neighbours[neighbours != row]
+    if len(set(corners.tolist())) < 3 or len(neighbours) != 1 or flat[neighbours[0]]:
         return
-    across = triangles[others[0]].copy()
+    across = triangles[neighbours[0]].copy()
     if middle not in across:
         triangles[row] = np.where(across == i, middle, across)
-        triangles[others[0]] = np.where(across == j, middle, across)
+        triangles[neighbours[0]] = np.where(across == j, middle, across)
         flat[row] = False
 
 

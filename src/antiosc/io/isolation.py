@@ -127,14 +127,14 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
 
 def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
     """The mesh in the reader's response, or its error raised."""
-    line, _, rest = answer.partition(b"\n")
+    line, _, content = answer.partition(b"\n")
     if not line:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
     try:
         head = json.loads(line)
         if "error" in head:
             _raise(name, head, memory)
-        return unpacked(head, _arrays(head["arrays"], rest))
+        return unpacked(head, _arrays(head["arrays"], content))
     except MeshError:
         raise
     except (ValueError, KeyError) as error:

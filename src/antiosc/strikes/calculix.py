@@ -221,12 +221,12 @@ def _failure(log: Path) -> str:
 def _motions(path: Path) -> tuple[Array, Array]:
     """Times and approach w - u (n,) of the nodes that the `.dat` file lists, patch first."""
     times = [0.0]
-    moved: list[float] = []
+    approaches: list[float] = []
     for line in path.read_text(encoding="ascii").splitlines():
         words = line.split()
         if line.strip().startswith("displacements"):
             times.append(float(words[-1]))
         elif len(words) == 4 and words[0].isdigit():
-            moved.append(float(words[1]))
-    patch, striker = np.array(moved).reshape(-1, 2).T
+            approaches.append(float(words[1]))
+    patch, striker = np.array(approaches).reshape(-1, 2).T
     return np.array(times), np.append(0.0, striker - patch)

@@ -74,11 +74,11 @@ def free_sites(
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
     solved = time.perf_counter()
     C, G = deflections(structure, map_sites.sites.loads, omega, b)
-    moved = time.perf_counter()
+    step_start = time.perf_counter()
     seconds = {
         "sites": located - started,
         "free_modes": solved - located,
-        "deflections": moved - solved,
+        "deflections": step_start - solved,
     }
     return FreeSites(map_sites, omega, phi, b, C, G, seconds)
 

@@ -211,7 +211,7 @@ def impact_map(
     map_sites = seen.map_sites
     omega = seen.omega
     sites = map_sites.sites
-    moved = time.perf_counter()
+    step_start = time.perf_counter()
     if excited is not None:
         band = min(excited, float(omega[-1]) / ABOVE)
     band = WITHIN * float(omega[-1]) if band is None else band
@@ -226,7 +226,7 @@ def impact_map(
     extracted = time.perf_counter()
     seconds = {
         **seen.seconds,
-        "models": reduced - moved,
+        "models": reduced - step_start,
         "direct": extracted - reduced,
     }
     info = MapInfo(
@@ -348,10 +348,10 @@ def _hertz(omega: float) -> str:
 
 
 def _reduced(
-    seen: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
+    sites: FreeSites, counts: Sequence[int], shift: float, band: float, accuracy: float
 ) -> tuple[SiteModels, tuple[Array, Array]]:
     """(models with the first of `counts` that suffices or the last, their two error bounds)."""
-    of_sites = seen.omega, seen.b, seen.compliance, seen.inertia
+    of_sites = sites.omega, sites.b, sites.compliance, sites.inertia
     for n in counts:
         models = free_modes.site_models(*of_sites, n, shift, "krylov")
         left_out, reduction = free_modes.error_bound(models, *of_sites, band, shift)
@@ -523,7 +523,9 @@ def _struck(
     )
 
 
-def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: Count) -> ImpactMap:
+def _stretched(
+    structure: Structure, sites: FreeSites, struck: ImpactMap, count: Count
+) -> ImpactMap:
     """The map with second-order forces in those impacts whose deflection is large enough."""
     started = time.perf_counter()
     part = part_of(structure)
@@ -535,21 +537,21 @@ def _stretched(structure: Structure, seen: FreeSites, struck: ImpactMap, count: 
     deep = np.flatnonzero(struck.peak_deflection > least)
     if not deep.size:
         return struck
-    if not seen.omega.all():
+    if not sites.omega.all():
         raise InputError("stretch= of a map takes a part that is held: give supports.")
 
     def forces_of(b: Array) -> Stretch:
-        return stretch_of_map(structure, seen.omega, seen.phi, b, count)
+        return stretch_of_map(structure, sites.omega, sites.phi, b, count)
 
-    shared = forces_of(seen.b[deep]) if flat else None
+    shared = forces_of(sites.b[deep]) if flat else None
     arrays = {name: getattr(struck, name).copy() for name in STRETCHED}
-    of_sites = seen.omega, seen.b[deep], seen.compliance[deep], seen.inertia[deep]
+    of_sites = sites.omega, sites.b[deep], sites.compliance[deep], sites.inertia[deep]
     stretched = np.zeros(len(struck), dtype=bool)
     bodies = free_modes.bodies(*of_sites, structure.shift)
     notes = list[str]()
     with counting("second-order impacts", len(deep)) as ready, warnings_to(notes.append):
         for number, (i, body) in enumerate(zip(deep, bodies, strict=True)):
-            forces = forces_of(seen.b[i : i + 1]) if shared is None else shared
+            forces = forces_of(sites.b[i : i + 1]) if shared is None else shared
             hit = _hit(struck, i, body, forces)
             stretched[i] = bool(hit.assembly.stretched)
             for name, value in zip(STRETCHED, _numbers(hit), strict=True):
@@ -570,8 +572,8 @@ STRETCHED = ("peak_force", "contact_time", "restitution", "impulse", "peak_defle
 def _numbers(hit: History) -> tuple[float, ...]:
     """The results `STRETCHED` of a history."""
     e = np.nan if hit.restitution is None else hit.restitution
-    moved = deflection(hit, "structure")
-    return hit.peak_force, hit.contact_time, e, hit.impulse, moved
+    deflection_of_site = deflection(hit, "structure")
+    return hit.peak_force, hit.contact_time, e, hit.impulse, deflection_of_site
 
 
 def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History:
@@ -579,13 +581,13 @@ def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History
     assert struck.impactor is not None
     assert struck.duration is not None
     free = len(forces.modes)
-    moved = candidates(body.omega[:free], body.b[:free, None], MOST)
-    turn = np.linalg.qr(forces.modes.T @ moved)[0]
-    turned = replace(forces.turned(turn), count=forces.count)
-    above = np.zeros((body.omega.size - free, turned.size))
-    turned = replace(turned, modes=np.vstack([turned.modes, above]))
+    combinations = candidates(body.omega[:free], body.b[:free, None], MOST)
+    turn = np.linalg.qr(forces.modes.T @ combinations)[0]
+    combined = replace(forces.turned(turn), count=forces.count)
+    above = np.zeros((body.omega.size - free, combined.size))
+    combined = replace(combined, modes=np.vstack([combined.modes, above]))
     radius = None if struck.radius is None else float(struck.radius[i])
-    model = ModalModel(body, float(struck.local_compliance[i]), radius, turned)
+    model = ModalModel(body, float(struck.local_compliance[i]), radius, combined)
     law = struck.contact if struck.laws is None else struck.laws[i]
     assert law is not None
     blow = Impact(model, struck.impactor, law, struck.duration)

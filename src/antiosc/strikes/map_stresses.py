@@ -51,7 +51,7 @@ class _Sought(NamedTuple):
 
 
 def largest_stresses(
-    structure: Structure, seen: FreeSites, forces: list[Force], duration: float
+    structure: Structure, sites: FreeSites, forces: list[Force], duration: float
 ) -> Stresses:
     """The largest stresses in impacts with these forces, on every rank.
 
@@ -59,17 +59,19 @@ def largest_stresses(
     """
     places = sides(structure)
     with doing("stresses of the free modes", structure.comm.rank):
-        modes = _recovered(structure, seen.phi, places)
-    slow = seen.b / (seen.omega**2 + structure.shift)
+        modes = _recovered(structure, sites.phi, places)
+    slow = sites.b / (sites.omega**2 + structure.shift)
     largest: list[tuple[float, Array, float]] = []
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)
-            y = structure.factorize().solve_block(seen.map_sites.sites.loads[:, span].toarray())
-            rest = _recovered(structure, y - seen.phi @ slow[span].T, places)
+            y = structure.factorize().solve_block(sites.map_sites.sites.loads[:, span].toarray())
+            residual_stresses = _recovered(structure, y - sites.phi @ slow[span].T, places)
 
-            def work(span: slice = span, rest: _Sought = rest) -> list[tuple[float, Array, float]]:
-                return _of_sites(modes, rest, seen, forces, span, duration)
+            def work(
+                span: slice = span, rest: _Sought = residual_stresses
+            ) -> list[tuple[float, Array, float]]:
+                return _of_sites(modes, rest, sites, forces, span, duration)
 
             largest += on_root(structure.comm, work)
             ready(len(largest))
@@ -96,8 +98,8 @@ def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sou
 
 def _of_sites(
     modes: _Sought,
-    rest: _Sought,
-    seen: FreeSites,
+    residual_stresses: _Sought,
+    sites: FreeSites,
     forces: list[Force],
     span: slice,
     duration: float,
@@ -106,17 +108,17 @@ def _of_sites(
 
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """
-    steps = int(np.clip(np.ceil(duration * seen.omega[-1] / PHASE), *TIMES))
+    steps = int(np.clip(np.ceil(duration * sites.omega[-1] / PHASE), *TIMES))
     site_forces = forces[span]
-    b = seen.b[span]
-    omega = np.broadcast_to(seen.omega, b.shape)
+    b = sites.b[span]
+    omega = np.broadcast_to(sites.omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), site_forces, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
-    columns = np.concatenate([modes.modes, rest.modes[:, :, :1]], axis=2)
+    columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
     sought = [np.ones(len(modes.strength)), 1 / modes.strength]
     results = []
     for i in range(len(site_forces)):
-        columns[:, :, -1] = rest.modes[:, :, i]
+        columns[:, :, -1] = residual_stresses.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
         largest = _largest(columns, x[seldom])

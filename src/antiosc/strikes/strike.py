@@ -203,7 +203,7 @@ def struck(
     supports: Sequence[Support],
     order: int,
     limit: float | None,
-    seen: Seen | None = None,
+    report: Seen | None = None,
     prestress: Prestress | None = None,
     asked: float | None = None,
 ) -> History:
@@ -221,8 +221,8 @@ def struck(
     material = _material_of(source, material, supports, prestress)
     if isinstance(source, Structure):
         answer = answered(source, site, run, tol, FIRST_N)
-        if seen is not None:
-            seen(answer, site)
+        if report is not None:
+            report(answer, site)
         reason = (
             ""
             if answer.budget.numerical <= tol
@@ -240,8 +240,8 @@ def struck(
         answer = answered(structure, site, run, tol, n)
         answer = changed_since(answer, before) if mesh.tdim == 1 else compared(answer, before)
         before = answer
-        if seen is not None:
-            seen(answer, site)
+        if report is not None:
+            report(answer, site)
         records.append(record(answer))
         log.info("strike: %s", records[-1])
         reason = ""
@@ -362,9 +362,9 @@ def accuracy_of_steps(tol: float) -> float:
 
 
 def corrected(
-    structure: Structure, hit: History, run: RunFunction, accuracy: float, n: int, started: float
+    structure: Structure, hit: History, run: RunFunction, accuracy: float, n: int, start_time: float
 ) -> Answer:
-    """The answer from the run of a raw model whose work began at the time `started`."""
+    """The answer from the run of a raw model whose work began at the time `start_time`."""
     model = hit.model
     budget = hit.error_budget
     soft = hit
@@ -482,7 +482,7 @@ def _next(
     order: int,
     tol: float,
     limit: float | None,
-    started: float,
+    start_time: float,
     meshes: int,
 ) -> tuple[Array, str]:
     """(ratio of new to old cell sizes, or the reason for no further mesh)."""
@@ -512,7 +512,7 @@ def _next(
     growth = max(growth, 1.0)
     dofs = structure.dofs * max(full_growth, 1.0)
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]
-    spent = time.perf_counter() - started
+    spent = time.perf_counter() - start_time
     expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
     needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()

@@ -390,7 +390,7 @@ class Made:
 
 
 def _fewer(
-    meshes: Sequence[Made], run: RunFunction, tol: float, started: float
+    meshes: Sequence[Made], run: RunFunction, tol: float, start_time: float
 ) -> dict[Made, list[Made]]:
     """Members with fewer anti-oscillators of each mesh, those of the finest first.
 

@@ -153,22 +153,22 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
     q, w, c = np.zeros(len(ball.beta)), ball.start, ball.load
     contact = _Contact(blow, alpha, float(ball.beta @ w))
     for _ in range(blow.steps):
-        rest = 4 / h**2 * u + 4 / h * v + a
+        inertia_terms = 4 / h**2 * u + 4 / h * v + a
         ball_rest = 4 / h**2 * q + 4 / h * w + c
-        new = A.solve(multiply(M, rest))
+        new = A.solve(multiply(M, inertia_terms))
         ball_new = inverse * (ball_rest + ball.load)
         F = contact.step(float(ball.beta @ ball_new) - float(dot(comm, blow.b, new)))
         new += F * flexibility
         ball_new = ball_new - F * inverse * ball.beta
-        v, a = _moved(h, new, rest, v, a)
+        v, a = _moved(h, new, inertia_terms, v, a)
         w, c = _moved(h, ball_new, ball_rest, w, c)
         u, q = new, ball_new
     return Curve(*np.array(contact.nodes).T)
 
 
-def _moved(h: float, new: Array, rest: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def _moved(h: float, new: Array, inertia_terms: Array, v: Array, a: Array) -> tuple[Array, Array]:
     """Velocity and acceleration at the end of a step."""
-    after = 4 / h**2 * new - rest
+    after = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + after), after
 
 

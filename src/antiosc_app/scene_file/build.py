@@ -276,15 +276,15 @@ class Builder:
 
     def _function(self, kinds: Sequence[str], table: Table, place: Place) -> str:
         """The callable that `kind` chooses."""
-        chosen = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
-        if chosen is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
-            chosen = kinds[0]  # the class itself, where the others are its constructors
-        if chosen is None:
+        kind = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
+        if kind is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
+            kind = kinds[0]  # the class itself, where the others are its constructors
+        if kind is None:
             self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
-        if not isinstance(chosen, str) or chosen not in kinds:
-            what = f"{label(place)} has no {KIND} {checks.shown(chosen)}{meant(chosen, kinds)}"
+        if not isinstance(kind, str) or kind not in kinds:
+            what = f"{label(place)} has no {KIND} {checks.shown(kind)}{meant(kind, kinds)}"
             self._wrong((*place, KIND), f"{what} It may be {listed(kinds)}.")
-        return chosen
+        return kind
 
     def _values(
         self, known: Mapping[str, Parameter], table: Table, place: Place, function: str
@@ -321,8 +321,8 @@ class Builder:
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
         close = nearest(key, known)
-        about = f": {known[close].about}" if close and known[close].about else ""
-        hint = f"; did you mean {close!r} ({words(known[close].kinds)}{about})?" if close else "."
+        meaning = f": {known[close].about}" if close and known[close].about else ""
+        hint = f"; did you mean {close!r} ({words(known[close].kinds)}{meaning})?" if close else "."
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 

@@ -302,8 +302,8 @@ def meant(name: object, known: Iterable[str]) -> str:
 
 def listed(names: Iterable[str]) -> str:
     """a, b and c; at most twenty of them."""
-    shown = list(names)
-    return ", ".join([*shown[:20], *(["…"] if len(shown) > 20 else [])]) or "none"
+    listed_names = list(names)
+    return ", ".join([*listed_names[:20], *(["…"] if len(listed_names) > 20 else [])]) or "none"
 
 
 def unknown(what: str, name: str, known: Iterable[str]) -> str:

@@ -69,10 +69,11 @@ class Outline:
     def text(self, most: int | None = None) -> str:
         """The box and the groups in words; `most`: number of groups that are named."""
         groups = ", ".join(self.groups[:most]) or "none"
-        more = 0 if most is None else len(self.groups) - most
+        hidden = 0 if most is None else len(self.groups) - most
         return (
             f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
-            f" groups: {groups}" + (f" and {more} more, which the scene lists" if more > 0 else "")
+            f" groups: {groups}"
+            + (f" and {hidden} more, which the scene lists" if hidden > 0 else "")
         )
 
     def distance(self, point: Array) -> float:

@@ -292,8 +292,8 @@ def _batch(
     if None in chain(*rows, *times.values()):
         return None
     columns = {**dict(zip(_GIVEN, map(list, zip(*rows, strict=True)), strict=True)), **times}
-    rest = {name: value for name, value in table.items() if name not in times}
-    return build.call(("simulate_many",), rest, ("simulate",), columns)
+    fixed_values = {name: value for name, value in table.items() if name not in times}
+    return build.call(("simulate_many",), fixed_values, ("simulate",), columns)
 
 
 def _stretching(build: Builder, part: Call | None, model_call: Call | None) -> Call | None:
@@ -335,7 +335,7 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     if not isinstance(table, dict):
         return None
     drawn = {name: value for name, value in table.items() if isinstance(value, dict)}
-    rest = {name: value for name, value in table.items() if name not in drawn}
+    study_arguments = {name: value for name, value in table.items() if name not in drawn}
     point = _surface(build, compiled.structure, drawn.pop(POINT)) if POINT in drawn else None
     inputs = _inputs(build, drawn)
     if not inputs and POINT not in table:
@@ -354,7 +354,7 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     laws = {label(place): law for place, law in inputs.items()}
     laws |= {POINT: point} if POINT in table else {}
     arguments = {"run": Call(run, {"models": models}), "inputs": laws}
-    return build.call(SECTIONS["monte_carlo"], rest, ("monte_carlo",), arguments)
+    return build.call(SECTIONS["monte_carlo"], study_arguments, ("monte_carlo",), arguments)
 
 
 def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:

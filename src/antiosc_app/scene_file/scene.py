@@ -254,9 +254,11 @@ def _assembly(build: Builder) -> Call | None:
                 build.names("part", end.partition(":")[0], known, (*call.place, key))
     for name in placed:
         build.names("part", name, parts, ("at", name))
-    more = {"at": placed, "points": points, **_supported(build, build.data, ())}
+    extra_arguments = {"at": placed, "points": points, **_supported(build, build.data, ())}
     arguments: dict[str, object] = {"parts": parts if None not in parts.values() else None}
-    arguments |= {"joints": joints} | {name: value for name, value in more.items() if value}
+    arguments |= {"joints": joints} | {
+        name: value for name, value in extra_arguments.items() if value
+    }
     if "prestress" in build.data:
         arguments["prestress"] = build.table("prestress")
     return build.table("assembly", always=True, given=arguments)
@@ -434,9 +436,12 @@ def several(build: Builder, compiled: CompiledScene) -> None:
         _check_end(build, bodies_by_name, table, "end", ("loads", i))
     for name in build.part("motion"):
         build.names("body", name, bodies_by_name, ("motion", name))
-    more: dict[str, object] = {"loads": build.listed("loads"), "base": build.table("base")}
-    more |= {"motion": build.named("motion")}
-    arguments |= {name: call for name, call in more.items() if call}
+    extra_arguments: dict[str, object] = {
+        "loads": build.listed("loads"),
+        "base": build.table("base"),
+    }
+    extra_arguments |= {"motion": build.named("motion")}
+    arguments |= {name: call for name, call in extra_arguments.items() if call}
     compiled.scene = build.table("scene", always=True, given=arguments)
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
@@ -457,8 +462,8 @@ def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | N
         law = _law(build, table.get("law"), (*place, "law"), methods)
         for key in ("a", "b"):
             _check_end(build, bodies, table, key, place)
-        rest = {key: value for key, value in table.items() if key != "law"}
-        contacts.append(build.call(SECTIONS["contacts"], rest, place, {"law": law}))
+        arguments = {key: value for key, value in table.items() if key != "law"}
+        contacts.append(build.call(SECTIONS["contacts"], arguments, place, {"law": law}))
     return contacts
 
 

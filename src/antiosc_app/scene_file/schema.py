@@ -258,13 +258,19 @@ def descriptions(call: object) -> dict[str, str]:
     texts: dict[str, str] = {}
     for entry in re.split(r"\n(?=\S)", section.group(1)) if section else ():
         head, _, body = entry.partition("\n")
-        names, _, rest = head.partition(" : ")
+        names, _, first_line = head.partition(" : ")
         # the text after the colon is a type, or says more than that
-        more = rest if len(rest.split()) > 6 and "optional" not in rest else ""
-        about = " ".join(f"{more} {body}".split())
-        about = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", about, maxsplit=1)[0].rstrip(".")
-        about = about if len(about) <= 160 else f"{about[:157].rsplit(' ', 1)[0]} …"
-        texts |= {name.strip(): about for name in names.split(",")}
+        names_text = (
+            first_line if len(first_line.split()) > 6 and "optional" not in first_line else ""
+        )
+        description = " ".join(f"{names_text} {body}".split())
+        description = re.split(r"(?<=[a-z\])’'”\"])[.;:](?:\s|$)", description, maxsplit=1)[
+            0
+        ].rstrip(".")
+        description = (
+            description if len(description) <= 160 else f"{description[:157].rsplit(' ', 1)[0]} …"
+        )
+        texts |= {name.strip(): description for name in names.split(",")}
     return texts
 
 

@@ -224,14 +224,14 @@ def monte_carlo(
     chunk_size = max(TOGETHER, -(-len(todo) // PARTS))
     chunks = [todo[k : k + chunk_size] for k in range(0, len(todo), chunk_size)]
     arguments_of_chunks = [[_values(by_name, inputs_drawn, i) for i in part] for part in chunks]
-    with counting("runs", len(todo)) as ready, _storing(path, inputs_drawn, rows) as keep:
+    with counting("runs", len(todo)) as report, _storing(path, inputs_drawn, rows) as keep:
         count = 0
         for k, chunk_rows in chunk_results(run, arguments_of_chunks, executor):
             part = dict(zip(chunks[k], chunk_rows, strict=True))
             rows.update(part)
             keep(part)
             count += len(chunk_rows)
-            ready(count)
+            report(count)
     return sample_of("runs", inputs_drawn, [rows[i] for i in range(size)])
 
 

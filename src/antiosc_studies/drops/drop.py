@@ -63,8 +63,10 @@ def orientation(
         R = onto(down, DOWN)
     angles = checks.floats("tilt", tilt, None)
     if angles.shape != (3,):
-        shown = checks.shown(tilt)
-        raise InputError(f"tilt must be three angles in degrees, about x, y and z; got {shown}.")
+        tilt_text = checks.shown(tilt)
+        raise InputError(
+            f"tilt must be three angles in degrees, about x, y and z; got {tilt_text}."
+        )
     return tilted(angles) @ R
 
 
@@ -265,10 +267,10 @@ def tumbles(
     draw = partial(_drawn, body.alone(), start, setting, ensemble)
     chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
     counts: dict[int, list[dict[str, float] | str]] = {}
-    with counting("falls", n) as ready:
+    with counting("falls", n) as report:
         for k, rows in chunk_results(partial(_tumble, draw), chunks, executor):
             counts[k] = rows
-            ready(sum(map(len, counts.values())))
+            report(sum(map(len, counts.values())))
     sample = sample_of("falls", {}, [row for k in sorted(counts) for row in counts[k]])
     table = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T

@@ -355,13 +355,14 @@ def on_path(
         volume, low, place = surface.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
         offsets[:, on_layer] = free[:, on_layer] - surface.depth(pieces, volume, low)
         moving = place[..., 3:].reshape(len(R), len(on_layer), *shapes.shape[1:])
-        bent = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
-        arms[:, on_layer] = bent @ np.swapaxes(R, 1, 2)
+        displaced = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
+        arms[:, on_layer] = displaced @ np.swapaxes(R, 1, 2)
         bending += np.einsum(
             "nkd,nkjd->nj", point_forces[:, on_layer] @ R, moving - shapes[on_layer]
         )
         sliding = (
-            _displaced(R, path.q[:, 6:], bent, moving) + (displacement[:, :6] @ W[:, :3])[:, None]
+            _displaced(R, path.q[:, 6:], displaced, moving)
+            + (displacement[:, :6] @ W[:, :3])[:, None]
         )
         for k, piece in enumerate(on_layer.tolist()):
             sides = old.sides[piece]
@@ -406,8 +407,8 @@ def _displaced(R: Array, q: Array, places: Array, shapes: Array) -> Array:
 def _heights(touch: Touch, path: Path) -> Array:
     """Heights (n,) [m] of the centre of mass on a path, over the floor's initial position."""
     assert touch.body.layer_contact is not None
-    moved = (path.q - path.q[0])[:, :6] @ touch.modes[:, 2]
-    return np.asarray(touch.body.layer_contact.height + moved)
+    displacements = (path.q - path.q[0])[:, :6] @ touch.modes[:, 2]
+    return np.asarray(touch.body.layer_contact.height + displacements)
 
 
 def handed_over(
@@ -423,12 +424,12 @@ def handed_over(
     run = history.run
     t = float(path.times[-1])
     body, start, W, momentum = touch
-    moved = (path.q[-1] - path.q[0])[:6] @ W
+    displacements = (path.q[-1] - path.q[0])[:6] @ W
     P = path.v[-1, :6] @ momentum
     all_modes = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
     state = State(
         start.time + t,
-        start.centre + moved[:3],
+        start.centre + displacements[:3],
         P[:3] / body.mass,
         path.R[-1],
         P[3:],

@@ -133,8 +133,8 @@ def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
 
     def integral(phi: Array) -> Array:
         halves = np.round(phi / np.pi)
-        rest = phi - halves * np.pi
-        return 2 * halves * half + part(np.sin(rest), np.cos(rest))
+        remainder = phi - halves * np.pi
+        return 2 * halves * half + part(np.sin(remainder), np.cos(remainder))
 
     return integral
 
@@ -221,8 +221,8 @@ class Flight:
         """Heights (n, k) [m] of points (k,) over the floor at ascending times (n,)."""
         vertical = self.orientation(t)[:, 2]
         shapes = self.body.shapes[which]
-        moved = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
-        height = self._rigid(t, vertical, which) + np.einsum("nkd,nd->nk", moved, vertical)
+        displacements = np.tensordot(self._ringing(t)[0], shapes, axes=(1, 1))
+        height = self._rigid(t, vertical, which) + np.einsum("nkd,nd->nk", displacements, vertical)
         if self.ground is not None:
             height += np.einsum("snf,sf->n", self._floor_at(t), self.ground.shape)[:, None]
         return height

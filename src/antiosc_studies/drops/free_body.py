@@ -152,9 +152,11 @@ class FreeBody:
         if self.facing is not None:
             by_itself = ~self.facing.any(axis=1)
             for i in which:
-                near = np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
-                near &= ~(by_itself | by_itself[i])
-                touching |= near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
+                is_near = (
+                    np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
+                )
+                is_near &= ~(by_itself | by_itself[i])
+                touching |= is_near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
         return touching
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
@@ -210,8 +212,8 @@ class State:
 
     def arms(self, body: FreeBody, which: Which = slice(None)) -> Array:
         """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
-        bent = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
-        arms = bent @ self.R.T
+        displaced = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
+        arms = displaced @ self.R.T
         arms[:, 2] -= body.reach(self.R[2])[which]
         return np.asarray(arms)
 

@@ -59,9 +59,9 @@ LEAST_SLOPE = 0.1
 
 def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
     """The body with stations on its cylinders, if the floor's law applies to lines."""
-    plain = not (floor.layer or floor.law or (floor.restitution or 1.0) < 1)
+    elastic_floor = not (floor.layer or floor.law or (floor.restitution or 1.0) < 1)
     body = _without(body)
-    if not (plain and body.cylinders):
+    if not (elastic_floor and body.cylinders):
         return body
     for cylinder in body.cylinders:
         body = _added(body, cylinder, floor)
@@ -309,12 +309,12 @@ def _compliance(body: FreeBody, cylinder: Cylinder) -> float:
     b = np.mean([load.b for load in loads], axis=0)
     y = structure.factorize().solve_block(b[:, None])[:, 0]
     rigid = b @ structure.rigid_modes
-    moved = b @ body.basis
-    modes = float(np.sum(moved**2 / (body.omega**2 + structure.shift)))
+    displacements = b @ body.basis
+    modes = float(np.sum(displacements**2 / (body.omega**2 + structure.shift)))
     total = float(b @ y - rigid @ rigid / structure.shift)
     E, nu = cylinder.material.tolist()
     distances = np.abs(along[:, None] - along)
     np.fill_diagonal(distances, inf)
     patches = sum(load.local_compliance for load in loads) / count**2
-    others = float((1 / distances).sum()) * (1 - nu**2) / (pi * E * count**2)
-    return total - modes - patches - others
+    half_space = float((1 / distances).sum()) * (1 - nu**2) / (pi * E * count**2)
+    return total - modes - patches - half_space

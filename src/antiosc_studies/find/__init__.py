@@ -353,11 +353,11 @@ def prepared(
         radius = checks.positive("radius", radius, "m")
     count = MODES if modes is None and band is None else modes
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
-        seen = free_sites(structure, matrices, where, direction, radius, count, band)
-    rows = np.array([of_shapes(sensor, structure, seen.phi) for sensor in sensors])
-    r, _ = residual(seen.omega, seen.b, seen.compliance, seen.inertia, structure.shift)
+        sites = free_sites(structure, matrices, where, direction, radius, count, band)
+    rows = np.array([of_shapes(sensor, structure, sites.phi) for sensor in sensors])
+    r, _ = residual(sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift)
     orders = np.array([sensor.derivative for sensor in sensors])
-    return Monitored(seen, rows, orders, r, structure.mass)
+    return Monitored(sites, rows, orders, r, structure.mass)
 
 
 def found_in(
@@ -423,12 +423,12 @@ def _result(
     scaled = best.covariance / limits / limits[:, None]
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
     bars = _bars(best, scale)
-    near = max(3 * bars["place"], 0.05 * extent)
+    distance = max(3 * bars["place"], 0.05 * extent)
     others = [
         fit.blow.place
         for fit in fits[1:]
         if fit.cost - best.cost < AS_PROBABLE * max(best.chi2, 1.0)
-        and np.linalg.norm(fit.blow.place - blow.place) > near
+        and np.linalg.norm(fit.blow.place - blow.place) > distance
     ]
     status, message = _verdict(best, rank, limits, others, data)
     t = data.time

@@ -110,10 +110,10 @@ class MapSurface:
             return self.points[site], site
         neighbours = np.atleast_1d(self._tree.query(place, min(12, len(self.points)))[1])
         neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE]
-        around = [self._of[i] for i in neighbours]
-        if not sum(map(len, around)):
+        elements = [self._of[i] for i in neighbours]
+        if not sum(map(len, elements)):
             return self.points[site], site
-        candidates = self.elements[np.unique(np.concatenate(around))]
+        candidates = self.elements[np.unique(np.concatenate(elements))]
         feet = _feet(place, self.points[candidates])
         best = int(np.argmin(np.linalg.norm(feet - place, axis=1)))
         corners = candidates[best]

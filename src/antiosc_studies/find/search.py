@@ -208,13 +208,13 @@ class Search:
         step = -1
         while True:
             step += 1
-            chart, site_data, seen = self.at(blow)
-            residual = self.residuals(blow, seen.signals)
-            J, gains = self._slopes(blow, chart, site_data, seen)
+            chart, site_data, computed = self.at(blow)
+            residual = self.residuals(blow, computed.signals)
+            J, gains = self._slopes(blow, chart, site_data, computed)
             if step == steps:
                 break
             # far from the blow, signal differences must not be explained by model errors
-            data = seen.signals.size
+            data = computed.signals.size
             factor = np.ones(residual.size)
             factor[:data] = min(1.0, float(np.sqrt(data / max(np.sum(residual[:data] ** 2), 1.0))))
 
@@ -234,7 +234,7 @@ class Search:
             trial, new = better
             contact_time_estimate = float(
                 np.clip(
-                    seen.hit.contact_time,
+                    computed.hit.contact_time,
                     0.2 * blow.contact_time_estimate,
                     5 * blow.contact_time_estimate,
                 )
@@ -243,7 +243,7 @@ class Search:
             cost_before = float(np.sum((factor * residual) ** 2))
             if cost_before - float(new @ new) < max(CONVERGED, ENOUGH * cost_before):
                 steps = step + 1
-        return self._finished(blow, chart, seen, residual, J, gains)
+        return self._finished(blow, chart, computed, residual, J, gains)
 
     def moved(self, blow: Blow, chart: Chart, change: Array) -> Blow:
         """The impact after a change of all unknowns."""
@@ -278,7 +278,7 @@ class Search:
         )
 
     def _slopes(
-        self, blow: Blow, chart: Chart, site_data: Array, seen: Seen
+        self, blow: Blow, chart: Chart, site_data: Array, computed: Seen
     ) -> tuple[Array, Array]:
         """Derivatives of all residuals by all unknowns, and `gains` in the units of the steps."""
         model = self.model
@@ -287,8 +287,8 @@ class Search:
 
         def changed(other: Blow, at: Array, change: float) -> None:
             new = model.seen(other, at)
-            columns.append((new.signals - seen.signals).ravel() / change)
-            gains.append((strength(new.hit) - strength(seen.hit)) / change)
+            columns.append((new.signals - computed.signals).ravel() / change)
+            gains.append((strength(new.hit) - strength(computed.hit)) / change)
 
         for i in range(len(chart.axes)):
             x = np.zeros(len(chart.axes))
@@ -301,34 +301,34 @@ class Search:
         changed(
             replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), site_data, CHANGE
         )
-        n, m, J = seen.parts.shape
+        n, m, J = computed.parts.shape
         p = len(columns)
         jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
         jacobian[: n * m, :p] = np.transpose(columns)
         # all frequencies at once: each mode's own part of the change
         other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
-        part_changes = (model.seen(other, site_data).parts - seen.parts) * (1 + blow.share)
+        part_changes = (model.seen(other, site_data).parts - computed.parts) * (1 + blow.share)
         by_frequency = part_changes / (CHANGE_FREQUENCY * (1 + blow.frequency))
         jacobian[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
             at = p + J + s * J
-            jacobian[s : n * m : m, at : at + J] = seen.parts[:, s]
+            jacobian[s : n * m : m, at : at + J] = computed.parts[:, s]
         rows = np.arange(J)
         jacobian[n * m + rows, p + rows] = 1 / self.spread
         jacobian[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
         return jacobian, np.transpose(gains)
 
     def _finished(
-        self, blow: Blow, chart: Chart, seen: Seen, residual: Array, J: Array, gains: Array
+        self, blow: Blow, chart: Chart, computed: Seen, residual: Array, J: Array, gains: Array
     ) -> ProbableImpact:
         """The most probable impact with its uncertainty, from the state at the end of a search."""
         d = len(chart.axes)
         k = len(self.logs)
         p = d + k + 1
-        data = seen.signals.size
+        data = computed.signals.size
         inverse = covariance(J.T @ J)
-        used = float(np.sum((J[:data] @ inverse) * J[:data]))
-        chi2 = float(residual[:data] @ residual[:data]) / max(data - used, 1.0)
+        degrees = float(np.sum((J[:data] @ inverse) * J[:data]))
+        chi2 = float(residual[:data] @ residual[:data]) / max(data - degrees, 1.0)
         unit = np.concatenate([np.full(d, chart.size), np.ones(k), [blow.contact_time_estimate]])
         covariance_of_unknowns = inverse[:p, :p] * unit * unit[:, None] * max(chi2, 1.0)
         names = (*("place",) * d, *self.logs, "start")
@@ -336,13 +336,13 @@ class Search:
         return ProbableImpact(
             blow,
             chart,
-            seen.hit,
+            computed.hit,
             cost,
             names,
             covariance_of_unknowns,
             gains / unit,
             chi2,
-            seen.signals,
+            computed.signals,
         )
 
 
@@ -425,12 +425,12 @@ def _heavier(blow: Blow, by: float) -> Blow:
 
 def _kept(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
-    first, *rest = fits
+    first, *others = fits
     least_distance = APART * model.surface.spacing(first.blow.site)
     elsewhere = [
-        fit for fit in rest if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
+        fit for fit in others if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
     ]
-    promising = [fit for fit in (*elsewhere, *rest) if fit.cost < HOPELESS * first.cost]
+    promising = [fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS * first.cost]
     return [first, *promising][:KEPT]
 
 
@@ -472,13 +472,13 @@ def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str,
 def _scaled(search: Search, blow: Blow) -> tuple[float, Blow]:
     """(cost, impact) with the amplitude that fits best."""
     model = search.model
-    seen = search.at(blow)[2].signals.ravel()
+    signals = search.at(blow)[2].signals.ravel()
     data = model.data.compared.ravel()
-    power = float(seen @ seen)
+    power = float(signals @ signals)
     if power == 0.0:
         return float(data @ data), blow
-    amplitude = max(float(seen @ data) / power, 0.1)
+    amplitude = max(float(signals @ data) / power, 0.1)
     # with this change of stiffness the force of a power law is proportional to the velocity
     change = {"velocity": amplitude, "stiffness": amplitude ** (1 - model.exponent)}
     new = {n: getattr(blow, n) * c for n, c in change.items() if n in search.logs}
-    return float(np.sum((amplitude * seen - data) ** 2)), replace(blow, **new)
+    return float(np.sum((amplitude * signals - data) ** 2)), replace(blow, **new)

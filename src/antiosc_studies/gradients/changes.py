@@ -207,8 +207,8 @@ def through_start(record: Recorded, by: Slopes) -> Slopes:
         by_q = by.q if s.first is None else s.first.begun(by.q, by.v)
         H = np.diag(s.omega**2) + beta.T @ force_slopes @ beta
         scale = 1 / np.sqrt(np.where(H.diagonal() > 0, H.diagonal(), 1.0))
-        wanted = scale * (by_q + beta.T @ force_slopes @ by_force)
-        mu = scale * np.linalg.lstsq(scale[:, None] * H * scale, wanted, rcond=None)[0]
+        right_side = scale * (by_q + beta.T @ force_slopes @ by_force)
+        mu = scale * np.linalg.lstsq(scale[:, None] * H * scale, right_side, rcond=None)[0]
         by_force -= beta @ mu
     by_depth = force_slopes @ by_force
     for free, place, coupled in spans:
@@ -233,9 +233,7 @@ def _slopes(law: Any, depth: float) -> tuple[float, Array]:
     return float(law.tangent(depth, 0.0, law.touch(0.0))[0]), by_parameters
 
 
-def changed(
-    record: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
-) -> float:
+def changed(record: Recorded, seeds: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
     """First-order change of the goal from one set of bodies to another.
 
     Modes of nearly equal frequencies mix under small changes. The squares of their frequencies are
@@ -245,8 +243,8 @@ def changed(
     a = before.system
     b = after.system
     if record.system.first is not None:
-        return changed_coupled(record, wanted, by, before, after) + _beside_modes(
-            wanted, by, before, after
+        return changed_coupled(record, seeds, by, before, after) + _beside_modes(
+            seeds, by, before, after
         )
     if a.omega.shape != b.omega.shape or record.system.omega.shape != a.omega.shape:
         raise NotDifferentiableError(
@@ -259,7 +257,7 @@ def changed(
         "loads": by.loads,
         "q": by.q[None],
         "v": by.v[None],
-        "B": wanted.B.T,
+        "B": seeds.B.T,
     }
     run_modes = _of_modes(record)
     modes_before = _of_modes(before)
@@ -284,10 +282,10 @@ def changed(
     total += sum(
         float(np.sum(slope * (modes_after[n] - modes_before[n]))) for n, slope in slopes.items()
     )
-    return total + _beside_modes(wanted, by, before, after)
+    return total + _beside_modes(seeds, by, before, after)
 
 
-def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
+def _beside_modes(seeds: Seeds, by: Slopes, before: Assembly, after: Assembly) -> float:
     """The part of `changed` that residual compliances, gaps, friction and laws contribute."""
     a = before.system
     b = after.system
@@ -295,7 +293,7 @@ def _beside_modes(wanted: Seeds, by: Slopes, before: Assembly, after: Assembly) 
         (by.residual, b.R - a.R),
         (by.offsets, b.offsets - a.offsets),
         (by.friction, b.slip - a.slip),
-        (wanted.r, after.r - before.r),
+        (seeds.r, after.r - before.r),
     ]
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
     for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
@@ -546,7 +544,7 @@ def _changed(model: AntiOscillators, name: str, by: Array) -> AntiOscillators:
 
 
 def changed_coupled(
-    record: Recorded, wanted: Seeds, by: Slopes, before: Assembly, after: Assembly
+    record: Recorded, seeds: Seeds, by: Slopes, before: Assembly, after: Assembly
 ) -> float:
     """First-order change of the goal by the modes, from one set of bodies to another."""
     for bodies in (before, after):
@@ -562,7 +560,7 @@ def changed_coupled(
     total += float(np.sum(by.loads * change["loads"]))
     total += float(np.append(by.q, by.v) @ change["state"][0])
     total += float(by.pressed @ (after.system.pressed - before.system.pressed))
-    for (step, u, _), _, weights in wanted.readings:
+    for (step, u, _), _, weights in seeds.readings:
         time_in_step = u * float(record.edges[step + 1] - record.edges[step])
         place = np.array([step]), np.array([time_in_step])
         state = np.hstack(integrated_states(record.run, record.system, *place))[0]

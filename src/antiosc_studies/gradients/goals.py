@@ -170,24 +170,26 @@ def _empty_seeds(record: Recorded) -> Seeds:
     )
 
 
-def _read_force(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
-    """Fill `to` for the goal "force": the contact force at a time."""
-    to.value = float(forces(record.run, np.array([step]), np.array([time_in_step]))[0, c])
+def _read_force(
+    record: Recorded, c: int, goal_seeds: Seeds, step: int, time_in_step: float
+) -> None:
+    """Fill `goal_seeds` for the goal "force": the contact force at a time."""
+    goal_seeds.value = float(forces(record.run, np.array([step]), np.array([time_in_step]))[0, c])
     u = time_in_step / float(record.edges[step + 1] - record.edges[step])
-    _add_force_reading(record, c, to, step, u, stays=False)
+    _add_force_reading(record, c, goal_seeds, step, u, stays=False)
 
 
 def _add_force_reading(
-    record: Recorded, c: int, to: Seeds, step: int, u: float, stays: bool
+    record: Recorded, c: int, goal_seeds: Seeds, step: int, u: float, stays: bool
 ) -> None:
     """Record a reading of a contact's force at position u (0 to 1) in a step."""
     weight = np.zeros(2 * record.system.omega.size + len(record.system.beta))
     weight[2 * record.system.omega.size + c] = 1.0
-    to.readings.append(((step, u, int(stays)), weight, np.zeros((3, len(to.r)))))
+    goal_seeds.readings.append(((step, u, int(stays)), weight, np.zeros((3, len(goal_seeds.r)))))
 
 
-def _peak_force(record: Recorded, c: int, to: Seeds) -> None:
-    """Fill `to` for the goal "peak_force"."""
+def _peak_force(record: Recorded, c: int, goal_seeds: Seeds) -> None:
+    """Fill `goal_seeds` for the goal "peak_force"."""
     tops = _tops(record, c)
     if not tops.max(initial=0.0) > 0:
         raise NotDifferentiableError("the contact did not touch: its peak force has no gradient.")
@@ -197,7 +199,7 @@ def _peak_force(record: Recorded, c: int, to: Seeds) -> None:
             f"two peaks of {tops[k]:.6g} N are equal: their maximum has a gradient on either side"
             f" alone; change an input slightly."
         )
-    _add_peak_reading(record, c, to, k, float(tops[k]))
+    _add_peak_reading(record, c, goal_seeds, k, float(tops[k]))
 
 
 def next_peak(record: Recorded, contact: int) -> Seeds | None:
@@ -207,9 +209,9 @@ def next_peak(record: Recorded, contact: int) -> Seeds | None:
     if not len(others):
         return None
     k = int(others[np.argmax(tops[others])])
-    to = _empty_seeds(record)
-    _add_peak_reading(record, contact, to, k, float(tops[k]))
-    return to
+    goal_seeds = _empty_seeds(record)
+    _add_peak_reading(record, contact, goal_seeds, k, float(tops[k]))
+    return goal_seeds
 
 
 def _tops(record: Recorded, c: int) -> Array:
@@ -225,14 +227,14 @@ def _other_peaks(tops: Array, k: int, near: float) -> NDArray[np.intp]:
     return large[(np.abs(large - k) > 1) & _is_local_peak(tops, large)]
 
 
-def _add_peak_reading(record: Recorded, c: int, to: Seeds, k: int, value: float) -> None:
+def _add_peak_reading(record: Recorded, c: int, goal_seeds: Seeds, k: int, value: float) -> None:
     """Record a reading of the largest force of a contact in step k."""
     f0, f1, f2 = record.run.force[2 * k : 2 * k + 3, c].tolist()
     a = f1 - f0
     b = f2 - f1
     u = (3 * a - b) / (4 * (a - b)) if 3 * a > b and 3 * b < a else float(f2 > f0)
-    to.value = value
-    _add_force_reading(record, c, to, k, u, stays=True)
+    goal_seeds.value = value
+    _add_force_reading(record, c, goal_seeds, k, u, stays=True)
 
 
 def _is_local_peak(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -242,17 +244,17 @@ def _is_local_peak(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
     return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
 
 
-def _impulse(record: Recorded, c: int, to: Seeds) -> None:
-    """Fill `to` for the goal "impulse"."""
+def _impulse(record: Recorded, c: int, goal_seeds: Seeds) -> None:
+    """Fill `goal_seeds` for the goal "impulse"."""
     f = record.run.force[:, c]
     h = np.diff(record.edges)
     means = (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6
-    to.value = float(h @ means)
-    to.force[:-2:2, c] += h / 6
-    to.force[1::2, c] += 4 * h / 6
-    to.force[2::2, c] += h / 6
-    to.time[1:] += means
-    to.time[:-1] -= means
+    goal_seeds.value = float(h @ means)
+    goal_seeds.force[:-2:2, c] += h / 6
+    goal_seeds.force[1::2, c] += 4 * h / 6
+    goal_seeds.force[2::2, c] += h / 6
+    goal_seeds.time[1:] += means
+    goal_seeds.time[:-1] -= means
 
 
 def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
@@ -283,26 +285,26 @@ def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
     return spans, parted
 
 
-def _contact_time(record: Recorded, c: int, to: Seeds) -> None:
-    """Fill `to` for the goal "contact_time"."""
+def _contact_time(record: Recorded, c: int, goal_seeds: Seeds) -> None:
+    """Fill `goal_seeds` for the goal "contact_time"."""
     spans, _ = _touches(record, c)
     f = record.run.force[:, c]
     edges = record.edges
     h = np.diff(record.edges)
     area = np.append(0.0, np.cumsum(h * (f[:-2:2] + 4 * f[1::2] + f[2::2]) / 6))
-    to.value = main_contact_time(
+    goal_seeds.value = main_contact_time(
         (float(edges[a]), float(edges[b]), float(area[b] - area[a])) for a, b in spans
     )
     first, last = min(
         ((a, b) for a, _ in spans for _, b in spans if b > a),
-        key=lambda pair: abs(edges[pair[1]] - edges[pair[0]] - to.value),
+        key=lambda pair: abs(edges[pair[1]] - edges[pair[0]] - goal_seeds.value),
     )
-    to.time[last] += 1.0
-    to.time[first] -= 1.0
+    goal_seeds.time[last] += 1.0
+    goal_seeds.time[first] -= 1.0
 
 
-def _restitution(record: Recorded, c: int, to: Seeds) -> None:
-    """Fill `to` for the goal "restitution"."""
+def _restitution(record: Recorded, c: int, goal_seeds: Seeds) -> None:
+    """Fill `goal_seeds` for the goal "restitution"."""
     spans, parted = _touches(record, c)
     s = record.system
     rigid = np.where(s.omega == 0, s.beta[c], 0.0)
@@ -316,15 +318,15 @@ def _restitution(record: Recorded, c: int, to: Seeds) -> None:
             "this run has no restitution: the bodies are in contact at its end, or did not approach"
             " each other."
         )
-    to.value = -parting / closing
+    goal_seeds.value = -parting / closing
     n = record.edges.size - 1
     for edge, weight_of in ((first, parting / closing**2), (last, -1 / closing)):
         weight = np.zeros(2 * s.omega.size + len(s.beta))
         weight[s.omega.size : 2 * s.omega.size] = weight_of * rigid
         place = (edge, 0.0, 1) if edge < n else (n - 1, 1.0, 1)
-        to.readings.append((place, weight, weight_of * np.outer(np.eye(3)[2], record.G[c])))
+        goal_seeds.readings.append((place, weight, weight_of * np.outer(np.eye(3)[2], record.G[c])))
         rigid_motion = np.where(s.omega == 0, weight_of * states_at[edge], 0.0)
-        to.B += np.outer(rigid_motion, record.G[c])
+        goal_seeds.B += np.outer(rigid_motion, record.G[c])
 
 
 def _side(record: Recorded, c: int, end: int = 0) -> Array:
@@ -338,25 +340,27 @@ def _side(record: Recorded, c: int, end: int = 0) -> Array:
     return weights
 
 
-def _read_displacement(record: Recorded, c: int, to: Seeds, step: int, time_in_step: float) -> None:
-    """Fill `to` for the goal "displacement": that of the first end at a time."""
+def _read_displacement(
+    record: Recorded, c: int, goal_seeds: Seeds, step: int, time_in_step: float
+) -> None:
+    """Fill `goal_seeds` for the goal "displacement": that of the first end at a time."""
     s = record.system
     columns = _side(record, c)
     place = np.array([step]), np.array([time_in_step])
     q, _ = states(record.run, s, *place)
     site_forces = -(forces(record.run, *place)[0] @ record.G)
     u = time_in_step / float(record.edges[step + 1] - record.edges[step])
-    to.value = float(q[0] @ record.B @ columns + site_forces @ record.r @ columns)
+    goal_seeds.value = float(q[0] @ record.B @ columns + site_forces @ record.r @ columns)
     weight = np.concatenate(
         (record.B @ columns, np.zeros(s.omega.size), -(record.G @ record.r @ columns))
     )
-    to.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], columns)))
-    to.B += np.outer(q[0], columns)
-    to.r += np.outer(site_forces, columns)
+    goal_seeds.readings.append(((step, u, 0), weight, np.outer(np.eye(3)[0], columns)))
+    goal_seeds.B += np.outer(q[0], columns)
+    goal_seeds.r += np.outer(site_forces, columns)
 
 
-def _peak_displacement(record: Recorded, c: int, to: Seeds) -> None:
-    """Fill `to` for the goal "peak_displacement"."""
+def _peak_displacement(record: Recorded, c: int, goal_seeds: Seeds) -> None:
+    """Fill `goal_seeds` for the goal "peak_displacement"."""
     edges = record.edges
     columns = _side(record, c)
     t = np.union1d(edges, np.linspace(0.0, edges[-1], TIMES))
@@ -367,12 +371,14 @@ def _peak_displacement(record: Recorded, c: int, to: Seeds) -> None:
         best = int(np.argmax(np.abs(q @ (record.B @ columns) + site_forces @ (record.r @ columns))))
         peak_place = int(step[best]), float(time_in_step[best])
         t = np.linspace(t[max(best - 1, 0)], t[min(best + 1, t.size - 1)], 33)
-    _read_displacement(record, c, to, *peak_place)
-    if to.value < 0:
-        to.value = -to.value
-        to.B = -to.B
-        to.r = -to.r
-        to.readings = [(place, -weight, -columns) for place, weight, columns in to.readings]
+    _read_displacement(record, c, goal_seeds, *peak_place)
+    if goal_seeds.value < 0:
+        goal_seeds.value = -goal_seeds.value
+        goal_seeds.B = -goal_seeds.B
+        goal_seeds.r = -goal_seeds.r
+        goal_seeds.readings = [
+            (place, -weight, -columns) for place, weight, columns in goal_seeds.readings
+        ]
 
 
 @dataclass(eq=False)
@@ -395,8 +401,10 @@ class Sampled:
     impactor_velocity: Array
 
 
-def _of_function(record: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], float]) -> None:
-    """Fill `to` for a goal function, by finite differences of its samples."""
+def _of_function(
+    record: Recorded, c: int, goal_seeds: Seeds, goal: Callable[[Sampled], float]
+) -> None:
+    """Fill `goal_seeds` for a goal function, by finite differences of its samples."""
     s = record.system
     run = record.run
     J = record.system.omega.size
@@ -414,7 +422,7 @@ def _of_function(record: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], 
             q @ (record.B @ body) + site_forces @ (record.r @ body)
         )
         arrays[f"{name}velocity"] = np.asarray(v @ (record.B @ body))
-    to.value = _number(goal, run.time, arrays)
+    goal_seeds.value = _number(goal, run.time, arrays)
     weights = np.zeros((2 * n + 1, 2 * J + len(s.beta)))
     sites = np.zeros((2 * n + 1, 3, record.G.shape[1]))
     for name in arrays:
@@ -426,13 +434,13 @@ def _of_function(record: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], 
         if name.endswith("velocity"):
             weights[:, J : 2 * J] += np.outer(slope, record.B @ body)
             sites[:, 1] += np.outer(slope, body)
-            to.B += np.outer(slope @ v, body)
+            goal_seeds.B += np.outer(slope @ v, body)
         else:
             weights[:, :J] += np.outer(slope, record.B @ body)
             sites[:, 0] += np.outer(slope, body)
             weights[:, 2 * J :] -= np.outer(slope, record.G @ record.r @ body)
-            to.B += np.outer(slope @ q, body)
-            to.r += np.outer(slope @ site_forces, body)
+            goal_seeds.B += np.outer(slope @ q, body)
+            goal_seeds.r += np.outer(slope @ site_forces, body)
     assert run.exits is not None
     # where a contact changes, a sample's slopes before and after differ: it counts for both sides
     before = np.zeros(2 * n + 1)
@@ -446,7 +454,7 @@ def _of_function(record: Recorded, c: int, to: Seeds, goal: Callable[[Sampled], 
             ((int(step[k]) - 1, 1.0, 0), before[k]),
         ):
             if share:
-                to.readings.append((place, share * weights[k], share * sites[k]))
+                goal_seeds.readings.append((place, share * weights[k], share * sites[k]))
 
 
 def _number(goal: Callable[[Sampled], float], time: Array, arrays: dict[str, Array]) -> float:

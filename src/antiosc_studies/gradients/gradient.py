@@ -133,8 +133,10 @@ class Gradient(Completed):
     def _facts(self) -> list[tuple[str, str]]:
         facts = [(self.goal, f"{self.value:.6g}")]
         if self.reach is not None:
-            near = f"of {self.reach.value:.6g} becomes the largest at a change of one parameter by"
-            facts += [("another peak", near), *self.reach._lines("change")]
+            reach_text = (
+                f"of {self.reach.value:.6g} becomes the largest at a change of one parameter by"
+            )
+            facts += [("another peak", reach_text), *self.reach._lines("change")]
         return [*facts, *self._lines("d/d")]
 
     def _lines(self, label: str) -> list[tuple[str, str]]:
@@ -231,12 +233,12 @@ def gradient(
         ):
             body_values[body] = body_values.get(body, {}) | values
     all_of = []
-    for (run_of, _), body_values, (record, wanted, slopes) in zip(
+    for (run_of, _), body_values, (record, seeds_of_goal, slopes) in zip(
         runs, bodies, derivatives, strict=True
     ):
         contacts = _contacts(record, settled(record, slopes))
         by_springs(run_of, slopes, body_values, contacts)
-        all_of.append(Gradient(shown_goal(goal), wanted.value, body_values, contacts))
+        all_of.append(Gradient(shown_goal(goal), seeds_of_goal.value, body_values, contacts))
     reach = None if second is None else overtaken(all_of[0], all_of.pop())
     return replace(all_of[0], error=None if error is None else bars(all_of), reach=reach)
 
@@ -324,18 +326,18 @@ def _of_part(
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
 
-def _bodies(hit: Any, record: Recorded, wanted: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
+def _bodies(hit: Any, record: Recorded, seeds: Seeds, slopes: adjoint.Slopes) -> dict[str, Values]:
     """Derivatives by the parameters of bodies with one site; empty under loads or ground motion."""
     result: dict[str, Values] = {}
     for name, body in record.bodies.items():
         if record.coupled(name):
             closing = _closing(record, name)
-            change = partial(changed_model, hit, (record, wanted, slopes), name)
+            change = partial(changed_model, hit, (record, seeds, slopes), name)
             values = by_coupled(record, slopes, name, closing, change)
             if values:
                 result[name] = values
             continue
-        by = by_modes(record, wanted, settled(record, slopes), name)
+        by = by_modes(record, seeds, settled(record, slopes), name)
         if by is not None:
             result[name] = by_body(body.body, by, _closing(record, name))
     return result

@@ -146,9 +146,9 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
     return Chain(model, of_shapes, ByMatrices(K, M), local, model.shapes, motions)
 
 
-def part_chain(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
+def part_chain(record: Recorded, seeds: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
     """The derivatives by the matrices of the part of a run's model."""
-    by = by_modes(record, wanted, slopes, name)
+    by = by_modes(record, seeds, slopes, name)
     if by is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
@@ -267,8 +267,8 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
     return ends
 
 
-def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
-    """Derivatives by the parameters of a part's materials, one result for each of `to`.
+def by_part(changes: Sequence[Slope], part: Structure) -> list[Values]:
+    """Derivatives by the parameters of a part's materials, one result for each of `changes`.
 
     For several materials they are {group: …}.
     """
@@ -281,7 +281,7 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
     mesh, materials, options = part.made_of
     several = isinstance(materials, Mapping)
     groups = dict(materials) if isinstance(materials, Mapping) else {"": materials}
-    derivatives: list[Values] = [{} for _ in to]
+    derivatives: list[Values] = [{} for _ in changes]
     for group, material in groups.items():
         for name, step, varied in _varied(material):
             ends = []
@@ -290,7 +290,7 @@ def by_part(to: Sequence[Slope], part: Structure) -> list[Values]:
                 with without_warnings():
                     varied_materials = other if several else other[""]
                     ends.append(Structure(mesh, varied_materials, part.supports, **options))
-            for values, change in zip(derivatives, to, strict=True):
+            for values, change in zip(derivatives, changes, strict=True):
                 slope = change(ends[0], ends[1]) / step
                 of_material = values.setdefault(name, {}) if several else values
                 key = group if several else name
@@ -467,25 +467,27 @@ def design_map(
     checks.choice("by", by, tuple(BY))
     checks.instance("part", part, Structure, "a Structure")
     meshed = on_mesh(part)
-    record, wanted, slopes = derived(hit, goal, contact, time)
+    record, goal_seeds, slopes = derived(hit, goal, contact, time)
     name = model_name(record)
     checked_shapes(part, hit, name, SAME_PART)
-    to = part_chain(record, wanted, slopes, name)
+    chain_of_part = part_chain(record, goal_seeds, slopes, name)
     by_cell = [float(values_of(material).get(by, np.nan)) for material, _ in meshed.parts]
     if not np.isfinite(by_cell).any():
         raise InputError(f"no material of the part has a {by} [{BY[by]}] of its own.")
     relative = np.zeros(compat.cell_map(meshed.mesh.dolfinx).size_local)
     changes = _relative(part, meshed, by)
-    for change, by_reduced, reduced in zip(changes, to.by, to.reduced, strict=True):
+    for change, by_reduced, reduced in zip(
+        changes, chain_of_part.by, chain_of_part.reduced, strict=True
+    ):
         if change:
             shares, turn = _principal(by_reduced, reduced)
-            vectors = to.shapes @ turn
+            vectors = chain_of_part.shapes @ turn
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
-    if by == "E" and to.by_local:
-        relative += _patch_share(meshed, to, relative.size)
+    if by == "E" and chain_of_part.by_local:
+        relative += _patch_share(meshed, chain_of_part, relative.size)
     size = np.array(by_cell)[meshed.part_of_cells()[: relative.size]]
     per_mass = np.where(np.isfinite(size), relative / _masses(meshed), np.nan)
-    return DesignMap(shown_goal(goal), wanted.value, by, relative / size, per_mass, meshed)
+    return DesignMap(shown_goal(goal), goal_seeds.value, by, relative / size, per_mass, meshed)
 
 
 def _relative(
@@ -512,16 +514,16 @@ def _relative(
     return K, M
 
 
-def _patch_share(meshed: MeshedStructure, to: Chain, cells: int) -> Array:
+def _patch_share(meshed: MeshedStructure, chain_of_part: Chain, cells: int) -> Array:
     """(cells,) change of the goal by the patch's compliance, divided among the cells under it."""
-    site = site_of(to.model)
+    site = site_of(chain_of_part.model)
     point = np.array([site.point])
     along = np.array([site.direction], dtype=float)
     found_at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
     assert found_at.weighted is not None
     on_rank = found_at.weighted.cell < cells
     shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
-    return np.asarray(-to.by_local * found_at.local[0] * shares)
+    return np.asarray(-chain_of_part.by_local * found_at.local[0] * shares)
 
 
 def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:

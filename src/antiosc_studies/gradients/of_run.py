@@ -38,19 +38,19 @@ def derived(
 
 def second_peak(record: Recorded, contact: tuple[str, str] | None) -> Taken | None:
     """As `derived` for the second largest peak; None if it is not near the largest."""
-    wanted = next_peak(record, contact_number(record, contact))
-    if wanted is None:
+    peak = next_peak(record, contact_number(record, contact))
+    if peak is None:
         return None
-    return _derived(record, wanted)
+    return _derived(record, peak)
 
 
-def _derived(record: Recorded, wanted: Seeds) -> Taken:
+def _derived(record: Recorded, goal_seeds: Seeds) -> Taken:
     """The backward pass for a goal; NotDifferentiableError for a grazing contact."""
-    places, weights = wanted.arrays(2 * record.system.omega.size + len(record.system.beta))
+    places, weights = goal_seeds.arrays(2 * record.system.omega.size + len(record.system.beta))
     weights = first_order_weights(record, weights)
     s = record.system.marched
     slopes, grazing, answer = adjoint.gradient(
-        s, record.run, record.states(), places, weights, wanted.force, wanted.time
+        s, record.run, record.states(), places, weights, goal_seeds.force, goal_seeds.time
     )
     if answer == library.TOO_MANY_STEPS:
         raise NotDifferentiableError(
@@ -64,7 +64,7 @@ def _derived(record: Recorded, wanted: Seeds) -> Taken:
         )
     if record.system.first is None:
         slopes = settled(record, slopes)
-    return record, wanted, slopes
+    return record, goal_seeds, slopes
 
 
 def settled(record: Recorded, slopes: adjoint.Slopes) -> adjoint.Slopes:
@@ -104,7 +104,9 @@ def contact_ends(record: Recorded) -> list[tuple[str, str]]:
     return [(contact.a, contact.b) for contact in record.scene.contacts]
 
 
-def by_modes(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str) -> ByModes | None:
+def by_modes(
+    record: Recorded, goal_seeds: Seeds, slopes: adjoint.Slopes, name: str
+) -> ByModes | None:
     """Derivatives by the modes of a body with one site; None for other bodies."""
     s = record.system
     span = record.spans[name]
@@ -119,8 +121,8 @@ def by_modes(record: Recorded, wanted: Seeds, slopes: adjoint.Slopes, name: str)
         modes=modes,
         square=slopes.square[place],
         decay=slopes.decay[place],
-        site=slopes.beta[:, place].T @ record.G[:, k] + wanted.B[span, k],
-        r=float(record.G[:, k] @ slopes.residual @ record.G[:, k] + wanted.r[k, k]),
+        site=slopes.beta[:, place].T @ record.G[:, k] + goal_seeds.B[span, k],
+        r=float(record.G[:, k] @ slopes.residual @ record.G[:, k] + goal_seeds.r[k, k]),
         load=slopes.loads[:, place].sum(axis=0),
         start=slopes.v[place],
         v=s.v[span],

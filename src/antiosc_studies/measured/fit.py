@@ -251,14 +251,14 @@ def lowered(
 
 def _limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
     """Lowest and highest step of `values`: peaks move by at most a few of their widths."""
-    seen = modes.seen
+    in_band = modes.seen
     count = len(modes.omega)
-    damping = modes.zeta[:seen]
+    damping = modes.zeta[:in_band]
     peaks = np.minimum(LONGEST[0] * np.maximum(damping, 1e-4), LONGEST[1])
-    lowest_tail = np.minimum(np.log((1 + BEYOND) * top / modes.omega[seen:]), 0.0)
-    highest_tail = np.full(count - seen, 2 * LONGEST[1])
+    lowest_tail = np.minimum(np.log((1 + BEYOND) * top / modes.omega[in_band:]), 0.0)
+    highest_tail = np.full(count - in_band, 2 * LONGEST[1])
     most_damping = np.minimum(LONGEST[2], np.log(MOST_DAMPED / damping))
-    least_damping = np.full(seen, -LONGEST[2])
+    least_damping = np.full(in_band, -LONGEST[2])
     sizes = LARGEST_CHANGE * _sizes(modes)
     low = np.concatenate((-peaks, lowest_tail, least_damping, -sizes))
     high = np.concatenate((peaks, highest_tail, most_damping, sizes))
@@ -284,8 +284,8 @@ def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
     x = np.zeros_like(right)
     free = np.ones(len(x), dtype=bool)
     while free.any():
-        rest = right[free] - matrix[np.ix_(free, ~free)] @ x[~free]
-        x[free] = np.linalg.solve(matrix[np.ix_(free, free)], rest)
+        right_side = right[free] - matrix[np.ix_(free, ~free)] @ x[~free]
+        x[free] = np.linalg.solve(matrix[np.ix_(free, free)], right_side)
         within = np.clip(x, *limits)
         beyond = x != within
         x = within
@@ -340,8 +340,8 @@ def covariance(normal: Array) -> Array:
     """The inverse of a normal matrix; directions that are not observed get no variance."""
     size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(normal / size / size[:, None])
-    seen = values > UNSEEN * values[-1]
-    half = vectors[:, seen] / np.sqrt(values[seen])
+    observed = values > UNSEEN * values[-1]
+    half = vectors[:, observed] / np.sqrt(values[observed])
     return np.asarray(half @ half.T / size / size[:, None])
 
 
@@ -353,10 +353,10 @@ def lifted(data: Measured, modes: FittedModes) -> FittedModes:
     size = LIFTED * float(np.median(np.abs(data.H)))
     mass = LIFTED * float(np.median(np.abs(data.H[low]) * data.w[low, None] ** 2))
     rigid = modes.rigid
-    seen = modes.seen
+    in_band = modes.seen
     b = modes.b.copy()
     least = np.sqrt(LIFTED * modes.tail.b2)
-    b[seen:] = np.where(np.abs(b[seen:]) < least, least, b[seen:])
+    b[in_band:] = np.where(np.abs(b[in_band:]) < least, least, b[in_band:])
     return replace(
         modes,
         b=b,
@@ -676,12 +676,12 @@ def _missing(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fi
     if not chosen:
         return None
     parts = _completed(compliance[chosen], data.pairs)
-    seen = modes.seen
+    in_band = modes.seen
     b = np.array([rank_one(part) for part in parts])
     return modes.with_seen(
-        np.append(modes.omega[:seen], omega[chosen]),
-        np.append(modes.zeta[:seen], zeta[chosen]),
-        np.vstack((modes.b[:seen], b)),
+        np.append(modes.omega[:in_band], omega[chosen]),
+        np.append(modes.zeta[:in_band], zeta[chosen]),
+        np.vstack((modes.b[:in_band], b)),
     )
 
 

@@ -134,13 +134,13 @@ class FittedModes:
 
     def expected_jacobian(self) -> Array:
         """Derivatives (E, n) of `expected` by `values`."""
-        seen = self.seen
+        in_band = self.seen
         p = self.b.shape[1]
         U = len(self.tail.omega)
         J = np.zeros((U + U * p, sum(self.sizes)))
-        J[np.arange(U), seen + np.arange(U)] = 1 / self.tail.spread
-        first = len(self.omega) + seen + seen * p
-        slope = 2 * self.b[seen:] / (self.tail.doubt[:, None] * self.tail.b2)
+        J[np.arange(U), in_band + np.arange(U)] = 1 / self.tail.spread
+        first = len(self.omega) + in_band + in_band * p
+        slope = 2 * self.b[in_band:] / (self.tail.doubt[:, None] * self.tail.b2)
         J[U + np.arange(U * p), first + np.arange(U * p)] = slope.ravel()
         return J
 
@@ -174,12 +174,12 @@ class FittedModes:
     def with_seen(self, omega: Array, zeta: Array, b: Array) -> FittedModes:
         """The body with the modes in the band replaced by those of omega, zeta, b."""
         order = np.argsort(omega)
-        seen = self.seen
+        in_band = self.seen
         return replace(
             self,
-            omega=np.append(omega[order], self.omega[seen:]),
-            zeta=np.append(zeta[order], self.zeta[seen:]),
-            b=np.vstack((b[order], self.b[seen:])),
+            omega=np.append(omega[order], self.omega[in_band:]),
+            zeta=np.append(zeta[order], self.zeta[in_band:]),
+            b=np.vstack((b[order], self.b[in_band:])),
         )
 
 
@@ -226,30 +226,30 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
 
     Where the spacings exceed those of the part, each mode stands for several.
     """
-    seen = modes.seen
-    omega = modes.omega[:seen]
-    last = slice(max(seen - GOING_ON, 0), seen)
+    in_band = modes.seen
+    omega = modes.omega[:in_band]
+    last = slice(max(in_band - GOING_ON, 0), in_band)
     last_frequencies = np.append(0.0, omega)[-GOING_ON - 1 :]
     spacing = (
         max(
             float(last_frequencies[-1] - last_frequencies[0]) / max(len(last_frequencies) - 1, 1),
             0.01 * top,
         )
-        if seen
+        if in_band
         else top
     )
     rigid = modes.root if modes.rigid is None else modes.rigid
     least = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
-    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(seen, GOING_ON), 1)
+    mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, GOING_ON), 1)
     b2 = np.maximum(mean, least) + np.finfo(float).tiny
-    frequencies = [max((float(omega[-1]) if seen else 0.0) + spacing, (1 + 2 * BEYOND) * top)]
+    frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * BEYOND) * top)]
     steps = []
     while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
         steps.append(max(spacing, TAIL_STEP * frequencies[-1]))
         frequencies.append(frequencies[-1] + steps[-1])
     step = np.array([*steps, steps[-1]])
     merged = np.maximum(step / spacing, 1.0)
-    doubt = np.sqrt(DOUBT**2 / merged + FEW / max(seen, 0.5))
+    doubt = np.sqrt(DOUBT**2 / merged + FEW / max(in_band, 0.5))
     return Tail(
         np.array(frequencies), SPREAD * step / np.array(frequencies), merged[:, None] * b2, doubt
     )
@@ -257,16 +257,16 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
 
 def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
     """The body with a tail of expected size; the displacements of its modes have random signs."""
-    seen = modes.seen
+    in_band = modes.seen
     U = len(tail.omega)
-    typical = float(np.median(modes.zeta[:seen])) if seen else TYPICAL
+    typical = float(np.median(modes.zeta[:in_band])) if in_band else TYPICAL
     signs = np.random.default_rng(0).choice((-1.0, 1.0), tail.b2.shape)
     signs[:, 0] = 1.0
     return replace(
         modes,
-        omega=np.append(modes.omega[:seen], tail.omega),
-        zeta=np.append(modes.zeta[:seen], np.full(U, typical)),
-        b=np.vstack((modes.b[:seen], signs * np.sqrt(tail.b2))),
+        omega=np.append(modes.omega[:in_band], tail.omega),
+        zeta=np.append(modes.zeta[:in_band], np.full(U, typical)),
+        b=np.vstack((modes.b[:in_band], signs * np.sqrt(tail.b2))),
         tail=tail,
     )
 

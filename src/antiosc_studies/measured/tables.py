@@ -116,8 +116,8 @@ def response_unit(numerator: str, denominator: str = "") -> tuple[float | None, 
 
 def factor_of(unit: str, known: Mapping[str, float]) -> float | None:
     """The factor of a unit, or None; upper and lower case count only if they are ambiguous."""
-    plain = re.sub(r"\s", "", unit)
-    fits = [plain] if plain in known else [k for k in known if k.lower() == plain.lower()]
+    compact = re.sub(r"\s", "", unit)
+    fits = [compact] if compact in known else [k for k in known if k.lower() == compact.lower()]
     if len(fits) == 1:
         return known[fits[0]]
     return None
@@ -219,8 +219,8 @@ def _numbers(cells: list[str]) -> list[float] | None:
 
 def _kind(name: str) -> str:
     """The kind of a column, by the longest known beginning of its name; "" if unknown."""
-    plain = name.strip().lower()
-    fits = [key for key in COLUMNS if plain.startswith(key)]
+    lowered = name.strip().lower()
+    fits = [key for key in COLUMNS if lowered.startswith(key)]
     if fits:
         return COLUMNS[max(fits, key=len)]
     return ""

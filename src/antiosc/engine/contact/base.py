@@ -374,16 +374,16 @@ class Compiled(Checked, ContactLaw):
     def touch(self, speed: float, state: State | None = None) -> State:
         if not self.size:
             return ()
-        now = _ThreeDoubles(*(state or ())[:3])
-        library.library.aom_law_touch(self._at, speed, state is None, now)
-        return tuple(now[: self.size])
+        state_values = _ThreeDoubles(*(state or ())[:3])
+        library.library.aom_law_touch(self._at, speed, state is None, state_values)
+        return tuple(state_values[: self.size])
 
     def advance(self, delta: float, rate: float, state: State) -> State:
         if not self.has_memory:
             return state
-        now = _ThreeDoubles(*state[:3])
-        library.library.aom_law_advance(self._at, delta, now)
-        return tuple(now)
+        state_values = _ThreeDoubles(*state[:3])
+        library.library.aom_law_advance(self._at, delta, state_values)
+        return tuple(state_values)
 
     def origin(self, state: State) -> float:
         if not self.has_memory:

@@ -84,13 +84,13 @@ class Curvature(ReprMixin):
         values = np.sort(1 / np.array(radii))
         return cls(CURVED, values, 0.0, np.eye(3)[:2], np.zeros(3), np.eye(3)[2])
 
-    def placed(self, rotation: Array, moved: Array) -> Curvature:
+    def placed(self, rotation: Array, translation: Array) -> Curvature:
         """The same surface after a rotation (3, 3) and a translation (3,) [m]."""
-        middle = None if self.middle is None else rotation @ self.middle + moved
+        middle = None if self.middle is None else rotation @ self.middle + translation
         return replace(
             self,
             directions=self.directions @ rotation.T,
-            point=rotation @ self.point + moved,
+            point=rotation @ self.point + translation,
             normal=rotation @ self.normal,
             middle=middle,
         )

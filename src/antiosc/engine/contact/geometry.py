@@ -102,16 +102,16 @@ def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
 
 def _ellipse(ratio: float) -> tuple[float, float, float]:
     """(b/a)^2, D and K of the contact ellipse from B/A >= 1: Newton's method on logarithms."""
-    wanted = log(ratio)
-    if wanted <= 1e-12:
+    log_ratio = log(ratio)
+    if log_ratio <= 1e-12:
         return _integrals(1.0)
-    y = (SLENDER[0] + SLENDER[1] * wanted) * wanted
+    y = (SLENDER[0] + SLENDER[1] * log_ratio) * log_ratio
     integrals = 1.0, 1.0, 1.0
     for _ in range(50):
         integrals = m1, D, K = _integrals(exp(y))
         rises = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
         slope = 1.5 - K * (rises - D) / (1 - m1) / (2 * D * rises)
-        step = (log(rises / D) - wanted) / slope
+        step = (log(rises / D) - log_ratio) / slope
         if abs(step) <= SETTLED:
             break
         y += step

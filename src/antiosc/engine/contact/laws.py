@@ -298,12 +298,12 @@ class Gonthier(_Damped):
         def mismatch(d: float) -> float:
             return log1p(d) - d - (log1p(-e * d) + e * d)
 
-        low, near = 0.5 * (1 - e), 0.1  # d -> 3 (1 - e)/2 as e -> 1, d -> 1/e as e -> 0
-        while mismatch((1 - near) / e) < 0:
-            near *= 0.1
-            if near < 1e-15:
+        low, slope_at_end = 0.5 * (1 - e), 0.1  # d -> 3 (1 - e)/2 as e -> 1, d -> 1/e as e -> 0
+        while mismatch((1 - slope_at_end) / e) < 0:
+            slope_at_end *= 0.1
+            if slope_at_end < 1e-15:
                 return 1 / e
-        return float(brentq(mismatch, low, (1 - near) / e, xtol=1e-16, rtol=1e-14))
+        return float(brentq(mismatch, low, (1 - slope_at_end) / e, xtol=1e-16, rtol=1e-14))
 
 
 def restitution_of(d: float) -> float:

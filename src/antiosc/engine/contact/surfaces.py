@@ -185,10 +185,10 @@ def _of_object(material: object) -> Matter:
     E = getattr(material, "E", None)
     nu = getattr(material, "nu", None)
     if not isinstance(E, int | float) or not isinstance(nu, int | float):
-        shown = getattr(material, "name", "") or checks.shown(material)
+        material_name = getattr(material, "name", "") or checks.shown(material)
         raise InputError(
             "material must be the name of a material without directions, or one such as "
-            f"Solid(E, nu, rho); got {shown}."
+            f"Solid(E, nu, rho); got {material_name}."
         )
     names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name")
     return Matter(E, nu, **{name: getattr(material, name) for name in names})

@@ -116,8 +116,8 @@ def eliminate(
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
     if basis is not None:
         C = rounded((C @ basis).tocsr())
-        alone = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
-        pivot = np.where(alone[pivot], pivot, -1)
+        is_single = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
+        pivot = np.where(is_single[pivot], pivot, -1)
     C = _without(C, fixed, scale)
     nonempty_rows = np.flatnonzero(np.diff(C.indptr))
     involved = np.unique(C.indices)
@@ -204,8 +204,8 @@ def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]
         size = np.abs(C.data) * system.scale[C.indices]
         preferred = system.pivot[remaining][row]
         large = size >= PIVOT * largest(size, row, len(remaining))[row]
-        alone = np.bincount(C.indices, minlength=C.shape[1])[C.indices] == 1
-        fits = np.flatnonzero(alone & np.where(preferred < 0, large, preferred == C.indices))
+        is_single = np.bincount(C.indices, minlength=C.shape[1])[C.indices] == 1
+        fits = np.flatnonzero(is_single & np.where(preferred < 0, large, preferred == C.indices))
         if not len(fits):
             break
         fits = fits[np.argsort(size[fits], kind="stable")]  # the largest is written last
@@ -235,27 +235,27 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
     new_rows = (solved @ T).tocoo()
     keep = np.ones(T.shape[0])
     keep[pivots] = 0.0
-    rest = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
+    kept_rows = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
     placed = scipy.sparse.csr_matrix(
         (new_rows.data, (pivots[new_rows.row], new_rows.col)), shape=T.shape
     )
-    result = (rest + placed).tocsr()
+    result = (kept_rows + placed).tocsr()
     result.eliminate_zeros()
     return result
 
 
-def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
+def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
     """(solved rows, their dofs, redundant joints) of rows that share dofs, solved block by
     block.
     """
-    pattern = abs(system.C[left][:, system.scale > 0])
+    pattern = abs(system.C[remaining][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
     ends = np.searchsorted(block[order], np.arange(count + 1))
     parts, pivots = [], []
     by_joint: dict[int, tuple[set[int], int]] = {}
     for k in range(count):
-        solved, chosen, follows = _block(system, left[order[ends[k] : ends[k + 1]]])
+        solved, chosen, follows = _block(system, remaining[order[ends[k] : ends[k + 1]]])
         parts.append(solved)
         pivots.append(chosen)
         for joint, others in follows:
@@ -297,17 +297,17 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
             "apart, or remove one of them."
         )
-    chosen = order[:rank]
+    pivots = order[:rank]
     others = order[rank:]
     prescribed = Q.T @ (C[:, prescribed_columns].toarray() / size)[keep]
     solved = np.hstack(
         [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
     )
-    values = solved * scale[chosen][:, None]
+    values = solved * scale[pivots][:, None]
     used = np.append(columns[others], prescribed_columns)
     where = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
     result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
-    return result, columns[chosen], follows
+    return result, columns[pivots], follows
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
@@ -323,14 +323,14 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
         count = len(keep)
         basis = space[:, :count]
         share = basis.T @ column
-        rest = column - basis @ share
-        more = basis.T @ rest
-        rest -= basis @ more  # twice is enough (Kahan)
-        share += more
-        left = np.linalg.norm(rest)
-        if left > DEPENDENT:
-            space[:, count] = rest / left
-            upper[: count + 1, count] = np.append(share, left)
+        remainder = column - basis @ share
+        projection = basis.T @ remainder
+        remainder -= basis @ projection  # twice is enough (Kahan)
+        share += projection
+        remainder_size = np.linalg.norm(remainder)
+        if remainder_size > DEPENDENT:
+            space[:, count] = remainder / remainder_size
+            upper[: count + 1, count] = np.append(share, remainder_size)
             keep.append(k)
             continue
         weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
@@ -344,9 +344,9 @@ def _check(system: _System, T: Sparse) -> None:
     if not system.C.shape[0]:
         return
     scale = scipy.sparse.diags(system.scale)
-    left = abs(system.C @ T @ scale).max(axis=1).toarray().ravel()
+    residual = abs(system.C @ T @ scale).max(axis=1).toarray().ravel()
     size = (abs(system.C) @ abs(T) @ scale).max(axis=1).toarray().ravel()
-    error = left / np.maximum(size, np.finfo(float).tiny)
+    error = residual / np.maximum(size, np.finfo(float).tiny)
     worst = int(np.argmax(error))
     if error[worst] > SATISFIED:
         raise AccuracyError(
@@ -500,7 +500,7 @@ def _joined(
     joints: Sequence[Joint],
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring | Damper],
-    apart: bool,
+    allow_apart: bool,
 ) -> tuple[_Joined, Constraints]:
     """(results, constraints) of parts that are complete on this rank."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
@@ -518,7 +518,7 @@ def _joined(
     for support in attached:
         elastic += attachment(layout, support)
     elastic += [superelement(layout, support) for support in layout.condensed.values()]
-    if not apart:
+    if not allow_apart:
         _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
     basis = nested_basis(everything, fixed, places.points)

@@ -170,9 +170,9 @@ def _excluding_rigid(motions: Array, rigid: Array) -> Array:
     if not motions.shape[1]:
         return motions
     basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
-    rest = motions - basis @ (basis.T @ motions)
-    rest -= basis @ (basis.T @ rest)
-    U, values, _ = np.linalg.svd(rest, full_matrices=False)
+    remainder = motions - basis @ (basis.T @ motions)
+    remainder -= basis @ (basis.T @ remainder)
+    U, values, _ = np.linalg.svd(remainder, full_matrices=False)
     count = motions.shape[1] - rigid.shape[1]
     return np.asarray(U[:, :count] * values[:count])
 
@@ -342,9 +342,9 @@ class Added:
         loads = np.zeros(motions.shape)
         energies = np.zeros((motions.shape[1],) * 2)
         for term, G in self._elastic:
-            moved = term.G @ motions
-            loads += G.T @ (term.m @ moved)
-            energies += moved.T @ term.m @ moved
+            motions_at_masses = term.G @ motions
+            loads += G.T @ (term.m @ motions_at_masses)
+            energies += motions_at_masses.T @ term.m @ motions_at_masses
         return loads, energies
 
 
@@ -441,9 +441,9 @@ class AssembledMatrices(StructureMatrices):
 
     def describe(self, dofs: int) -> str:
         names = self.layout.names
-        shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
+        names_text = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
         return (
-            f"assembly of {len(names)} parts ({shown}), {dofs} dofs, "
+            f"assembly of {len(names)} parts ({names_text}), {dofs} dofs, "
             f"{self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
         )
 

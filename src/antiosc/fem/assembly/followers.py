@@ -162,8 +162,8 @@ def _single(follower: EndMotion, count: int) -> IntArray:
     """The dof (count,) for which each row of a follower is solved: its only dof, or -1 if it has
     several."""
     pivots = np.full(count, -1)
-    alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
-    pivots[alone] = follower.displacements.indices[follower.displacements.indptr[alone]]
+    single_rows = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
+    pivots[single_rows] = follower.displacements.indices[follower.displacements.indptr[single_rows]]
     if count == 6 and (np.diff(follower.rotations.indptr) == 1).all():
         pivots[3:] = follower.rotations.indices
     return pivots

@@ -110,8 +110,8 @@ class EndMotion:
 
     def at(self, point: Array) -> EndMotion:
         """The motion of a point that is rigidly connected to this end."""
-        moved = self.displacements_at(point[None])
-        return replace(self, six=stacked(moved, self.rotations), point=point)
+        displacements = self.displacements_at(point[None])
+        return replace(self, six=stacked(displacements, self.rotations), point=point)
 
     def displacements_at(self, points: Array) -> Sparse:
         """Displacements (3P, n) of points (P, 3) that are rigidly connected to this end."""
@@ -235,9 +235,9 @@ def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bo
     if isinstance(end, str):
         name = end.split(":", 1)[1]
     else:
-        apart = np.linalg.norm(member.points - in_space(end[1]), axis=1)
-        nearest = int(np.argmin(apart))
-        name = list(member.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
+        distances = np.linalg.norm(member.points - in_space(end[1]), axis=1)
+        nearest = int(np.argmin(distances))
+        name = list(member.part.ends)[nearest] if distances[nearest] <= NEAR * layout.size else ""
     if name not in member.part.ends:
         sites = name_list(
             end_text(end),
@@ -335,11 +335,11 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
     turns = axes[:, good] @ axes[:, good].T
-    rest = _space(layout, member)[3:, 3:] @ (np.eye(3) - turns)
-    if np.abs(rest).max() > 1e-9:
+    undetermined = _space(layout, member)[3:, 3:] @ (np.eye(3) - turns)
+    if np.abs(undetermined).max() > 1e-9:
         of_nodes = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
-        rotations = (rotations + scipy.sparse.csr_matrix(rest) @ of_nodes).tocsr()
-        turns = turns + rest
+        rotations = (rotations + scipy.sparse.csr_matrix(undetermined) @ of_nodes).tocsr()
+        turns = turns + undetermined
     space = scipy.linalg.block_diag(np.eye(3), turns)
     return EndMotion(stacked(displacements, rotations), space, centre)
 

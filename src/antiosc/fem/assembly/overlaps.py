@@ -168,8 +168,8 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     ]
     (xi_1, x_1, in_1), (xi_2, x_2, in_2) = sides
     common = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
-    apart = np.linalg.norm(x_1 - x_2, axis=1)
-    return common.only(in_1 & in_2 & (apart <= gap))
+    distances = np.linalg.norm(x_1 - x_2, axis=1)
+    return common.only(in_1 & in_2 & (distances <= gap))
 
 
 def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:

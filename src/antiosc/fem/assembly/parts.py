@@ -236,35 +236,35 @@ def _without_rigid_strain(name: str, superelement: Superelement, why: str) -> Su
         K = K - rigid @ (rigid.T @ K)
         K = K - (K @ rigid) @ rigid.T
     corrected = np.array(superelement.K)
-    moved = np.zeros((superelement.size, rigid.shape[1]))
+    translations = np.zeros((superelement.size, rigid.shape[1]))
     corrected[np.ix_(free, free)] = (K + K.T) / 2
-    moved[free] = rigid
-    return replace(superelement, K=corrected, rigid=moved)
+    translations[free] = rigid
+    return replace(superelement, K=corrected, rigid=translations)
 
 
 def _padded(superelement: Superelement) -> Superelement:
     """The superelement with fixed dofs appended, so that its size is a multiple of the dofs of a
     node."""
-    more = -superelement.size % NODE_DOFS
+    added = -superelement.size % NODE_DOFS
     places = superelement.places
-    right = ((0, 0), (0, more))
-    below = ((0, more), (0, 0))
+    right = ((0, 0), (0, added))
+    below = ((0, added), (0, 0))
     ends = {
         name: replace(end, six=np.pad(end.six, right)) for name, end in superelement.ends.items()
     }
     return Superelement(
-        np.pad(superelement.K, (0, more)),
-        np.pad(superelement.M, (0, more)),
+        np.pad(superelement.K, (0, added)),
+        np.pad(superelement.M, (0, added)),
         DofPlaces(
             places.nodes,
-            np.pad(places.node, (0, more), mode="edge"),
+            np.pad(places.node, (0, added), mode="edge"),
             np.pad(places.axes, below),
-            np.pad(places.kind, (0, more), constant_values=AMPLITUDE),
+            np.pad(places.kind, (0, added), constant_values=AMPLITUDE),
         ),
         ends,
-        np.pad(superelement.fixed, (0, more), constant_values=True),
+        np.pad(superelement.fixed, (0, added), constant_values=True),
         np.pad(superelement.rigid, below),
-        None if superelement.C is None else np.pad(superelement.C, (0, more)),
+        None if superelement.C is None else np.pad(superelement.C, (0, added)),
     )
 
 

@@ -350,8 +350,12 @@ class Bushing(Between):
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
         order = (["axial"] if "axial" in names else []) + others
-        k, c, *more = (np.diag([values.get(name, 0.0) for name in order]) for values in constants)
-        branches = [(values, tau) for values, (_, tau) in zip(more, self.branches, strict=True)]
+        k, c, *branch_matrices = (
+            np.diag([values.get(name, 0.0) for name in order]) for values in constants
+        )
+        branches = [
+            (values, tau) for values, (_, tau) in zip(branch_matrices, self.branches, strict=True)
+        ]
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None, branches=branches)]
 
 

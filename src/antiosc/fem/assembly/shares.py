@@ -140,8 +140,8 @@ class Shares:
             rows, matrix_rows = pieces.pop()
             owner = np.searchsorted(self._starts, rows, side="right") - 1
             for rank in np.unique(owner):
-                to = local if rank == self.comm.rank else sent[rank]
-                to.append((rows[owner == rank], matrix_rows[owner == rank]))
+                entries_of_rank = local if rank == self.comm.rank else sent[rank]
+                entries_of_rank.append((rows[owner == rank], matrix_rows[owner == rank]))
         received = self.comm.alltoall(sent)
         return local + [piece for several in received for piece in several]
 

@@ -112,10 +112,10 @@ class Tie(Between):
             common = on_faces(edges, faces, gap)
             common = common if dims[0] == 1 else common.exchanged()
         if not len(common.weight):
-            apart = _distance(sides)
+            distance = _distance(sides)
             raise InputError(
                 f"{label} touches nothing: {self.a!r} and {self.b!r} have no area in common within "
-                f"the gap of {gap:.3g} m; their faces are {apart:.3g} m apart at the nearest. "
+                f"the gap of {gap:.3g} m; their faces are {distance:.3g} m apart at the nearest. "
                 "Move a part (at=...) or give a larger gap."
             )
         return common
@@ -330,8 +330,8 @@ def led_by_solid(
     count = len(common.weight)
     height = thickness[:, None] / 2 * s
     x = points[:, None] + height[..., None] * normals[:, None]
-    apart = np.linalg.norm(common.x[0] - common.x[1], axis=1)
-    reach = float(apart.max() + OFF * thickness.max())
+    distances = np.linalg.norm(common.x[0] - common.x[1], axis=1)
+    reach = float(distances.max() + OFF * thickness.max())
     on, xi, y = closest(face, x.reshape(-1, 3), reach)
     offset = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
     along = np.abs(np.einsum("qld,qd->ql", offset, normals))
@@ -349,9 +349,11 @@ def led_by_solid(
         )
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
-    moved = layout.at_points(face.member, face.cells[on], face.reference(on, xi), DISPLACEMENTS)
-    u0 = _combined(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ moved
-    rotated = _combined(slope, skew(normals)) @ moved
+    displacement = layout.at_points(
+        face.member, face.cells[on], face.reference(on, xi), DISPLACEMENTS
+    )
+    u0 = _combined(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
+    rotated = _combined(slope, skew(normals)) @ displacement
     return u0.tocsr(), rotated.tocsr(), normals
 
 
@@ -407,9 +409,9 @@ def rotation_rows(
         drilling = int(np.argmax(np.abs(unit @ member.at.rotation)))
         components = [c for c in range(3) if c != drilling]
         inverse = np.linalg.inv(axes[:, components])
-        left = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
+        free_rows = scipy.sparse.csr_matrix(inverse @ axes) @ layout.units(dofs[i])
         right = scipy.sparse.csr_matrix(inverse @ E) @ motion[3 * i : 3 * i + 3]
-        rows.append(left - right)
+        rows.append(free_rows - right)
         pivots += list(dofs[i, components])
     matrix = scipy.sparse.vstack(rows).tocsr()
     matrix.data[np.abs(matrix.data) < 1e-14 * np.abs(matrix.data).max()] = 0.0

@@ -288,10 +288,10 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     length = np.linalg.norm(height, axis=1, keepdims=True)
     parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():
-        shown = "" if beam.orientation is None else shown_direction(beam.orientation)
+        direction_text = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
-            f"the orientation{shown} is parallel to the axis of {int(parallel.sum())} beam "
-            "elements: choose a direction that is not parallel to any of them, or give these "
+            f"the orientation{direction_text} is parallel to the axis of {int(parallel.sum())} "
+            "beam elements: choose a direction that is not parallel to any of them, or give these "
             "elements a separate material."
         )
     return np.asarray(height / length)

@@ -180,5 +180,5 @@ def _add_blocks(blocks: Array, factor: float, matrix: PETSc.Mat) -> None:
     pointers, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(len(blocks)), np.diff(pointers))
     columns = columns - matrix.getOwnershipRange()[0]
-    near = rows // 3 == columns // 3
-    np.add.at(blocks, (rows[near], columns[near] % 3), factor * values[near])
+    same_node = rows // 3 == columns // 3
+    np.add.at(blocks, (rows[same_node], columns[same_node] % 3), factor * values[same_node])

@@ -157,11 +157,11 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
 
     def eta(a: Expr, b: Expr) -> Expr:
         u, turn = slopes(a)
-        v, turned = slopes(b)
+        v, twist = slopes(b)
         along = ufl.dot(u, v)
         if z is None:
             return along
-        return along + radius2 * ufl.dot(turn, t) * ufl.dot(turned, t)
+        return along + radius2 * ufl.dot(turn, t) * ufl.dot(twist, t)
 
     return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 

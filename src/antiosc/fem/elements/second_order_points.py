@@ -155,7 +155,7 @@ def _points(
     strain: Callable[[compat.GaussPoints], Array],
     square: Array,
     stiffness: Callable[[compat.GaussPoints], Array],
-    moved: int,
+    displacement_count: int,
 ) -> PartPoints:
     """The Gauss points; `ways` is the UFL vector of `count` directional derivatives of a scalar."""
     mesh = part.mesh
@@ -168,7 +168,7 @@ def _points(
         square=square,
         stiffness=stiffness(at),
         components=int(space.dofmap.index_map_bs),
-        moved=moved,
+        moved=displacement_count,
         held=part.fixed,
     )
 
@@ -248,12 +248,12 @@ def _of_beams(part: MeshedStructure) -> PartPoints:
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch= does not take beams with an offset.")
     t = tangent(part.mesh)
-    moved = part.mesh.gdim
+    displacement_count = part.mesh.gdim
     components = int(part.form.space.dofmap.index_map_bs)
 
     def strain(at: compat.GaussPoints) -> Array:
         axial = np.zeros((at.weight.size, 1, 1, components))
-        axial[:, 0, 0, :moved] = at.values(t, moved)
+        axial[:, 0, 0, :displacement_count] = at.values(t, displacement_count)
         return axial
 
     def stiffness(at: compat.GaussPoints) -> Array:
@@ -263,7 +263,7 @@ def _of_beams(part: MeshedStructure) -> PartPoints:
     def ways(u: Expr) -> Expr:
         return ufl.as_vector([ufl.dot(ufl.grad(u), t)])
 
-    return _points(part, ways, 1, strain, np.ones((1, 1, 1)), stiffness, moved)
+    return _points(part, ways, 1, strain, np.ones((1, 1, 1)), stiffness, displacement_count)
 
 
 _FAMILIES = ((Sheet, _of_sheets), ((Solid, AnisotropicSolid), _of_solids), (Beam, _of_beams))

@@ -304,8 +304,8 @@ def _dropped_of_cubics() -> Array:
     for nth, power in enumerate(CUBIC):
         for direction in (0, 1):
             values = powers(points, *power)[:, None] * np.eye(2)[direction]
-            near = np.einsum("pcbn,nb->pc", interpolation, values)
-            result[nth, direction, :, :6] = -np.linalg.solve(vandermonde, near).T
+            interpolated = np.einsum("pcbn,nb->pc", interpolation, values)
+            result[nth, direction, :, :6] = -np.linalg.solve(vandermonde, interpolated).T
             result[nth, direction, direction, 6] = 1
     # multiples of 1/120: without rounding, forms are compiled once
     return np.round(120 * result) / 120

@@ -173,14 +173,16 @@ def _check_neighbours(
     Edges of three or more cells are not checked.
     """
     owned = compat.cell_map(mesh.dolfinx).size_local
-    around = CORNERS_IN_TURN[mesh.cell]
+    corner_order = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, around]]
+    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, corner_order]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    middles = (x[:owned, around] + np.roll(x[:owned, around], -1, axis=1)) / 2
+    middles = (x[:owned, corner_order] + np.roll(x[:owned, corner_order], -1, axis=1)) / 2
     # cells that agree go along their edge in opposite directions
     way = np.where(ends[..., 0] < ends[..., 1], 1.0, -1.0) * side[:owned, None]
-    flags = [np.repeat(flag[:owned, None], len(around), axis=1) for flag in (has_sides, stated)]
+    flags = [
+        np.repeat(flag[:owned, None], len(corner_order), axis=1) for flag in (has_sides, stated)
+    ]
     table = (np.sort(ends.reshape(-1, 2), axis=1), way, *flags, middles)
     tables = mesh.comm.gather(table, root=0) or []
 

@@ -160,18 +160,18 @@ def conjugate_gradients(
     r = np.array(R)
     energy = np.zeros(R.shape[1])
     p = inverse(r)
-    rest = inner(r, p)
-    yield X, rest, energy
+    residual_products = inner(r, p)
+    yield X, residual_products, energy
     for _ in range(most):
         Ap = product(p)
-        step = quotient(rest, inner(p, Ap))
+        step = quotient(residual_products, inner(p, Ap))
         X += step * p
-        energy += step * rest
+        energy += step * residual_products
         r -= step * Ap
         z = inverse(r)
-        rest, before = inner(r, z), rest
-        yield X, rest, energy
-        p = z + quotient(rest, before) * p
+        residual_products, before = inner(r, z), residual_products
+        yield X, residual_products, energy
+        p = z + quotient(residual_products, before) * p
 
 
 # -- Norms of displacements and forces scaled by the diagonal of the matrix, D = diag(A).

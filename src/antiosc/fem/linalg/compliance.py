@@ -80,10 +80,10 @@ def deflections(
     step = SHIFT_STEP * x[-1]
     C, after = _twice(structure, loads, step)
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
-    rest = C - b**2 @ (1 / x)
+    truncated = C - b**2 @ (1 / x)
     rest_after = after - b**2 @ (1 / (x + step))
-    slow = (rest - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
-    return C, b**2 @ (1 / x**2) + np.maximum(rest, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
+    slow = (truncated - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
+    return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
 
 def _room(structure: Factored) -> bool:
@@ -92,13 +92,13 @@ def _room(structure: Factored) -> bool:
     comm = structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
-    more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
+    extra_bytes = min(comm.size, 2) * solver_choice.BYTES * solver.entries
     free = on_root(comm, process.free_memory)
-    if more > process.MEMORY_SHARE * free:
+    if extra_bytes > process.MEMORY_SHARE * free:
         warn(
             comm,
-            f"{process.shortage('a map with additional factors', more, free)}: every site is "
-            "solved separately, which takes about ten times as long.",
+            f"{process.shortage('a map with additional factors', extra_bytes, free)}: every site "
+            "is solved separately, which takes about ten times as long.",
         )
         return False
     return True
@@ -134,14 +134,14 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
     count = loads.shape[1]
     C = np.zeros(count)
     G = np.zeros(count)
-    with counting("sites of the map", count, structure.comm.rank) as ready:
+    with counting("sites of the map", count, structure.comm.rank) as report:
         for first in range(0, count, SOLVED):
             part = slice(first, first + SOLVED)
             B = loads[:, part].toarray()
             Y = structure.factorize().solve_block(B)
             C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
             G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
-            ready(min(first + SOLVED, count))
+            report(min(first + SOLVED, count))
             log.info("%d of %d sites solved for", min(first + SOLVED, count), count)
     return C, G
 
@@ -156,13 +156,15 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     columns = np.diff(L.start)
     supernode = np.repeat(np.arange(len(columns)), columns)
     parent = _parents(L.row, L.rows, columns, supernode)
-    used = np.flatnonzero(np.diff(B.indptr))
+    loaded_rows = np.flatnonzero(np.diff(B.indptr))
     # columns in postorder: neighbours in the tree follow one another
-    first = np.array([position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in used], int)
-    order = used[np.argsort(first, kind="stable")]
+    first = np.array(
+        [position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in loaded_rows], int
+    )
+    order = loaded_rows[np.argsort(first, kind="stable")]
     result = np.zeros(B.shape[1])
     W = np.zeros((len(position), LOADS_PER_WALK))
-    with counting("sites of the map", len(order)) as ready:
+    with counting("sites of the map", len(order)) as report:
         for start in range(0, len(order), LOADS_PER_WALK):
             sites = order[start : start + LOADS_PER_WALK]
             part = B[:, sites].tocoo()
@@ -182,7 +184,7 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
                 result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
                 Z[among[width:]] = z[width:]
                 Z[L.start[s] : L.start[s + 1]] = 0.0
-            ready(min(start + LOADS_PER_WALK, len(order)))
+            report(min(start + LOADS_PER_WALK, len(order)))
     return result
 
 
@@ -196,10 +198,10 @@ def _parents(row: IntArray, rows: IntArray, columns: IntArray, supernode: IntArr
 
 def _branch(supernodes: IntArray, parent: IntArray) -> list[int]:
     """The given supernodes and all their ancestors, children before parents."""
-    seen: set[int] = set()
+    visited: set[int] = set()
     for leaf in supernodes:
         s = int(leaf)
-        while s >= 0 and s not in seen:
-            seen.add(s)
+        while s >= 0 and s not in visited:
+            visited.add(s)
             s = int(parent[s])
-    return sorted(seen)
+    return sorted(visited)

@@ -302,17 +302,17 @@ def free(comm: MPI.Comm) -> None:
             _free(entry[1])
 
 
-def becomes(handle: PETSc.Mat | PETSc.PC, plain: str) -> None:
-    """Set the type of a python-type PETSc object to `plain` at exit, since PETSc ends after
+def becomes(handle: PETSc.Mat | PETSc.PC, type_name: str) -> None:
+    """Set the type of a python-type PETSc object to `type_name` at exit, since PETSc ends after
     Python.
     """
-    weakref.finalize(handle, _become, weakref.ref(handle), plain)
+    weakref.finalize(handle, _become, weakref.ref(handle), type_name)
 
 
-def _become(handle: weakref.ref[PETSc.Mat | PETSc.PC], plain: str) -> None:
+def _become(handle: weakref.ref[PETSc.Mat | PETSc.PC], type_name: str) -> None:
     alive = handle()
     if alive is not None:
-        alive.setType(plain)
+        alive.setType(type_name)
 
 
 def _free(holder: PETSc.IS) -> None:

@@ -83,12 +83,12 @@ class Solver(ABC):
         root = roots(self.A)[:, None]
         load = norms(self.comm, R / root)
         size = norms(self.comm, root * X) + load
-        rest = norms(self.comm, (multiply(self.A, X) - R) / root)
+        residual = norms(self.comm, (multiply(self.A, X) - R) / root)
         growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
         if not growth <= self.growth:
             raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
-        if not (rest <= self.backward_error * size).all():
-            error = (rest / size).max()
+        if not (residual <= self.backward_error * size).all():
+            error = (residual / size).max()
             raise AccuracyError(
                 SINGULAR.format(f"backward error {error:.1e}, limit {self.backward_error:.0e}")
             )

@@ -97,13 +97,13 @@ RIDGE = 1e-14
 SOLUTION_GROWTH_BY_STRAINS = 1e24
 
 
-def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
+def attach(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat) -> None:
     """Make `multiply` compute products with K = SᵀS + rest from the strains."""
     transposed = PETSc.Mat()
     S.transpose(transposed)
 
     def product(x: Array) -> Array:
-        return np.asarray(multiply(transposed, multiply(S, x)) + multiply(rest, x))
+        return np.asarray(multiply(transposed, multiply(S, x)) + multiply(remainder, x))
 
     K.setAttr(PRODUCT, product)
 
@@ -147,19 +147,19 @@ class Refined(Solver):
 
         Raises AccuracyError where the solver of the entries is too far from A.
         """
-        for X, rest, energy in conjugate_gradients(
+        for X, residual_energy, energy in conjugate_gradients(
             R,
             lambda x: multiply(self.A, x),
             self._inner.solve_block,
             self._inner_products,
             MOST_CG_STEPS,
         ):
-            if (rest <= ENERGY**2 * energy).all():
+            if (residual_energy <= ENERGY**2 * energy).all():
                 return X
-        left = float(np.max(np.sqrt(np.abs(quotient(rest, energy)))))
-        if not left <= STALLED:
+        relative_error = float(np.max(np.sqrt(np.abs(quotient(residual_energy, energy)))))
+        if not relative_error <= STALLED:
             raise AccuracyError(
-                f"a solve stopped at a relative error of {left:.1e} in energy after "
+                f"a solve stopped at a relative error of {relative_error:.1e} in energy after "
                 f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
                 "elements this short double precision does not resolve the bending stiffness; "
                 "use fewer elements, or support loose parts."
@@ -359,9 +359,9 @@ def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
 
 def _cover(pairs: IntArray) -> IntArray:
     """The least vertex cover of a bipartite graph, by its largest matching (Kőnig's theorem)."""
-    left, i = np.unique(pairs[:, 0], return_inverse=True)
+    first_nodes, i = np.unique(pairs[:, 0], return_inverse=True)
     right, j = np.unique(pairs[:, 1], return_inverse=True)
-    n, m = len(left), len(right)
+    n, m = len(first_nodes), len(right)
     graph = scipy.sparse.csr_matrix((np.ones(len(pairs)), (i, j)), shape=(n, m))
     mate = maximum_bipartite_matching(graph, perm_type="column")
     matched = np.flatnonzero(mate >= 0)
@@ -375,7 +375,7 @@ def _cover(pairs: IntArray) -> IntArray:
     )
     reached = np.zeros(source + 1, dtype=bool)
     reached[breadth_first_order(paths, source, return_predecessors=False)] = True
-    return np.concatenate([left[~reached[:n]], right[reached[n:source]]])
+    return np.concatenate([first_nodes[~reached[:n]], right[reached[n:source]]])
 
 
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
@@ -515,9 +515,9 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
     free = on_root(A.getComm().tompi4py(), process.free_memory)
     if choice == "iterative":
         return _iterative(A, levels)
-    alone = choice == "direct" or columns == math.inf
+    direct_only = choice == "direct" or columns == math.inf
     fits = BYTES * COMPACT * rows ** (4 / 3) <= process.MEMORY_SHARE * free
-    if fits and (alone or rows < LARGE):
+    if fits and (direct_only or rows < LARGE):
         return factorize(A)
     analysis = 0.0 if by_cells(A) else ANALYSIS * stored(A)
     process.require(analysis, f"any solver of {rows} dofs", SMALLER_MESH, free)
@@ -526,7 +526,7 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
     entries = plan.entries
     need = BYTES * entries
     if need <= process.MEMORY_SHARE * free:
-        faster = None if alone else _faster(A, plan, entries, levels, columns)
+        faster = None if direct_only else _faster(A, plan, entries, levels, columns)
         return plan.factorize() if faster is None else faster
     what = f"the factor of {rows} dofs"
     if choice == "direct":

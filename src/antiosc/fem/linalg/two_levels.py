@@ -131,15 +131,15 @@ class Cycle:
         """Approximation of A⁻¹ load by Chebyshev's iteration, in the precision of the fine
         level.
         """
-        rest: Array = np.array(load, dtype=self._real)
+        residual: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
         rho = 1 / sigma
-        step = self._inverse @ rest / self._middle
+        step = self._inverse @ residual / self._middle
         total = step.copy()
         for _ in range(self._steps - 1):
-            rest -= multiply(self._A, step)
+            residual -= multiply(self._A, step)
             following = 1 / (2 * sigma - rho)
-            step = following * rho * step + 2 * following / self._half * (self._inverse @ rest)
+            step = following * rho * step + 2 * following / self._half * (self._inverse @ residual)
             total += step
             rho = following
         return np.asarray(total)

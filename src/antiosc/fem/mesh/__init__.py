@@ -208,11 +208,11 @@ class Mesh(ReprMixin):
         low, high = self.box
         end = (low if name[0] == "-" else high)[axis]
         dim = self.tdim - 1
-        near = ON_SIDE * self.extent()
+        tolerance = ON_SIDE * self.extent()
         nodes = compat.entity_vertices(self.dolfinx, dim)
         x = np.asarray(self.dolfinx.geometry.x)[:, axis]
-        facets = np.flatnonzero((np.abs(x[nodes] - end) < near).all(axis=1)).astype(np.int32)
-        flat = high[axis] - low[axis] < near
+        facets = np.flatnonzero((np.abs(x[nodes] - end) < tolerance).all(axis=1)).astype(np.int32)
+        flat = high[axis] - low[axis] < tolerance
         if flat or not self.comm.allreduce(len(facets)):
             why = f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
             raise InputError(

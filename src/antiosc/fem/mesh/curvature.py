@@ -151,22 +151,22 @@ class Patch:
     def surfaces(self, sheet: bool) -> IntArray:
         """Number (n,) of the smooth surface to which each face belongs."""
         first, second = self.pairs
-        count, around = self.numbers.shape
+        count, corner_count = self.numbers.shape
         normals = self.normals.reshape(-1, 3)
         cosine = np.einsum("nd,nd->n", normals[first], normals[second])
         cosine = np.abs(cosine) if sheet else cosine
         smooth = cosine > np.cos(np.radians(SHARP_ANGLE))
-        first = first[smooth] // around
-        second = second[smooth] // around
+        first = first[smooth] // corner_count
+        second = second[smooth] // corner_count
         graph = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
         return np.asarray(connected_components(graph, directed=False)[1])
 
     def nodes(self) -> Array:
         """Nodes on the surface (k, 3) [m]: vertices, and mid-side nodes of curved sides."""
         chord = (self.corners + np.roll(self.corners, -1, axis=1)) / 2
-        bent = np.linalg.norm(self.middles - chord, axis=2) > BENT * self.sides
+        is_curved = np.linalg.norm(self.middles - chord, axis=2) > BENT * self.sides
         points = self.corners.reshape(-1, 3)
-        if bent.any():
+        if is_curved.any():
             points = np.concatenate([points, self.middles.reshape(-1, 3)])
         rounded = np.round(points / (TOUCH * self.sides.min()))
         return np.asarray(points[np.unique(rounded, axis=0, return_index=True)[1]])
@@ -232,7 +232,7 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
     chosen = np.flatnonzero(away <= min(nearest) + max(reach, wide * largest))
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
-    around = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
+    corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(
         lambda k, xi: faces.at(chosen[k], xi),
         np.tile(point, (len(chosen), 1)),
@@ -246,13 +246,13 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
         weights = np.column_stack([1 - s - t, s, t])
     else:
         weights = np.column_stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
-    corner = tensor[around]
+    corner = tensor[corner_order]
     sides = (corner + np.roll(corner, -1, axis=0)) / 2
     looks = [faces.across(chosen, np.tile(side, (len(chosen), 1))) for side in sides]
     middles, normals = (np.stack(arrays, axis=1) for arrays in zip(*looks, strict=True))
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
-    numbers = numbers[faces.vertices[chosen][:, around]]
-    rows_here = numbers, faces.corners[chosen][:, around], middles, normals, weights, gap
+    numbers = numbers[faces.vertices[chosen][:, corner_order]]
+    rows_here = numbers, faces.corners[chosen][:, corner_order], middles, normals, weights, gap
     rows_of_all = (
         np.concatenate(arrays) for arrays in zip(*comm.allgather(rows_here), strict=True)
     )
@@ -344,24 +344,24 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
     shares = np.zeros(len(away))
     np.add.at(shares, cad.rows, at.weights / len(at.gap))
     facing_alike = sign * (cad.nodes.normals @ normal) > TURNED
-    used = np.flatnonzero((shares > 0) | (away < radius) & facing_alike)
-    near = cad.nodes.at(used)
-    sign = sign[used]
-    shares = shares[used]
-    normals = sign[:, None] * near.normals
-    tensors = sign[:, None, None] * near.tensors
+    used_nodes = np.flatnonzero((shares > 0) | (away < radius) & facing_alike)
+    near_nodes = cad.nodes.at(used_nodes)
+    sign = sign[used_nodes]
+    shares = shares[used_nodes]
+    normals = sign[:, None] * near_nodes.normals
+    tensors = sign[:, None, None] * near_nodes.tensors
     mean = shares @ normals
     mean /= np.linalg.norm(mean)
     basis = np.linalg.svd(mean[None])[2][1:]
     turns = basis @ _turns(normals, mean)
     tensors = turns @ tensors @ np.swapaxes(turns, 1, 2)
-    node_at_point = np.flatnonzero(np.linalg.norm(near.points - x, axis=1) < TOUCH * radius)
+    node_at_point = np.flatnonzero(np.linalg.norm(near_nodes.points - x, axis=1) < TOUCH * radius)
     if len(node_at_point):
         tensor = tensors[node_at_point].mean(axis=0)
         error = float(np.abs(tensors[node_at_point] - tensor).max())
     else:
         between = np.einsum("n,nij->ij", shares, tensors)
-        tensor, error = _between(near.points - x, basis, tensors, between)
+        tensor, error = _between(near_nodes.points - x, basis, tensors, between)
     values, vectors = np.linalg.eigh(tensor)
     error = error if error * size > CAD_NONE else 0.0
     values = np.where(np.abs(values) * size < CAD_NONE, 0.0, values)
@@ -451,8 +451,8 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         if fit.flat:
             break
         normal = fit.normal
-        wanted = SHARE / float(np.abs(fit.values).max())
-        closer = _fit_within(nodes, normal, min(wanted, radius))
+        fit_radius = SHARE / float(np.abs(fit.values).max())
+        closer = _fit_within(nodes, normal, min(fit_radius, radius))
         if closer is None or closer[1] > radius:
             break
         settled = closer[1] > (1 - SETTLED) * radius
@@ -533,15 +533,15 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
     """The fit of the highest degree for which there are enough nodes (n, 3); None if there are too
     few.
     """
-    near = nodes[np.linalg.norm(nodes, axis=1) < radius]
+    near_nodes = nodes[np.linalg.norm(nodes, axis=1) < radius]
     basis = np.linalg.svd(normal[None])[2][1:]
-    u, v = basis @ near.T / radius
-    w = near @ normal / radius
+    u, v = basis @ near_nodes.T / radius
+    w = near_nodes @ normal / radius
     for degree in DEGREES:
         powers = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)])
-        if len(near) < NODES_EACH * len(powers):
+        if len(near_nodes) < NODES_EACH * len(powers):
             continue
-        rows = polyvander2d(u, v, [degree, degree]).reshape(len(near), degree + 1, -1)
+        rows = polyvander2d(u, v, [degree, degree]).reshape(len(near_nodes), degree + 1, -1)
         rows = rows[:, powers[:, 0], powers[:, 1]]
         weight = np.sqrt(np.clip(1 - u * u - v * v, 0.0, 1.0))
         U, s, V = np.linalg.svd(weight[:, None] * rows, full_matrices=False)
@@ -549,7 +549,7 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
             continue
         c = V.T @ ((U.T @ (weight * w)) / s)
         residuals = weight * (w - rows @ c)
-        variance = float(residuals @ residuals) / max(len(near) - len(c), 1)
+        variance = float(residuals @ residuals) / max(len(near_nodes) - len(c), 1)
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
         second_order = [number[power] for power in ((2, 0), (1, 1), (0, 2))]
         spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]

@@ -28,29 +28,29 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
     sides = [list(side) for side in FACETS["tetrahedron"]]
     faces = raw.cells[:, sides]
     code = keys(faces.reshape(-1, 3)).reshape(-1, len(sides))
-    left = np.ones(len(code), dtype=bool)
+    kept_cells = np.ones(len(code), dtype=bool)
     groups = {label: dict(parts) for label, parts in raw.groups.items()}
     waiting = flat
     while len(waiting):
-        values, count = np.unique(code[left], return_counts=True)
+        values, count = np.unique(code[kept_cells], return_counts=True)
         outer = np.isin(code[waiting], values[count == 1])
         at_surface = outer.any(axis=1)
         if not at_surface.any():
             break
         for cell, sides_out in zip(waiting[at_surface], outer[at_surface], strict=True):
             _hand_on(groups, faces[cell][sides_out], faces[cell][~sides_out])
-        left[waiting[at_surface]] = False
+        kept_cells[waiting[at_surface]] = False
         waiting = waiting[~at_surface]
-    removed = int(len(left) - left.sum())
+    removed = int(len(kept_cells) - kept_cells.sum())
     if not removed:
         return raw
-    gone = keys(raw.cells[~left, :4])
+    gone = keys(raw.cells[~kept_cells, :4])
     for parts in groups.values():
         if 3 in parts:
             parts[3] = parts[3][~np.isin(keys(parts[3]), gone)]
     sentence = f"{name}: flat cells that gmsh left at the surface are not read: {removed}."
     notes = [*raw.told, sentence]
-    return compact(replace(raw, cells=raw.cells[left], groups=groups, told=notes))
+    return compact(replace(raw, cells=raw.cells[kept_cells], groups=groups, told=notes))
 
 
 def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: IntArray) -> None:

@@ -15,16 +15,18 @@ NEAR = 2.0
 SLOPE = 0.05
 
 
-def largest_ball(faces: Faces, point: Array, normal: Array, near: float) -> tuple[float, Array]:
+def largest_ball(
+    faces: Faces, point: Array, normal: Array, patch_radius: float
+) -> tuple[float, Array]:
     """(radius [m], the point (3,) that a larger ball meets); inf if there is none.
 
-    `point`, `normal` : (3,) of the site; `near` : radius of its patch [m], 0 of a point.
+    `point`, `normal` : (3,) of the site; `patch_radius` : radius of its patch [m], 0 of a point.
     """
     away = faces.samples - point
     distance = np.linalg.norm(away, axis=1)
     mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if away.size else 0
     height = away @ normal - SLOPE * distance
-    met = (height > 0) & (distance > NEAR * max(near, float(mean)))
+    met = (height > 0) & (distance > NEAR * max(patch_radius, float(mean)))
     radii = np.where(met, distance**2 / (2 * np.where(met, height, 1.0)), np.inf)
     ball = (np.inf, point)
     if radii.size:

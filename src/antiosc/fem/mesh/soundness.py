@@ -149,9 +149,9 @@ def _matched(facets: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     code = keys(facets)
     order = np.argsort(code, kind="stable")
     equal = code[order][1:] == code[order][:-1]
-    alone = np.ones(len(facets), dtype=bool)
-    alone[order[1:][equal]] = alone[order[:-1][equal]] = False
-    return order[:-1][equal], order[1:][equal], np.flatnonzero(alone)
+    is_unmatched = np.ones(len(facets), dtype=bool)
+    is_unmatched[order[1:][equal]] = is_unmatched[order[:-1][equal]] = False
+    return order[:-1][equal], order[1:][equal], np.flatnonzero(is_unmatched)
 
 
 def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
@@ -547,7 +547,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
             )
         before = int(straight.sum())
         points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
-        near = np.isin(cells, cells[straight][:, middles]).any(axis=1)
-        suspects = np.flatnonzero(near)
+        has_moved_node = np.isin(cells, cells[straight][:, middles]).any(axis=1)
+        suspects = np.flatnonzero(has_moved_node)
         bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
     return points

@@ -275,16 +275,18 @@ class Faces(Entities):
     def samples(self) -> Array:
         """Points (n, 3) of the faces: their vertices, middles, and middles of their sides [m]."""
         x = self.corners
-        around = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))
-        sides = (x[:, around] + np.roll(x[:, around], 1, axis=1)) / 2
+        corner_order = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))
+        sides = (x[:, corner_order] + np.roll(x[:, corner_order], 1, axis=1)) / 2
         points = np.concatenate([x, sides, x.mean(axis=1, keepdims=True)], axis=1)
         return np.unique(points.reshape(-1, 3), axis=0)
 
     @cached_property
     def sizes(self) -> Array:
         """Mean length of the sides (F,) [m]."""
-        around = [0, 1, 3, 2] if self.corners.shape[1] == 4 else list(range(self.corners.shape[1]))
-        side = self.corners[:, around] - np.roll(self.corners[:, around], 1, axis=1)
+        corner_order = (
+            [0, 1, 3, 2] if self.corners.shape[1] == 4 else list(range(self.corners.shape[1]))
+        )
+        side = self.corners[:, corner_order] - np.roll(self.corners[:, corner_order], 1, axis=1)
         return np.asarray(np.linalg.norm(side, axis=2).mean(axis=1))
 
     def contact(
@@ -302,9 +304,9 @@ class Faces(Entities):
         depth = _least(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
         if self.sheet:
-            turned = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
-            normal[turned] = -normal[turned]
-            facing[turned] = -facing[turned]
+            is_flipped = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
+            normal[is_flipped] = -normal[is_flipped]
+            facing[is_flipped] = -facing[is_flipped]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
             least = _least(comm, measure[best], site[best], count)
@@ -356,13 +358,13 @@ class Faces(Entities):
         item = item[close]
         point = point[close]
         xi_found = xi_found[close]
-        bent = np.flatnonzero(bend[close] > 0)
-        xi_found[bent] = projected(
-            lambda k, xi: self.at(item[bent[k]], xi),
-            points[point[bent]],
-            xi_found[bent],
+        curved = np.flatnonzero(bend[close] > 0)
+        xi_found[curved] = projected(
+            lambda k, xi: self.at(item[curved[k]], xi),
+            points[point[curved]],
+            xi_found[curved],
             affine=False,
-            along=normals[point[bent]],
+            along=normals[point[curved]],
         )
         inside = excess(xi_found, self.simplex) <= OUTSIDE_FACE
         item = item[inside]

@@ -129,13 +129,13 @@ def _kind(value: object) -> bytes:
 
 def _of_number(value: object) -> Iterator[bytes]:
     """Bytes that describe a number; floats are rounded to ten digits."""
-    plain = value.item() if isinstance(value, np.generic) else value
-    if isinstance(plain, float):
-        yield f"{plain + 0.0:.10g}".encode()
-    elif isinstance(plain, complex):
-        yield f"{plain.real + 0.0:.10g} {plain.imag + 0.0:.10g}".encode()
+    python_number = value.item() if isinstance(value, np.generic) else value
+    if isinstance(python_number, float):
+        yield f"{python_number + 0.0:.10g}".encode()
+    elif isinstance(python_number, complex):
+        yield f"{python_number.real + 0.0:.10g} {python_number.imag + 0.0:.10g}".encode()
     else:
-        yield repr(plain).encode()
+        yield repr(python_number).encode()
 
 
 def _of_array(value: NDArray[np.generic], above: tuple[int, ...]) -> Iterator[bytes]:
@@ -192,15 +192,17 @@ def _counts(value: object) -> bool:
         return value.size <= FEW_ENTRIES
     if isinstance(value, tuple | frozenset):
         return all(_counts(item) for item in value)
-    plain = numbers.Number | np.generic | str | bytes | types.FunctionType | functools.partial
-    return value is None or isinstance(value, plain) or dataclasses.is_dataclass(value)
+    compared_types = (
+        numbers.Number | np.generic | str | bytes | types.FunctionType | functools.partial
+    )
+    return value is None or isinstance(value, compared_types) or dataclasses.is_dataclass(value)
 
 
 def _of_function(function: types.FunctionType, above: tuple[int, ...]) -> Iterator[bytes]:
     """The code of a function and the values of its closure, but not its address."""
     yield from _of_code(function.__code__, above)
-    around = inspect.getclosurevars(function)
-    names = {**around.globals, **around.nonlocals, **(function.__kwdefaults__ or {})}
+    closure = inspect.getclosurevars(function)
+    names = {**closure.globals, **closure.nonlocals, **(function.__kwdefaults__ or {})}
     values = [*(function.__defaults__ or ()), *(names[name] for name in sorted(names))]
     yield from _each([value for value in values if _counts(value)], above)
 

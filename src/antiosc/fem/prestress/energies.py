@@ -56,20 +56,20 @@ def pressure_energy(
     if not sheet:
         n = ufl.FacetNormal(mesh.dolfinx)
         slope = ufl.grad(u)
-        turned = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
+        normal_change = ufl.tr(slope) * n - ufl.dot(ufl.transpose(slope), n)
         against = -depth_of(mesh, parts) * factor
-        return against * (ufl.dot(u, n) + ufl.dot(u, turned) / 2) * dx
+        return against * (ufl.dot(u, n) + ufl.dot(u, normal_change) / 2) * dx
     frame = frames(mesh, parts)
     _, side = axes_and_sides(mesh, parts)
     J = ufl.Jacobian(mesh.dolfinx)
     a, b = (_in_space([J[i, j] for i in range(mesh.gdim)]) for j in (0, 1))
     normal = ufl.cross(a, b)
     to_top = side * ufl.sign(ufl.dot(normal, frame.n))
-    moved = ufl.as_vector([u[i] for i in range(3)])
-    slopes = ufl.dot(ufl.grad(moved), ufl.transpose(frame.along))
+    displacement = ufl.as_vector([u[i] for i in range(3)])
+    slopes = ufl.dot(ufl.grad(displacement), ufl.transpose(frame.along))
     u1, u2 = (ufl.as_vector([slopes[i, j] for i in range(3)]) for j in (0, 1))
-    turned = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
-    work = ufl.dot(moved, frame.n) + ufl.dot(moved, turned) / 2
+    normal_change = ufl.cross(u1, frame.e2) + ufl.cross(frame.e1, u2)
+    work = ufl.dot(displacement, frame.n) + ufl.dot(displacement, normal_change) / 2
     return factor * to_top * work * dx
 
 
@@ -83,14 +83,14 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
     S = ufl.as_matrix(spin.stiffness.tolist())
     about = np.array(spin.about)
     x = ufl.SpatialCoordinate(mesh.dolfinx)
-    moved = _in_space([x[i] - float(about[i]) + u[i] for i in range(mesh.gdim)])
+    position = _in_space([x[i] - float(about[i]) + u[i] for i in range(mesh.gdim)])
     dx = measure(mesh, DEGREE + 1)
-    energy = density * ufl.dot(moved, S * moved) / 2
+    energy = density * ufl.dot(position, S * position) / 2
     for direction, first, second in _fibres(mesh, parts):
         turn = ufl.as_vector([u[i] for i in range(3, 6)])
         once = ufl.cross(turn, direction)
         arm = direction + once + ufl.cross(turn, once) / 2
-        energy += first * ufl.dot(moved, S * arm) + second * ufl.dot(arm, S * arm) / 2
+        energy += first * ufl.dot(position, S * arm) + second * ufl.dot(arm, S * arm) / 2
     return energy * dx
 
 

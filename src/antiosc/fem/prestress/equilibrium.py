@@ -151,13 +151,13 @@ def _newton_step(loaded: Loaded, added: PETSc.Mat, residual: Array) -> Array:
     best = np.zeros((len(residual), 1))
     gained = 0.0
     first = 0.0
-    for X, left, energy in steps:
+    for X, residual_energy, energy in steps:
         if energy[0] < gained:  # negative curvature
             break
         best = X.copy()
         gained = float(energy[0])
-        first = first or float(left[0])
-        if float(left[0]) <= STEP_ERROR * first:
+        first = first or float(residual_energy[0])
+        if float(residual_energy[0]) <= STEP_ERROR * first:
             return best[:, 0]
     else:
         return _by_factor(loaded, added, residual)
@@ -188,8 +188,8 @@ def _line_search(
         state = q + length * step
         return loaded.dead - multiply(loaded.K, state) - loaded.forces(state)
 
-    def slope(left: Array) -> float:
-        return -float(dot(comm, step, left))
+    def slope(residual: Array) -> float:
+        return -float(dot(comm, step, residual))
 
     full_step = residual(1.0)
     start = slope(start_residual)
@@ -274,12 +274,13 @@ def _check(K: PETSc.Mat, solver: Solver, forces: Array, value: float, shape: Arr
     comm = solver.comm
     elastic = multiply(K, shape)
     residual = forces - value * elastic
-    left = float(dot(comm, residual, solver.solve(residual)))
+    residual_energy = float(dot(comm, residual, solver.solve(residual)))
     size = value**2 * float(dot(comm, shape, elastic))
-    if not left <= RESIDUAL**2 * size:
+    if not residual_energy <= RESIDUAL**2 * size:
         raise AccuracyError(
-            f"SLEPc's buckling mode leaves a relative residual of {math.sqrt(left / size):.1e} "
-            f"(limit {RESIDUAL:.0e}): the prestress is too large for double precision."
+            "SLEPc's buckling mode leaves a relative residual of "
+            f"{math.sqrt(residual_energy / size):.1e} (limit {RESIDUAL:.0e}): the prestress is too "
+            "large for double precision."
         )
 
 

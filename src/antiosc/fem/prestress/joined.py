@@ -69,9 +69,9 @@ class LoadedBolt:
     def forces(self, u: Array) -> Array:
         """Gradient of the energy at u (n,)."""
         g = self.G @ u
-        turned = self.B @ g
-        eta = float(g @ turned) / self.length
-        bolt_forces = (eta / 2 - self.initial) * self.a + self._strain(g) * turned
+        slope = self.B @ g
+        eta = float(g @ slope) / self.length
+        bolt_forces = (eta / 2 - self.initial) * self.a + self._strain(g) * slope
         return np.asarray(self.G.T @ (self.EA * bolt_forces))
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> Sparse:
@@ -81,9 +81,9 @@ class LoadedBolt:
         g = self.G @ u
         bolt_stiffness = self._strain(g) * self.B
         if not geometric:
-            turned = self.B @ g
-            coupling = np.outer(self.a, turned)
-            bolt_stiffness += (coupling + coupling.T + np.outer(turned, turned)) / self.length
+            slope = self.B @ g
+            coupling = np.outer(self.a, slope)
+            bolt_stiffness += (coupling + coupling.T + np.outer(slope, slope)) / self.length
         return (self.G.T @ scipy.sparse.csr_matrix(self.EA * bolt_stiffness) @ self.G).tocsr()
 
 

@@ -302,27 +302,27 @@ class AttachedTerms:
     dampers: Sequence[Dissipation] = ()
 
 
-def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> AttachedTerms:
+def add_at_points(structure: Matrices, attachment: PointMass | Spring | Damper) -> AttachedTerms:
     """Add a mass or a spring at its points to K and M, or a damper to the damping terms."""
-    values = values_of(attachment, plane="z" not in to.form.components)
-    foreign = [component for component in values if component not in to.form.components]
+    values = values_of(attachment, plane="z" not in structure.form.components)
+    foreign = [component for component in values if component not in structure.form.components]
     if foreign:
         raise InputError(
             f"{type(attachment).__name__} at {attachment.where!r} acts on {', '.join(foreign)}, but"
-            f" the components of this structure are {', '.join(to.form.components)}."
+            f" the components of this structure are {', '.join(structure.form.components)}."
         )
     matrix = None
     if isinstance(attachment, PointMass):
-        matrix = to.M
+        matrix = structure.M
     elif isinstance(attachment, Spring):
-        matrix = to.K
-    points = _attachment_points(to.mesh, attachment.where)
-    rows = compat.local_size(to.form.space)
+        matrix = structure.K
+    points = _attachment_points(structure.mesh, attachment.where)
+    rows = compat.local_size(structure.form.space)
     mass = 0.0
     inertia = np.zeros((rows, 3))
     centre = np.mean([nearest.x for nearest in points], axis=0)
     terms = [
-        (component, value, _add_component(to, matrix, component, nearest, value))
+        (component, value, _add_component(structure, matrix, component, nearest, value))
         for nearest in points
         for component, value in values.items()
     ]
@@ -330,10 +330,10 @@ def add_at_points(to: Matrices, attachment: PointMass | Spring | Damper) -> Atta
         matrix.assemble()
     diagonal = np.diag([value for _, value, _ in terms])
     if isinstance(attachment, Damper):
-        ground = [] if attachment.to is None else _attachment_points(to.mesh, attachment.to)
+        ground = [] if attachment.to is None else _attachment_points(structure.mesh, attachment.to)
         if ground and any(np.allclose(ground[0].x, nearest.x) for nearest in points):
             raise InputError(damper_to_itself(attachment))
-        ends = {c: _add_component(to, None, c, end, 0.0) for end in ground for c in values}
+        ends = {c: _add_component(structure, None, c, end, 0.0) for end in ground for c in values}
         G = [b - ends[c] if ends else b for c, _, b in terms]
         name = "" if ends else str(attachment.name)
         damper = Dissipation(
@@ -356,19 +356,23 @@ def _functionals(b: Sequence[Array], rows: int) -> scipy.sparse.csr_matrix:
 
 
 def _add_component(
-    to: Matrices, matrix: PETSc.Mat | None, component: str, nearest: ClosestPoint, value: float
+    structure: Matrices,
+    matrix: PETSc.Mat | None,
+    component: str,
+    nearest: ClosestPoint,
+    value: float,
 ) -> Array:
     """Add value·b bᵀ to `matrix`, where bᵀu is a displacement component of a point.
 
     Returns b (rows of this rank).
     """
-    path = to.form.components[component]
-    vector = to.K.createVecRight()
-    if to.mesh.comm.rank == nearest.rank:
-        dofs = compat.subspace(to.form.space, path).dofmap.cell_dofs(nearest.cell)
-        weights = compat.tabulate(to.form.space, path, nearest.X.reshape(1, -1))[0]
-        weights = np.where(np.isin(dofs, to.fixed), 0.0, weights)
-        rows = compat.global_dofs(to.form.space, dofs)
+    path = structure.form.components[component]
+    vector = structure.K.createVecRight()
+    if structure.mesh.comm.rank == nearest.rank:
+        dofs = compat.subspace(structure.form.space, path).dofmap.cell_dofs(nearest.cell)
+        weights = compat.tabulate(structure.form.space, path, nearest.X.reshape(1, -1))[0]
+        weights = np.where(np.isin(dofs, structure.fixed), 0.0, weights)
+        rows = compat.global_dofs(structure.form.space, dofs)
         add = PETSc.InsertMode.ADD_VALUES
         if matrix is not None:
             matrix.setValues(rows, rows, value * np.outer(weights, weights), addv=add)
@@ -432,10 +436,10 @@ class Stiffener:
 
 
 def add_beams(
-    to: Matrices, name: str, beam: Beam, edges: IntArray
+    structure: Matrices, name: str, beam: Beam, edges: IntArray
 ) -> tuple[AttachedTerms, Stiffener]:
     """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
-    if to.mesh.cell == "quadrilateral" and to.mesh.order > 1:
+    if structure.mesh.cell == "quadrilateral" and structure.mesh.order > 1:
         raise InputError(
             f"beams on curved quadrilaterals (group {name!r}): these are too soft under the pull "
             "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
@@ -445,17 +449,17 @@ def add_beams(
             f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
             "beams without a shell only."
         )
-    line = _edge_mesh(to.mesh, edges, f"the edges of group {name!r}")
+    line = _edge_mesh(structure.mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
-    form = on_lines(line, parts, 3 if to.mesh.cell == "triangle" else 2, on_sheet=True)
-    T = _shared_dofs(to, edges, form, line)
+    form = on_lines(line, parts, 3 if structure.mesh.cell == "triangle" else 2, on_sheet=True)
+    T = _shared_dofs(structure, edges, form, line)
     matrices = [
         compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)
     ]
     pattern = PETSc.Mat.Structure
-    kind = pattern.UNKNOWN_NONZERO_PATTERN if to.bare else pattern.SUBSET_NONZERO_PATTERN
-    for matrix, added in zip((to.K, to.M), matrices, strict=True):
+    kind = pattern.UNKNOWN_NONZERO_PATTERN if structure.bare else pattern.SUBSET_NONZERO_PATTERN
+    for matrix, added in zip((structure.K, structure.M), matrices, strict=True):
         matrix.axpy(1.0, added.ptap(T), structure=kind)
     moving = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
@@ -504,25 +508,29 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     return Mesh(line, {}, name)
 
 
-def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
+def _shared_dofs(structure: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
     """Matrix T of beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
     size = line.extent()
     rows = compat.local_size(form.space)
     first = form.space.dofmap.index_map.local_range[0]
     first *= form.space.dofmap.index_map_bs
     T = PETSc.Mat().createAIJ(
-        ((rows, None), (compat.local_size(to.form.space), None)), nnz=1, comm=to.mesh.comm
+        ((rows, None), (compat.local_size(structure.form.space), None)),
+        nnz=1,
+        comm=structure.mesh.comm,
     )
     error = None
     for component, path in form.components.items():
-        sheet = compat.subspace(to.form.space, to.form.components[component])
-        all_dofs, all_x = compat.dof_coordinates(to.form.space, to.form.components[component])
+        sheet = compat.subspace(structure.form.space, structure.form.components[component])
+        all_dofs, all_x = compat.dof_coordinates(
+            structure.form.space, structure.form.components[component]
+        )
         on_edges = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
         order = np.argsort(all_dofs)
         x = all_x[order[np.searchsorted(all_dofs, on_edges, sorter=order)]]
-        numbers = compat.global_dofs(to.form.space, on_edges)
-        fixed = np.isin(on_edges, to.fixed)
-        of_ranks = to.mesh.comm.allgather((x, numbers, fixed))
+        numbers = compat.global_dofs(structure.form.space, on_edges)
+        fixed = np.isin(on_edges, structure.fixed)
+        of_ranks = structure.mesh.comm.allgather((x, numbers, fixed))
         x, numbers, fixed = (np.concatenate([of_rank[k] for of_rank in of_ranks]) for k in range(3))
         beam_dofs, points = compat.dof_coordinates(form.space, path)
         points = points[beam_dofs < rows]
@@ -536,6 +544,6 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         for dof, k in zip(beam_dofs, nearest, strict=True):
             if not fixed[k]:
                 T.setValue(first + dof, numbers[k], 1.0)
-    agree(to.mesh.comm, error)
+    agree(structure.mesh.comm, error)
     T.assemble()
     return T

@@ -167,10 +167,10 @@ def matrices_of_pair(
     """
     K, M, fixed = supported(K, M)
     if supports is not None:
-        more = rows_of(supports, rows)
-        K = algebra.hold(K, more, 1.0)
-        M = algebra.hold(M, more, 0.0)
-        fixed = np.union1d(fixed, more)
+        fixed_rows = rows_of(supports, rows)
+        K = algebra.hold(K, fixed_rows, 1.0)
+        M = algebra.hold(M, fixed_rows, 0.0)
+        fixed = np.union1d(fixed, fixed_rows)
     null_vectors = None
     if rigid_modes is not None:
         null_vectors = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
@@ -266,11 +266,11 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
             f"{least}."
         )
     noise = ENTRY_ROUNDING * typical
-    apart, entries = (_entries(A, diagonal, noise) for A in (algebra.skew(matrix), matrix))
+    asymmetry, entries = (_entries(A, diagonal, noise) for A in (algebra.skew(matrix), matrix))
     _forbid(
         comm,
-        apart,
-        np.abs(apart.value) > MIRRORED * apart.scale + apart.noise,
+        asymmetry,
+        np.abs(asymmetry.value) > MIRRORED * asymmetry.scale + asymmetry.noise,
         f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}.",
     )
@@ -320,10 +320,10 @@ def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
     typical = _typical(comm, entries)
     if not typical:
         return np.zeros(0, dtype=int)
-    others = np.bincount(entries.row, np.abs(entries.value), len(entries.diagonal))
-    others = comm.allreduce(others)
+    row_sums = np.bincount(entries.row, np.abs(entries.value), len(entries.diagonal))
+    row_sums = comm.allreduce(row_sums)
     return np.flatnonzero(
-        (entries.diagonal > PENALTY_OVER_ROW * others)
+        (entries.diagonal > PENALTY_OVER_ROW * row_sums)
         & (entries.diagonal > PENALTY_OVER_TYPICAL * typical)
     )
 

@@ -556,10 +556,12 @@ def assembled(
     if by_strains:
         stored = K.duplicate()
         stored.zeroEntries()
-    to = Matrices(mesh, form, stored, heavier, fixed, bare)
-    on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
+    assembled_matrices = Matrices(mesh, form, stored, heavier, fixed, bare)
+    on_edges = {
+        name: add_beams(assembled_matrices, name, beam, edges) for name, beam, edges in beams
+    }
     added = [entry for entry, _ in on_edges.values()]
-    added += [add_at_points(to, entry) for entry in carried]
+    added += [add_at_points(assembled_matrices, entry) for entry in carried]
     if by_strains:
         assert form.strains is not None
         strains, degree = form.strains
@@ -624,17 +626,17 @@ def assembled(
     )
 
 
-def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
-    """Add `rest` to K, and let products with K be computed from the strains S as SᵀS + rest.
+def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: IntArray) -> None:
+    """Add `remainder` to K, and let products with K be computed from the strains S as SᵀS + rest.
 
-    The rows of `fixed` dofs get 1 on the diagonal of `rest`.
+    The rows of `fixed` dofs get 1 on the diagonal of `remainder`.
     """
-    K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-    first, last = rest.getOwnershipRange()
+    K.axpy(1.0, remainder, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    first, last = remainder.getOwnershipRange()
     for dof in fixed[fixed < last - first]:
-        rest.setValue(first + dof, first + dof, 1.0)
-    rest.assemble()
-    attach(K, S, rest)
+        remainder.setValue(first + dof, first + dof, 1.0)
+    remainder.assemble()
+    attach(K, S, remainder)
 
 
 def _stretched(

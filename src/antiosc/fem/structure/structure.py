@@ -245,20 +245,20 @@ class Structure(ReprMixin):
         rows: DofMap | None,
         supports: Mapping[int, str | Sequence[str]] | None,
         rigid_modes: ArrayLike | None,
-        started: float,
+        start_time: float,
         damping: Matrix | None = None,
     ) -> Structure:
         matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
         self = object.__new__(Structure)
-        self._hold(matrices, started)
+        self._hold(matrices, start_time)
         if factor is not None:  # it has shown that K is regular
             self._factored = factor, 0.0
             self.seconds["assembly"] -= factor.seconds
             self.seconds["factorization"] = factor.seconds
         return self
 
-    def _hold(self, matrices: StructureMatrices, started: float) -> None:
-        """Set the attributes from matrices whose assembly began at the time `started`."""
+    def _hold(self, matrices: StructureMatrices, start_time: float) -> None:
+        """Set the attributes from matrices whose assembly began at the time `start_time`."""
         self.matrices = matrices
         self.K = matrices.K
         self.M = matrices.M

@@ -313,12 +313,12 @@ def of_mesh(
     motions = orthonormal(comm, M, motions)
     if not motions.shape[1]:
         return motions, 0.0
-    left = force_ratios(K, motions, multiply(K, motions)).max()
-    if left > RIGID_FORCE:
+    largest_ratio = force_ratios(K, motions, multiply(K, motions)).max()
+    if largest_ratio > RIGID_FORCE:
         raise AccuracyError(
-            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} (expected from "
-            "rounding: 1e-16); the mesh or the element order cannot represent rigid motions, or a "
-            "spring is so stiff that it should be a Support."
+            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {largest_ratio:.1e} (expected "
+            "from rounding: 1e-16); the mesh or the element order cannot represent rigid motions, "
+            "or a spring is so stiff that it should be a Support."
         )
     fields = _vanishing(comm, _fields(form, comm), fixed, springs)
     return motions, SHIFT * first_elastic(comm, K, M, fields, motions)
@@ -385,11 +385,11 @@ def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
     """Polynomial fields at the dofs of this rank (rows, k), or only the `rigid` ones."""
     low, high = bounds(comm, form.space.tabulate_dof_coordinates())
     fields = polynomials(3 if "z" in form.components else 2)
-    chosen = [field for moves, field in fields if moves or not rigid]
+    selected = [field for moves, field in fields if moves or not rigid]
     size = float((high - low).max())
     places = places_of(form)
-    result = np.empty((compat.local_size(form.space), len(chosen)), order="F")
-    for column, field in zip(result.T, chosen, strict=True):
+    result = np.empty((compat.local_size(form.space), len(selected)), order="F")
+    for column, field in zip(result.T, selected, strict=True):
         column[:] = places.values(field, (low + high) / 2, size)
     return result
 

@@ -84,8 +84,8 @@ class History(RunHistory, Results):
         if shapes is None:
             raise InputError(no_field_message(self.of(body)[0]))
         q = np.atleast_2d(self.at(np.atleast_1d(t))[self.name_of(body)].q)
-        more = forces.pairs(q @ forces.modes) @ shapes.T
-        return displacements + (more if np.ndim(t) else more[0])
+        second_order = forces.pairs(q @ forces.modes) @ shapes.T
+        return displacements + (second_order if np.ndim(t) else second_order[0])
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
@@ -123,10 +123,10 @@ class History(RunHistory, Results):
             _contact_label(contact_history): _numbers(contact_history)
             for contact_history in self.contact_histories
         }
-        (alone,) = contacts.values() if len(contacts) == 1 else ({},)
-        of_run = {"restitution": self.restitution, "step": float(self.step)} if alone else {}
+        (only_contact,) = contacts.values() if len(contacts) == 1 else ({},)
+        of_run = {"restitution": self.restitution, "step": float(self.step)} if only_contact else {}
         return {
-            **({"contacts": contacts} if self.named else {**alone, **of_run}),
+            **({"contacts": contacts} if self.named else {**only_contact, **of_run}),
             "energy_drift": float(self.energy.drift),
             "error": {name: float(value) for name, value in self.error.items()},
             "error_covers": error_scope(self),

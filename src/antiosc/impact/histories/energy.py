@@ -290,12 +290,12 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     start = load[:-1] - run.force[:-1] @ system.beta
     end = start + step * (slope + step * bend / 2)
     x = np.where(system.omega > 0, system.omega, 1.0) ** 2
-    moved = np.diff(q, axis=0)
+    displacements = np.diff(q, axis=0)
     sped = np.diff(v, axis=0)
     impulse = step * (start + step * (slope / 2 + step * bend / 6))
-    area = (impulse - sped - 2 * system.decay * moved) / x
+    area = (impulse - sped - 2 * system.decay * displacements) / x
     first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
-    first = (first - step * v[1:] + moved - 2 * system.decay * (step * q[1:] - area)) / x
+    first = (first - step * v[1:] + displacements - 2 * system.decay * (step * q[1:] - area)) / x
     energy = 0.5 * (v**2 + (system.omega * q) ** 2)
     work = end * q[1:] - start * q[:-1] - slope * area - bend * first
     power = 2 * system.decay * v**2

@@ -133,10 +133,10 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     if not contacts:
         return ""
     named = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
-    more = ", ..." if len(contacts) > _NAMED else ""
+    ellipsis = ", ..." if len(contacts) > _NAMED else ""
     return (
-        f"The run ends during contact of {named}{more}: contact time, impulse and peak force are"
-        f" those up to {ended.time:g} s; lengthen the duration."
+        f"The run ends during contact of {named}{ellipsis}: contact time, impulse and peak force"
+        f" are those up to {ended.time:g} s; lengthen the duration."
     )
 
 

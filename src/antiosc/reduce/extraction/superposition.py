@@ -331,17 +331,17 @@ def superposition(
     most = SEARCHED * (n + DEFAULT_COUNT)
     while True:
         modes = solver.lowest(count)
-        seen = _seen(structure, where, static, modes, COUNTED)
-        if len(seen.omega) >= n or modes.complete or count >= most:
+        visible = _seen(structure, where, static, modes, COUNTED)
+        if len(visible.omega) >= n or modes.complete or count >= most:
             break
         count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
-    if len(seen.omega) < n and not modes.complete:
-        observable = (
-            f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
-            f"site, fewer than n = {n}: the model contains these."
+    if len(visible.omega) < n and not modes.complete:
+        message = (
+            f"only {len(visible.omega)} of the first {len(modes.omega)} modes are observable at "
+            f"the site, fewer than n = {n}: the model contains these."
         )
-        on_root(structure.comm, partial(warn, observable, AccuracyWarning))
-    selected = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
+        on_root(structure.comm, partial(warn, message, AccuracyWarning))
+    selected = Modes(visible.omega[:n], visible.phi[:, :n], len(visible.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
     model = _model(structure, site, where, static, selected, correction, "superposition")
@@ -378,9 +378,9 @@ def full(
     static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
-    seen = _seen(structure, where, static, modes, UNOBSERVABLE)
+    visible = _seen(structure, where, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    model = _model(structure, site, where, static, seen, massless, "full")
+    model = _model(structure, site, where, static, visible, massless, "full")
     return replace(model, damping=checked_damping)
 
 
@@ -402,10 +402,10 @@ def _seen(
     rigid, a = _rigid_modes(static)
     moving = a != 0
     shares = shares_of_receptance(np.append(a[moving].sum(), b), np.append(0.0, modes.omega**2))
-    seen = shares[1:] > tol
-    omega = modes.omega[seen]
-    b = b[seen]
-    phi = modes.phi[:, seen]
+    visible = shares[1:] > tol
+    omega = modes.omega[visible]
+    b = b[visible]
+    phi = modes.phi[:, visible]
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
         size = np.sqrt(np.add.reduceat(b**2, start))
