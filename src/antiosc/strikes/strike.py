@@ -371,7 +371,7 @@ def corrected(
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
         soft = run(model.corrected(), accuracy)
         budget = budget.of_corrected(soft)
-    return Answer(structure, hit, soft, budget, n, clock() - started)
+    return Answer(structure, hit, soft, budget, n, clock() - start_time)
 
 
 #: Is told of an answer and its site.

@@ -403,7 +403,7 @@ def _fewer(
     fewer: dict[Made, list[Made]] = {}
 
     def too_long(seconds: float) -> bool:
-        return on_root(finest.structure.comm, lambda: clock() - started + seconds > most)
+        return on_root(finest.structure.comm, lambda: clock() - start_time + seconds > most)
 
     for mesh in reversed(meshes):
         fewer[mesh] = []

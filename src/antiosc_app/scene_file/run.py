@@ -201,7 +201,7 @@ MOST_BARS = 50
 
 
 class RowFacts(NamedTuple):
-    """What the run of one impact of a sweep tells beside its numbers.
+    """Facts that the run of one impact of a sweep yields beside its numbers.
 
     budget : its error budget; None if the model was not extracted for one.
     yield_share : peak force over that of first yield; None if unknown.
@@ -226,19 +226,19 @@ def _facts_of_rows(batch: Batch, arguments: Table) -> list[RowFacts]:
         return [RowFacts()] * len(batch)
     lists = {name for name, values in arguments.items() if isinstance(values, list)}
     facts: list[RowFacts] = []
-    with progress.counting("error bars of the sweep", len(batch)) as done:
+    with progress.counting("error bars of the sweep", len(batch)) as report:
         for i, status in enumerate(batch.status):
             row = {name: x[i] if name in lists else x for name, x in arguments.items()}
             impact = {_SINGULAR.get(name, name): value for name, value in row.items()}
             facts.append(RowFacts() if status == STOPPED else _facts(impact))
-            done(i + 1)
+            report(i + 1)
     return facts
 
 
 def _facts(arguments: Table) -> RowFacts:
     """The facts of an impact."""
     budget = None
-    with warnings_to(lambda _: None):  # the batch has told them
+    with warnings_to(lambda _: None):  # the batch has shown them
         try:
             hit = antiosc.simulate(**arguments)
         except AntioscError:

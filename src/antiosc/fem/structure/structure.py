@@ -267,7 +267,7 @@ class Structure(ReprMixin):
         self.rigid_modes = matrices.rigid_modes
         owned = int((self.fixed < self.rows).sum())
         self.dofs = self.size - self.comm.allreduce(owned)
-        self.seconds = {"assembly": clock() - started}
+        self.seconds = {"assembly": clock() - start_time}
 
     @property
     def comm(self) -> MPI.Comm:
