@@ -338,8 +338,8 @@ def tradeoff(
         hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, started)
         finest = meshes[-1]
-        made = [one for mesh in meshes for one in (*fewer[mesh], mesh)]
-        table = tuple(one.beside(finest) for one in made)
+        members = [made for mesh in meshes for made in (*fewer[mesh], mesh)]
+        table = tuple(made.beside(finest) for made in members)
         compilation = uncounted_seconds() - compiled
         result = Tradeoff(table, tol, hit, compilation=compilation)
         if compare is None:
@@ -348,9 +348,9 @@ def tradeoff(
         base = members[table.index(chosen)]
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
-        ran, notes = outcomes(blow, compare, told)
-    others = (base.by(name, outcome, finest.answer.hit) for name, outcome in ran.items())
-    return replace(result, others=tuple(others), notes=tuple(notes))
+        ran, notes = outcomes(blow, compare, report)
+    other_members = (base.by(name, outcome, finest.answer.hit) for name, outcome in ran.items())
+    return replace(result, others=tuple(other_members), notes=tuple(notes))
 
 
 @dataclass(frozen=True, eq=False)
