@@ -207,9 +207,9 @@ def struck(
     prestress: Prestress | None = None,
     asked: float | None = None,
 ) -> History:
-    """The result of `strike`; `seen` is called with the answer of every mesh and its site.
+    """The result of `strike`; `report` is called with the answer of every mesh and its site.
 
-    `asked`: the tolerance that the user gave, of which status and message tell; default: tol.
+    `asked`: the tolerance of the user, which status and message name; default: tol.
     """
     started = time.perf_counter()
     tol = checks.tolerance(tol)

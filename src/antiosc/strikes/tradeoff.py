@@ -335,7 +335,7 @@ def tradeoff(
             meshes.append(Made(answer, place, member_of(answer)))
             report(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
 
-        hit = struck(source, site, impactor, run, BRACKET * tol, *given, seen, asked=tol)
+        hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, started)
         finest = meshes[-1]
         members = [made for mesh in meshes for made in (*fewer[mesh], mesh)]
