@@ -222,6 +222,7 @@ def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, 
     deck = Path(__file__).parents[1] / "decks/rigid_body.inp"
     assert cli.main(["new", str(tmp_path / "a.toml"), str(deck)]) == 0
     page = tmp_path / "a.html"
-    assert cli.main(["run", str(tmp_path / "a.toml"), "--report", str(page)]) == 0
+    out = ["--out", str(tmp_path / "out"), "--report", str(page)]
+    assert cli.main(["run", str(tmp_path / "a.toml"), *out]) == 0
     for told in (capsys.readouterr().out, page.read_text()):
         assert "a rigid body, a coupling or a spring of a deck makes one of a single part" in told
