@@ -381,7 +381,7 @@ def _array(name: str, values: np.ndarray) -> str:
 
 
 def _number(x: float) -> str:
-    """C text of a number."""
+    """A number as C source text."""
     value = float(x)
     if value == float("inf"):
         return "INFINITY"

@@ -65,9 +65,10 @@ class Gradient(Completed):
     error : Gradient or None
         The error bars of all these numbers, >= 0; None: not requested, or unknown.
     reach : Gradient or None
-        For "peak_force", if there is a second peak (`reach.value`) less than 10 % smaller: by the
-        same names, the signed change of each parameter alone at which, to first order, the second
-        peak becomes the largest. Beyond it the derivative is that of the second peak.
+        For "peak_force", if there is a second peak (`reach.value`) less than 10 % smaller: under
+        the same names, for each parameter the change (signed) at which the second peak becomes the
+        largest, to first order and if only this parameter changes. Beyond this change the
+        derivative is that of the second peak.
 
     A derivative has the unit of the goal over that of the parameter; None if it does not exist, as
     by m0 if the site has no mass.

@@ -236,7 +236,7 @@ class Without(ContactLaw):
         return min(law.valid_force, end)
 
     def _whole(self, delta: float, rate: float, state: State) -> float:
-        """Indentation [m] without subtraction: delta plus the indentation of the patch."""
+        """Indentation [m] of the law: delta plus the indentation that the patch contains."""
         law = self.law
         low = delta
         share = 2 / 3 * TAKEN  # of the depth beyond the origin

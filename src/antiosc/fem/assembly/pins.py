@@ -178,7 +178,7 @@ def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Arra
 
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
-    """Difference b − a along directions (k, 6), without coefficients that are rounding."""
+    """Difference b − a along directions (k, 6), without coefficients that are rounding errors."""
     along = scipy.sparse.csr_matrix(directions)
     components = (along @ (b - a)).tocsr()
     distinct = abs(components) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))

@@ -69,7 +69,7 @@ class Solver(ABC):
 
     @abstractmethod
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k), with the solver's own check only."""
+        """A⁻¹R for a block of vectors (rows, k), without a check beyond the solver's."""
 
     def solve(self, r: Array) -> Array:
         """A⁻¹r for one vector."""

@@ -394,7 +394,7 @@ class UnitBeam:
         return w, theta
 
     def respond(self, Omega: float, *, force: bool, x: Array | None = None) -> Response:
-        """Harmonic response to F = 1, or to w = 1, at the site; its w at x."""
+        """Harmonic response to F = 1, or to w = 1, at the site, with the deflection w at x."""
         c, reaction = self.solve(Omega, force=force)
         (mu1, _), (mu2, _) = wave_roots(Omega, self.alpha, self.eta)
         shortest = float(np.sqrt(max(abs(mu1), abs(mu2))))

@@ -373,7 +373,8 @@ def error_bound(
 def left_out(known: ConstraintModes) -> Remainder:
     """Function that bounds the effect of the truncated modes on Z at complex x.
 
-    Their mass, which m0 contains, is moved to the poles above the last one with the largest effect.
+    m0 contains their mass; the bound places it at a pole above the highest known one, where its
+    effect is largest.
     """
     mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
     top = float(known.poles.max(initial=0.0))

@@ -143,7 +143,7 @@ def sites_of(
 ) -> MapSites:
     """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
 
-    None: on all surfaces. InputError if no site of a named surface can move.
+    `where` None: on all surfaces. InputError if no site of a named surface can move.
     """
 
     def work() -> MapSites:
