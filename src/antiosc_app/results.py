@@ -392,9 +392,9 @@ def _impact(results: SceneResults) -> Presentation:
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     part = results.structure
     jointed = budget is None and part is not None and part.matrices.assembled
-    bar = without_bars(part) if jointed else str(budget or "")
+    accuracy = without_bars(part) if jointed else str(budget or "")
     return Presentation(
-        text=[hit.summary(), doubt, bar, format_rows([*probe_rows, *stresses])],
+        text=[hit.summary(), doubt, accuracy, format_rows([*probe_rows, *stresses])],
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

@@ -246,7 +246,9 @@ def _facts(arguments: Table) -> RowFacts:
         with contextlib.suppress(AntioscError):  # its model was not extracted for it
             budget = hit.error_budget
         share = yield_share(hit)
-        dent = 0.0 if share is not None and share <= 1 else hit.dent and hit.dent.depth
+        dent = None if hit.dent is None else hit.dent.depth
+        if share is not None and share <= 1:
+            dent = 0.0
         return RowFacts(budget, share, dent)
 
 

@@ -287,7 +287,7 @@ class Impacts(tuple[FallImpact, ...]):
 
     def __str__(self) -> str:
         names = ("no.", "time", "place", "peak", "± law", "impulse", "contact", "speed before")
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (*names, "speed after", "spin after", "lost"),
             ("", "s", "m", "N", "", "N s", "s", "m/s", "m/s", "rad/s", "J"),
         ]
