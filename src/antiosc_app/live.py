@@ -309,7 +309,7 @@ REMEDIES = {
     "mesh": "use smaller elements around the site",
     "truncation": "extract more anti-oscillators (n)",
     "time": "use a smaller tol",
-    "patch": "choose another radius of the patch",
+    "patch": "take a smaller patch on smaller elements (on the page: Finer mesh here)",
     "geometry": "use smaller or curved elements along the curved surface",
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",

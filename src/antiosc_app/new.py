@@ -69,7 +69,8 @@ RADIUS = 0.4
 BEYOND_FACE = 1.1
 #: Distance, over the edge of a facet, within which facets lie under a patch of 1.05 edges.
 UNDER_PATCH = 2.0
-#: Largest radius of a site over the longest side of the part.
+#: Largest radius of a site over the longest side of the part. A solid's mean thickness is another
+#: limit: on a plate of 4.76 mm, patches of 27, 13 and 3 mm gave 1029, 895 and 835 N.
 LARGEST_RADIUS = 0.02
 #: Default material of a part.
 MATERIAL = "steel S235"
@@ -165,6 +166,7 @@ class Inspection:
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
     material : name of the material; unused for a deck.
     bars : whether its models have error bars of mesh and truncation.
+    plate : whether it is a solid as thin as a plate.
     points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
@@ -197,6 +199,7 @@ class Inspection:
     cell: float | None = None
     material: str = MATERIAL
     bars: bool = True
+    plate: bool = False
 
     @property
     def length(self) -> float:
@@ -383,6 +386,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         supported = _held_nodes(structure, x, size)
     family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
     longest = float((high - low).max())
+    thickness = _mean_thickness(x[faces], outer.normals) if family == "Solid" else 0.0
     sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
         sites = _on_lines(x, nodes, supported, struck)
@@ -391,8 +395,11 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     else:
         candidates = _on_faces(x, faces, outer, supported, struck, size)
         meshed = "size" in read
+        largest = LARGEST_RADIUS * longest
+        if family == "Solid":
+            largest = min(largest, thickness)
         sites = (
-            (point, direction, _radius(inside, edge, longest, meshed))
+            (point, direction, _radius(inside, edge, largest, meshed))
             for point, direction, inside, edge in candidates
         )
     sites = _spread(sites)
@@ -416,7 +423,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         ]
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
-    plate = family == "Solid" and longest > LIKE_A_PLATE * _mean_thickness(x[faces], outer.normals)
+    plate = family == "Solid" and longest > LIKE_A_PLATE * thickness
     count = min(COUNTS["Shell" if plate else family], dofs // DOFS_FOR_EACH)
     cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
@@ -440,6 +447,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         flat=flat,
         room=_room(outer, (point, direction, radius)),
         others=others,
+        plate=plate,
         bars=_has_bars(mesh, structure),
     )
 
@@ -792,9 +800,9 @@ def _on_rim(
         yield middle[best], across[best], float(f"{1.05 * length[best]:.2g}")
 
 
-def _radius(inscribed: float, edge: float, length: float, meshed: bool) -> float:
+def _radius(inscribed: float, edge: float, largest: float, meshed: bool) -> float:
     """Radius of the patch: inside its face, and on a given mesh at least the edges if they fit."""
-    radius = min(RADIUS * inscribed, LARGEST_RADIUS * length)
+    radius = min(RADIUS * inscribed, largest)
     if not meshed:
         most = BEYOND_FACE if 1.05 * edge <= BEYOND_FACE * inscribed else 0.9
         radius = min(max(radius, 1.05 * edge), most * inscribed)

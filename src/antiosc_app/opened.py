@@ -284,6 +284,7 @@ class Opened:
             material="" if look.of_deck else FIRST,
             thickness=thickness,
             striker=Striker(radius=look.ball),
+            finer=look.plate and geometry,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
         shape, faces, faces_held = skin(self._structure(scene), look)

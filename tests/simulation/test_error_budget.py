@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -20,6 +21,7 @@ from antiosc.impact.error_budget import (
 )
 from antiosc.impact.histories.bars import CAUSES, FLOOR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
+from antiosc.models.body import ModalModel
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 
@@ -59,6 +61,19 @@ def test_faces_above_the_patch_widen_the_bars_by_their_size(faces):
     ratio = wide["peak_force"].mesh / usual["peak_force"].mesh
     assert ratio == pytest.approx(SAFETY_COARSE / SAFETY * faces / (RESOLVED * 2e-3), rel=1e-6)
     assert len(wide.notes) == len(usual.notes) + 1
+
+
+@pytest.mark.parametrize("change", [-5e-10, -2e-8])
+def test_bars_hold_what_a_patch_changes_even_where_it_exceeds_the_half_space(change):
+    facts = {"patch": {"faces": 1e-3, "radius": 3e-3, "compliance": change}}
+    body = model(radius=2e-3, local_compliance=1e-9, info=facts)
+    hit = struck(body)
+    modes = body.modal()
+    softer = ModalModel(replace(modes, r=modes.r + abs(change)), body.local_compliance)
+    off = differences(hit, struck(softer))
+    for name, bar in hit.error_budget.items():
+        assert 0.8 * off[name] < bar.patch < 1.5 * max(off.values())
+    assert hit.error_budget["peak_force"].patch > (0.05 if change == -2e-8 else 0.0)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.12])

@@ -432,7 +432,9 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     """Errors due to the radius of the patch, and a note.
 
     A second patch radius changed the compliance of the part by more than that of the half-space.
-    The error is the change of the impact if the contact gets this additional compliance.
+    The error is the change of the impact if the contact gets this additional compliance. Where it
+    exceeds the half-space's, as under a patch wider than a plate is thick, the change of the impact
+    is proportional to it.
     """
     model = impact.model
     other = model.info.patch
@@ -440,14 +442,16 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
         return bars.NO_ERROR, []
     if other is None or "compliance" not in other:
         return bars.NO_ERROR, [NO_PATCH]
-    change = float(other["compliance"])
-    local = max(model.local_compliance - abs(change), 0.0)
+    change = abs(float(other["compliance"]))
+    subtracted = min(change, model.local_compliance)
+    local = model.local_compliance - subtracted
     changed = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
     if change and not any(changed.values()):  # the law does not contain the half-space
         return bars.NO_ERROR, [NO_PATCH]
-    return changed, []
+    larger = change / subtracted if subtracted else 1.0
+    return {name: larger * value for name, value in changed.items()}, []
 
 
 def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
