@@ -459,6 +459,12 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         browser.run("delete document.documentElement.dataset.failed; undo.click()")
         reached(browser, "complete", 9)
         assert browser.run(dimmed) == [False, False]
+        browser.run("bench.strike(); setTimeout(() => bench.map(), 300)")  # it waits for no picture
+        for _ in range(1200):
+            if browser.run("return Boolean(bench.page.sites) && !bench.pending"):
+                break
+            time.sleep(0.1)
+        assert browser.run("return [Boolean(bench.page.sites), bench.turn]") == [True, 11]
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()

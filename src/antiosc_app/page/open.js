@@ -16,7 +16,7 @@ const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups tha
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
-const LASTS = 2; // s from which on a stage tells its time
+const LASTS = 2; // s from which on a stage tells its time, and older numbers are dimmed
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
@@ -104,8 +104,9 @@ class Bench {
     if (blow) this.outdated(true);
   }
 
-  // Whether the numbers shown are of an earlier set-up, because the present one has no answer.
+  // Whether the numbers shown are of an earlier set-up, because the present one has no answer, or none yet.
   outdated(are) {
+    clearTimeout(this.dimming);
     document.body.classList.toggle("outdated", are);
     find("save").disabled = are;
   }
@@ -309,6 +310,7 @@ class Bench {
     }
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), "free: no face is held");
     find("finer").setAttribute("aria-pressed", this.setup.finer);
+    find("finer").textContent = this.setup.finer ? "Coarser mesh here" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];
   }
 
@@ -342,6 +344,8 @@ class Bench {
   async strike() {
     const turn = ++this.turn;
     clearTimeout(this.later);
+    clearTimeout(this.dimming);
+    this.dimming = setTimeout(() => this.outdated(true), 1e3 * LASTS);
     delete document.documentElement.dataset.failed;
     this.warned = [];
     this.wrong("", false);
@@ -387,7 +391,7 @@ class Bench {
     const { verdict, judged } = await this.step("verdict") || {};
     if (verdict) {
       this.tell(verdict);
-      Object.assign(this.page.data, judged);
+      Object.assign(this.page.data, judged, { awaited: false });
       delete this.page.drawn;
       this.page.rest();
     }
@@ -400,7 +404,7 @@ class Bench {
     const kind = part && this.page ? this.page.kind : "";
     if (this.page) this.page.stop();
     const held = this.shade().map((value) => value === DARK);
-    const data = { blow, place, part: part || { ...this.skin, held }, fixed: true, before: this.before };
+    const data = { blow, place, part: part || { ...this.skin, held }, fixed: true, before: this.before, awaited: true };
     this.page = new Page(data, this.engine, this.view, true);
     if (kind && part) find("kind").value = this.page.kind = kind;
     if (this.view) this.page.picture();
@@ -418,6 +422,8 @@ class Bench {
 
   async map() {
     if (this.page && this.page.sites) return this.strike();
+    clearTimeout(this.later);
+    this.turn += 1; // motion and stress of the blow would replace the map
     const found = await this.step("map", this.face ? { where: this.face } : {});
     if (!found) return;
     this.page.stop();

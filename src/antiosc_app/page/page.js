@@ -273,12 +273,12 @@ class Page {
   // The end of the pictures: that of the chart, or the time of the largest stress where it comes later.
   last() { return Math.min(Math.max(this.until, 1.02 * (this.data.stress_time || 0)), this.hit.duration); }
 
-  // The largest stress: that of the computed case, as the picture's largest grows.
+  // The largest stress: that of the computed case, as the picture's largest grows; none before the verdict that judges it.
   follow_stress() {
     if (!this.data.part.stress) return;
     const drawn = this.part.most("stress");
     this.drawn ??= drawn; // the first impact is the computed one
-    this.hit.stress = (this.data.stress ?? this.drawn) * drawn / (this.drawn || 1);
+    this.hit.stress = this.data.awaited ? NaN : (this.data.stress ?? this.drawn) * drawn / (this.drawn || 1);
     this.part.known = { stress: this.hit.stress };
     this.write(this.hit, this.known_bars);
   }
