@@ -94,7 +94,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
 
 def _law_bar(impact: FallImpact) -> float:
     """Relative error of the peak force of an impact by its contact law; 0 if unknown."""
-    return float(np.nan_to_num(impact.law_error))
+    return impact.law_error or 0.0
 
 
 def _force(fall: Fall, k: int) -> tuple[Array, Array]:

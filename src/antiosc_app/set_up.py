@@ -130,6 +130,8 @@ class SetUp:
     damping: float | None = None
     #: whether the mesh is refined around the site
     finer: bool = False
+    #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
+    yield_strength: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("point", "direction"):
@@ -140,6 +142,7 @@ class SetUp:
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
         checks.flag("finer", self.finer)
+        checks.nonnegative("yield_strength", self.yield_strength, "Pa")
         if self.material:
             checks.choice("the material", self.material, MATERIALS)
         if len(self.held) > MOST_HELD or not all(isinstance(face, str) for face in self.held):
@@ -214,7 +217,8 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
     look = source.look
     read = dict(source.look.read)
     if look.of_deck:
-        return {"deck": {"path": source.name, **read}}
+        strength = {"yield_strength": set_up.yield_strength} if set_up.yield_strength else {}
+        return {"deck": {"path": source.name, **read, **strength}}
     if set_up.finer and source.geometry:
         read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
     material: Table = {"name": set_up.material}

@@ -243,6 +243,10 @@ def test_beams_sheets_and_decks_are_struck(name):
         found = call(one, "settle", setup)
         assert found["blow"]["computed"]["peak_force"] > 0
         assert call(one, "fields", setup)["part"] is not None
+        if not setup["material"]:  # a deck has a field for what it does not state
+            weak = call(one, "blow", setup | {"yield_strength": 5e6}, turn=2)
+            assert "It yields from" in " ".join(weak["verdict"])
+            assert "It yields from" not in " ".join(found["verdict"])
     finally:
         one.close()
 

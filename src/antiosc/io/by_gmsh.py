@@ -339,8 +339,9 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
         notes: list[str] = []
         names: Names = {}
+        volume = 0.0
         if ask.solid:
-            notes, names = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
+            notes, names, volume = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
         elif suffix in CAD:
             names = cad.names_of(gmsh, ask, stated * ask.unit[0])
         if ask.outline:
@@ -348,6 +349,8 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if suffix != ".msh":
             mesh_model(gmsh, _as_attempted(ask, attempt), stated * ask.unit[0])
         mesh = _arrays(gmsh, ask.name, names, suffix == ".msh")
+        if ask.solid:
+            notes += facets.deviation(mesh, volume)
         mesh.points *= stated
         mesh.told = [*notes, *mesh.told]
         mesh.cad = mesh.cad and mesh.cad.scaled(stated)

@@ -294,6 +294,10 @@ def read(ask: Request) -> FileMesh:
     return mesh
 
 
+#: Share of the volume from which on the deviation of a mesh from the surface of its file is told: a
+#: regular polygon of 25 sides has 1 % less area than its circle.
+TOLD_VOLUME = 0.01
+
 #: Group of all triangles of a sheet that is the closed surface of a solid.
 CLOSED = "closed surface"
 
@@ -303,8 +307,9 @@ CLOSED = "closed surface"
 
 def fill(
     gmsh: ModuleType, ask: Request, flat: bool, sharp: float = SHARP_ANGLE
-) -> tuple[list[str], Names]:
-    """Fill the closed surface of a file with solids in gmsh's model: (repairs in words, its faces).
+) -> tuple[list[str], Names, float]:
+    """Fill the closed surface of a file with solids in gmsh's model: (repairs in words, its faces,
+    the enclosed volume in the file's unit).
 
     `flat`: its triangles stay the boundary of the cells; else edges from `sharp` degrees on are
     kept.
@@ -345,7 +350,29 @@ def fill(
         gmsh.model.geo.addVolume(loops)
     gmsh.model.geo.synchronize()
     number = sides(skin)[first] + 1
-    return skin.told, {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
+    names: Names = {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
+    return skin.told, names, _enclosed(skin, bodies)
+
+
+def _enclosed(skin: FacetSkin, bodies: list[list[int]]) -> float:
+    """Volume within the outer surface of each body, and outside its cavities."""
+    of_piece = np.abs(np.bincount(skin.piece, volumes(skin.points, skin.triangles)))
+    of_bodies = (of_piece[body] for body in bodies)
+    return float(sum(2 * pieces.max() - pieces.sum() for pieces in of_bodies))
+
+
+def deviation(mesh: FileMesh, volume: float) -> list[str]:
+    """Sentence on a mesh of tetrahedra whose volume differs from that of the surface; or none."""
+    corners = np.concatenate([mesh.points[c[:, :4]] for k, c in mesh.cells.items() if "tetra" in k])
+    meshed = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+    change = float(meshed / volume - 1)
+    if abs(change) < TOLD_VOLUME:
+        return []
+    less = "less" if change < 0 else "more"
+    return [
+        f"the mesh has {100 * abs(change):.2g} % {less} volume than the surface of the file, whose "
+        "edges and holes it cuts: a smaller size follows them."
+    ]
 
 
 def _finer(skin: FacetSkin, size: float) -> FacetSkin:

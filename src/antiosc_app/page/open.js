@@ -7,9 +7,11 @@ const FIELDS = {
     ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100]],
-  part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1]],
+  part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
+    ["yield_strength", "yield strength", "MPa", 50, 3000]],
 };
-const SIZES = { mm: 1e-3 }; // of units of the fields that are not those of the set-up
+const SIZES = { mm: 1e-3, MPa: 1e6 }; // of units of the fields that are not those of the set-up
+const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
@@ -267,6 +269,8 @@ class Bench {
   slider(where, name, label, unit, least, most, kinds = null) {
     const of = kinds ? this.setup.striker : this.setup;
     if (of[name] === null && name === "thickness") return;
+    const deck = !this.facts.materials.length && this.facts.saves;
+    if (name === "yield_strength" && !deck) return; // others have materials with a name
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
@@ -283,9 +287,9 @@ class Bench {
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
       const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (name === "radius" ? STRUCK : [kind]);
-      row.hidden = !wanted.includes(kind) || !now && name !== "damping";
+      row.hidden = !wanted.includes(kind) || !now && !OPTIONAL.includes(name);
       if (row.hidden) return;
-      range.value = least ? Math.log(now / least) / Math.log(most / least) : now / most;
+      range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
       number.value = now;
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });

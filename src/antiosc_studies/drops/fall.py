@@ -406,7 +406,8 @@ class Fall(Trajectory, Result):
                 Episode.along_line,
                 "the part lands along a line of its surface, as a cylinder on its side; the "
                 "contact is taken at vertices of the mesh, as points with their radii, and its "
-                "force depends on the mesh: tilt the part, or give the floor a layer",
+                "force depends on the mesh: tilt the part about both axes, or give the floor a "
+                "layer",
             ),
             (
                 Episode.inclined,

@@ -240,7 +240,7 @@ class FallImpact:
         before and away from it after, without vibrations.
     spin_before, spin_after : (3,) spins in the axes of the floor [rad/s].
     lost : energy dissipated by contacts and damping [J].
-    law_error : relative error of the largest force at a point by its contact law; NaN: unknown.
+    law_error : relative error of the largest force at a point by its contact law; None: unknown.
     """
 
     time: float
@@ -254,7 +254,7 @@ class FallImpact:
     spin_before: Array
     spin_after: Array
     lost: float
-    law_error: float
+    law_error: float | None
 
 
 #: Scalars of an impact, and their units.
@@ -268,8 +268,9 @@ class Impacts(tuple[FallImpact, ...]):
     """The impacts of a fall; its text is a table."""
 
     def column(self, name: str) -> Array:
-        """One quantity of all impacts: (n,) or (n, 3)."""
-        return np.array([getattr(impact, name) for impact in self])
+        """One quantity of all impacts: (n,) or (n, 3); NaN where it is unknown."""
+        values = (getattr(impact, name) for impact in self)
+        return np.array([np.nan if value is None else value for value in values])
 
     def columns(self) -> dict[str, Array]:
         """Name with unit -> (n,) values."""
@@ -282,8 +283,9 @@ class Impacts(tuple[FallImpact, ...]):
         return table | {"law error (%)": 100 * self.column("law_error")}
 
     def numbers(self) -> dict[str, object]:
-        """The table as JSON values: name with unit -> values of all impacts."""
-        return {name: values.tolist() for name, values in self.columns().items()}
+        """The table as JSON values: name with unit -> values of all impacts, None where unknown."""
+        columns = {name: values.tolist() for name, values in self.columns().items()}
+        return {name: [None if v != v else v for v in values] for name, values in columns.items()}
 
     def __str__(self) -> str:
         names = ("no.", "time", "place", "peak", "± law", "impulse", "contact", "speed before")
@@ -292,12 +294,12 @@ class Impacts(tuple[FallImpact, ...]):
             ("", "s", "m", "N", "", "N s", "s", "m/s", "m/s", "rad/s", "J"),
         ]
         for k, impact in enumerate(self):
-            known = impact.law_error == impact.law_error
+            by_law = "–" if impact.law_error is None else percent(impact.law_error)
             spin = np.linalg.norm(impact.spin_after)
             values = (impact.contact_time, impact.speed_before, impact.speed_after, spin)
             rows.append((
                 f"{k + 1}", f"{impact.time:.5f}", ", ".join(f"{c:.3g}" for c in impact.place),
-                f"{impact.peak_force:.4g}", percent(impact.law_error) if known else "–",
+                f"{impact.peak_force:.4g}", by_law,
                 *(f"{value:.4g}" for value in (impact.impulse, *values)), f"{impact.lost:.3g}",
             ))  # fmt: skip
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -357,7 +359,7 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
         spin_before=before.spin(body),
         spin_after=after.spin(body),
         lost=energies[0] - energies[1],
-        law_error=np.nan if by_law is None else by_law,
+        law_error=by_law,
     )
 
 
@@ -510,10 +512,25 @@ def largest_contact(
     return max(contacts, key=lambda contact: contact.force, default=None)
 
 
+#: Share of the largest force from which on a contact whose error is unknown leaves the bar unknown:
+#: the bar of a smaller one adds a tenth at most.
+COUNTS = 0.1
+
+
 def law_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> float | None:
-    """Relative error of the largest force at a point by its law; None if unknown."""
+    """Relative error of the largest force at a point by its law; None if unknown.
+
+    Contacts with a smaller force count with the share that their error has of the largest force.
+    Forces along a line without a law of its own depend on the mesh: their error is unknown.
+    """
     largest = largest_contact(body, floor, episodes)
-    return None if largest is None else largest.error(body, floor)
+    if largest is None or any(episode.along_line() for episode in episodes):
+        return None
+    contacts = point_contacts(body, floor, episodes)
+    errors = [(contact.error(body, floor), contact.force) for contact in contacts]
+    if any(error is None for error, force in errors if force >= COUNTS * largest.force):
+        return None
+    return max((error or 0.0) * force for error, force in errors) / largest.force
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:

@@ -14,7 +14,8 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 from antiosc.fem.platform import compat
-from antiosc.io.facets import SIDES, areas, cleaned, oriented, volumes
+from antiosc.io.facets import SIDES, areas, cleaned, deviation, oriented, volumes
+from antiosc.io.neutral import FileMesh
 from antiosc.io.polygons import triangles_of
 from antiosc.recovery import mesh_fields
 from antiosc_app.live_meshes import surface
@@ -244,3 +245,12 @@ def test_a_triangle_on_a_line_takes_a_part_of_its_neighbour():
     assert len(skin.triangles) == 8
     assert areas(skin.points, skin.triangles).min() > 1.0
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
+
+
+def test_a_mesh_with_less_volume_than_its_surface_is_told():
+    mesh = FileMesh(np.vstack([np.zeros(3), np.eye(3)]), {"tetra": np.arange(4)[None]}, "gmsh")
+    assert deviation(mesh, 1 / 6) == []
+    (told,) = deviation(mesh, 1.05 / 6)
+    assert "4.8 % less" in told
+    (told,) = deviation(mesh, 0.95 / 6)
+    assert "5.3 % more" in told
