@@ -152,7 +152,7 @@ def unsaid(text: str) -> list[str]:
     A bar holds the error of the contact's law, or is called numerical; those of a blow that was
     found from signals are of what the signals tell.
     """
-    if re.search(r"\blaw\W+\d|numerical|the signals determine", text):
+    if re.search(r"\blaw\W+\d|± law\b|numerical|the signals determine", text):
         return []
     return [line for line in text.splitlines() if "±" in line]
 
