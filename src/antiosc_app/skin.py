@@ -15,7 +15,7 @@ from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.new import ON_PLANE, Inspection, sides_of
 
 #: Name of the plane at which a new scene supports a part without named groups.
-PLANE = "lowest plane"
+PLANE = "side of the box"
 #: The table of a support.
 Held: TypeAlias = Mapping[str, Any]
 

@@ -487,8 +487,8 @@ def test_a_structure_is_struck_where_its_supports_leave_it_free():
 def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     from antiosc_app.skin import skin
 
-    mesh = ao.box_mesh((0.1, 0.08, 0.02), size=0.01)
+    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)
     one = replace(mesh, groups={"both": {2: both}})
     part = ao.Structure(one, ao.material("steel S235"), [])
-    assert skin(part, new._inspect_mesh(one, {}, None)).held == ["lowest plane"]
+    assert skin(part, new._inspect_mesh(one, {}, None)).held == ["side of the box"]
