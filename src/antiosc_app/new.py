@@ -120,7 +120,7 @@ LIKE_A_PLATE = 40.0
 #: A part of at most so many nodes is struck before its scene is written.
 MOST_NODES = 4000
 #: Duration [s] of that impact, and the largest number of its anti-oscillators. A vessel of 7166
-#: shells took 78 s of processor time with 150, and 32 s with 20.
+#: shells took 32 s of processor time with 20; with 150, two extractions took most of 78 s.
 MOMENT, MOST_OSCILLATORS = 2e-4, 20
 #: Number of other sites that are tried where the first is in a hollow or supported.
 OTHERS = 3
