@@ -469,6 +469,8 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
                 break
             time.sleep(0.1)
         assert browser.run("return [Boolean(bench.page.sites), bench.turn]") == [True, 11]
+        time.sleep(2)  # numbers without an answer would be dimmed by now
+        assert browser.run(dimmed) == [False, False]
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()

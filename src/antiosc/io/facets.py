@@ -363,7 +363,10 @@ def _enclosed(skin: FacetSkin, bodies: list[list[int]]) -> float:
 
 def deviation(mesh: FileMesh, volume: float) -> list[str]:
     """Sentence on a mesh of tetrahedra whose volume differs from that of the surface; or none."""
-    corners = np.concatenate([mesh.points[c[:, :4]] for k, c in mesh.cells.items() if "tetra" in k])
+    cells = [nodes[:, :4] for kind, nodes in mesh.cells.items() if "tetra" in kind]
+    if not cells or not volume:  # other checks refuse such a mesh
+        return []
+    corners = mesh.points[np.concatenate(cells)]
     meshed = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
     change = float(meshed / volume - 1)
     if abs(change) < TOLD_VOLUME:

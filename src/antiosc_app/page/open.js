@@ -53,9 +53,11 @@ class Bench {
   busy(change) {
     this.pending += change;
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
-    if (!this.pending) clearTimeout(this.asking);
-    if (!this.pending) this.stage = "";
-    if (!this.pending) find("stop").hidden = true;
+    if (!this.pending) {
+      clearTimeout(this.asking);
+      this.stage = "";
+      find("stop").hidden = true;
+    }
     find("busy").style.visibility = this.pending ? "visible" : "hidden";
   }
 
@@ -85,7 +87,7 @@ class Bench {
       if (turn !== this.turn || found.stale) return null;
       this.warned = [...new Set([...(ADDING.includes(name) ? this.warned : []), ...found.warnings])];
       this.wrong("", false);
-      if (name === "blow") this.outdated(false);
+      if (["blow", "map"].includes(name)) this.outdated(false);
       return found;
     } catch (error) {
       if (turn === this.turn) {

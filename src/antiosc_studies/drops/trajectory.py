@@ -526,8 +526,7 @@ def law_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> floa
     largest = largest_contact(body, floor, episodes)
     if largest is None or any(episode.along_line() for episode in episodes):
         return None
-    contacts = point_contacts(body, floor, episodes)
-    errors = [(contact.error(body, floor), contact.force) for contact in contacts]
+    errors = [(c.error(body, floor), c.force) for c in point_contacts(body, floor, episodes)]
     if any(error is None for error, force in errors if force >= COUNTS * largest.force):
         return None
     return max((error or 0.0) * force for error, force in errors) / largest.force

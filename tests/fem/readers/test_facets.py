@@ -254,3 +254,4 @@ def test_a_mesh_with_less_volume_than_its_surface_is_told():
     assert "4.8 % less" in told
     (told,) = deviation(mesh, 0.95 / 6)
     assert "5.3 % more" in told
+    assert deviation(mesh, 0.0) == []
