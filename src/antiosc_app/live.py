@@ -494,10 +494,19 @@ def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
 
 def stress_bar(peak: PeakField) -> float | None:
     """Mesh error of the judged stress, over this stress; None without an estimate."""
-    value = float(peak.values[peak.judged])
+    value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None
     return peak.largest_mesh_error / value
+
+
+def _judged(peak: PeakField) -> float:
+    """The judged stress, with what the radius of the patch makes uncertain, in its unit."""
+    value = float(peak.values[peak.judged])
+    if peak.exposure is None or peak.margin().criterion != "yield":
+        return value
+    margin = peak.margin()
+    return value + margin.spread / (margin.strength if peak.quantity == "yield" else 1.0)
 
 
 def mesh_note(peak: PeakField) -> str:
@@ -505,7 +514,7 @@ def mesh_note(peak: PeakField) -> str:
     share = stress_bar(peak)
     if share is None:
         return ""
-    value = engineering(float(peak.values[peak.judged]), peak.unit)
+    value = engineering(_judged(peak), peak.unit)
     text = f"with its error by the mesh this stress is {value} ± {percent(share)}"
     if peak.exposure is not None and peak.margin().reached:
         return f"{text}; it is elastic and not reached, because the material yields first"
@@ -520,7 +529,7 @@ def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
         if margin is not None and margin.criterion == "yield":
-            judged: Data = {"stress": margin.value, "strength": margin.strength}
+            judged: Data = {"stress": margin.value + margin.spread, "strength": margin.strength}
             judged["stress_bar"] = stress_bar(peak)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time

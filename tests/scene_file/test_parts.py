@@ -336,7 +336,7 @@ def test_a_yield_strength_has_its_verdict(
     printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
     for text in (printed, page):
         assert re.search(
-            r"contact yields; outside 3 radii of contact or patch \(.*? mm\) yield", text.lower()
+            r"contact yields; outside 3 radii of the contact \(.*? mm\) yield", text.lower()
         )
         assert "margin of safety" in text
         assert "Thornton" not in text

@@ -9,7 +9,7 @@ meshes, each with half the cell size of the previous one, and the stress grew by
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -30,7 +30,12 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory
-from antiosc.impact.histories.verdict import CONTACT_RADII, yielding_zones, yields
+from antiosc.impact.histories.verdict import (
+    CONTACT_RADII,
+    YieldingZone,
+    yielding_zones,
+    yields,
+)
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of
 
@@ -60,7 +65,9 @@ class Margin(ReprMixin):
     layer, surface : for a laminate: number of the layer, from the bottom, and its surface.
     contact : whether the contact itself yields, which the values do not include.
     beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: three radii of each
-        contact that yields, or of its patch, in solids.
+        contact that yields, in solids.
+    spread : error of the value (in its unit) since a patch of another radius than the contact
+        spreads its force; it is added to the value in the exposure and in the margin.
     nearer : the worst point in the balls that are left out; None without balls.
     """
 
@@ -74,18 +81,19 @@ class Margin(ReprMixin):
     contact: bool = False
     beyond: Array = field(default_factory=lambda: np.zeros((0, 4)))
     nearer: Margin | None = None
+    spread: float = 0.0
 
     @property
     def exposure(self) -> float:
-        """Stress over strength: 1 at yield or failure, proportional to the load."""
-        return self.value / self.strength
+        """Stress, with `spread`, over strength: 1 at yield or failure, proportional to the load."""
+        return (self.value + self.spread) / self.strength
 
     @property
     def margin(self) -> float:
         """Margin of safety, strength over stress minus 1; negative: yield or failure is reached."""
-        if not self.value:
+        if not self.exposure:
             return float(np.inf)
-        return self.strength / self.value - 1
+        return 1 / self.exposure - 1
 
     @property
     def reached(self) -> bool:
@@ -94,14 +102,14 @@ class Margin(ReprMixin):
 
     @property
     def scope(self) -> str:
-        """Where the margin holds: "outside 3 radii of contact or patch (4.2 mm)"; "": anywhere."""
+        """Where the margin holds: "outside 3 radii of the contact (4.2 mm)"; "": anywhere."""
         if not len(self.beyond):
             return ""
         ends = dict.fromkeys(engineering(end(self.beyond[:, 3]), "m", 2) for end in (min, max))
         radii = " to ".join(ends)
         if not self.contact:
             return f"farther than {radii} from what is left out"
-        return f"outside {CONTACT_RADII:g} radii of contact or patch ({radii})"
+        return f"outside {CONTACT_RADII:g} radii of the contact ({radii})"
 
     @property
     def sentence(self) -> str:
@@ -112,8 +120,12 @@ class Margin(ReprMixin):
         if self.layer is not None:
             where = f"in layer {self.layer} ({self.surface}) {where}"
         if self.criterion == "yield":
+            largest = f"{engineering(self.value + self.spread, 'Pa')} {where}"
+            if self.spread:
+                model = engineering(self.value, "Pa")
+                largest += f" ({model}, and what the patch's radius makes uncertain)"
             used = (
-                f"the largest von Mises stress{there}, {engineering(self.value, 'Pa')} {where}, is "
+                f"the largest von Mises stress{there}, {largest}, is "
                 f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
             )
         else:
@@ -130,7 +142,10 @@ class Margin(ReprMixin):
         out.
         """
         what = CRITERIA[self.criterion][0]
-        verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
+        if self.reached and self.value < self.strength:
+            verdict = f"{what} may be reached"
+        else:
+            verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
         if self.scope:
             verdict = f"{self.scope} {verdict}"
         elif self.contact:
@@ -148,6 +163,21 @@ class Margin(ReprMixin):
 NOTHING = np.zeros((0, 4))
 
 
+class Zones(NamedTuple):
+    """Balls (n, 4) that a margin leaves out, and the contacts whose patches spread their forces."""
+
+    balls: Array = NOTHING
+    contacts: Sequence[YieldingZone] = ()
+
+    def spread_error(self, points: Array) -> Array:
+        """Errors (P,) [Pa] of von Mises stresses at points (P, 3)."""
+        return sum((zone.spread_error(points) for zone in self.contacts), np.zeros(len(points)))
+
+
+#: No zones.
+NO_ZONES = Zones()
+
+
 def margin_of(
     criterion: str,
     values: Array,
@@ -155,30 +185,34 @@ def margin_of(
     points: Array,
     times: Array,
     places: list[Place],
-    leave_out: Array = NOTHING,
+    zones: Zones,
 ) -> Margin | None:
     """The margin of the worst of the values (S,) over the strengths (S,); None if all strengths are
     NaN.
 
-    `leave_out`: as `Margin.beyond`; of no effect if nothing else is left.
+    Balls of the zones are of no effect if nothing else is left.
     """
+    leave_out = zones.balls
     if len(leave_out):
         within = is_within(points, leave_out)
+        of_points = criterion, values, points, times, places
         beyond, nearer = (
-            margin_of(criterion, values, np.where(judged, strengths, np.nan), points, times, places)
-            for judged in (~within, within)
+            margin_of(*of_points[:2], np.where(judged, strengths, np.nan), *of_points[2:], inner)
+            for judged, inner in ((~within, zones._replace(balls=NOTHING)), (within, NO_ZONES))
         )
         if beyond is None:
             return nearer
         return replace(beyond, beyond=leave_out, nearer=nearer)
-    exposure = values / strengths
+    spread = zones.spread_error(points)
+    exposure = (values + spread) / strengths
     if not np.isfinite(exposure).any():
         return None
     k = int(np.nanargmax(exposure))
     layer = places[k].layer
     side = str(places[k].surface) if places[k].layer is not None else None
     stress_and_strength = float(values[k]), float(strengths[k])
-    return Margin(criterion, *stress_and_strength, points[k], float(times[k]), layer, side)
+    at = points[k], float(times[k])
+    return Margin(criterion, *stress_and_strength, *at, layer, side, spread=float(spread[k]))
 
 
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
@@ -281,12 +315,9 @@ def stresses(
     points: Array,
     tensors: NodeTensors,
     search: Search,
-    leave_out: Array = NOTHING,
+    zones: Zones = NO_ZONES,
 ) -> Maxima:
-    """The largest values of tensors, with exposures and margin if the strengths are known.
-
-    `leave_out`: as for `margin_of`.
-    """
+    """The largest values of tensors, with exposures and margin if the strengths are known."""
     criterion = quantity
     if quantity in PLY_SURFACES:
         extremes, then, error = _of_plies(quantity, tensors, search)
@@ -307,7 +338,7 @@ def stresses(
         exposures, _ = nodal_maxima(tensors.nodes, share, then, len(points))
         places = [tensors.origins[k].place for k in tensors.origin]
         at = points[tensors.nodes]
-        margin = margin_of(criterion, extremes, strengths, at, then, places, leave_out)
+        margin = margin_of(criterion, extremes, strengths, at, then, places, zones)
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())
@@ -385,11 +416,12 @@ def contact_yields(history: AnyHistory) -> bool:
     return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
-def zones_of(history: AnyHistory, body: str) -> Array:
-    """Balls (n, 4) that a margin of a solid body leaves out, as in `Margin.beyond`."""
+def zones_of(history: AnyHistory, body: str) -> Zones:
+    """The zones about contacts that yield, which a margin of a solid body leaves out."""
     if not isinstance(history, History):
-        return NOTHING
-    return yielding_zones(history.contact_histories, history.name_of(body))
+        return NO_ZONES
+    zones = yielding_zones(history.contact_histories, history.name_of(body))
+    return Zones(np.reshape([zone.ball for zone in zones], (-1, 4)), zones)
 
 
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.

@@ -293,8 +293,8 @@ class PeakField(Completed):
         and beams beside solids, otherwise None.
     doubt : why the judged stress is unreliable: a re-entrant corner, the edge of a support, cells
         that are too large; for sheets, that the mesh error is not estimated; "" otherwise.
-    judged : node of the largest value, outside the zones that the margin leaves out
-        (`Margin.beyond`).
+    judged : node of the largest value; with a margin its worst point, outside the zones that
+        it leaves out (`Margin.beyond`).
     """
 
     quantity: str
@@ -335,10 +335,10 @@ class PeakField(Completed):
 
     @property
     def judged(self) -> int:
-        """Node of the largest value outside the zones that the margin leaves out."""
-        beyond = margin.NOTHING if self._margin is None else self._margin.beyond
-        judged = ~margin.is_within(self.points, beyond)
-        return int(np.argmax(np.where(judged, self.values, -np.inf)))
+        """Node of the largest value; of the worst point of the margin if there is one."""
+        if self._margin is None or self._margin.criterion != "yield":
+            return int(np.argmax(self.values))
+        return int(np.argmin(np.linalg.norm(self.points - self._margin.point, axis=1)))
 
     def largest(
         self, count: int = 5, apart: float | None = None
@@ -486,7 +486,8 @@ def peak_field(
         I do not have.
     leave_out : array_like (n, 4), optional
         For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m].
-        Default: three radii about each contact that yields, or of its patch if that is larger.
+        Default: three radii of each contact that yields. Farther away, the difference between the
+        contact and the patch that carries its force in the model is in `Margin.spread`.
 
     Notes
     -----
@@ -514,8 +515,8 @@ def peak_field(
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     zones = _zones(leave_out, history, body)
-    if len(zones) and not margin.only_solids(structure, shapes, part):
-        zones = margin.NOTHING
+    if len(zones.balls) and not margin.only_solids(structure, shapes, part):
+        zones = margin.NO_ZONES
     at = times_of(history, times)
     search: Search
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
@@ -591,11 +592,11 @@ def peak_field(
     return result
 
 
-def _zones(leave_out: ArrayLike | None, history: AnyHistory, body: str) -> Array:
-    """The balls (n, 4) that the margin leaves out: the given ones, or those of the history."""
+def _zones(leave_out: ArrayLike | None, history: AnyHistory, body: str) -> margin.Zones:
+    """The zones that the margin leaves out: the given balls, or those of the history."""
     if leave_out is None:
         return margin.zones_of(history, body)
-    return checks.floats("leave_out", leave_out, (None, 4))
+    return margin.Zones(checks.floats("leave_out", leave_out, (None, 4)))
 
 
 def _with_pairs(

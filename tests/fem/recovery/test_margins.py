@@ -11,11 +11,12 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
+from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
-from antiosc.impact.histories.verdict import CONTACT_RADII
+from antiosc.impact.histories.verdict import CONTACT_RADII, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.mesh_fields import interior_angle
 from antiosc.recovery.place import Place
@@ -223,6 +224,12 @@ def test_the_margin_leaves_out_balls_that_are_given(strip):
         ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.01, 0.0)])
 
 
+def hit_zone(hit):
+    """The zone about the contact of a hit, on the part."""
+    (zone,) = yielding_zones(hit.contact_histories, hit.name_of("structure"))
+    return zone
+
+
 def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
     """The largest value of the nodes that are farther, found by hand."""
     alu = ao.material("aluminium 6082-T6")
@@ -234,18 +241,67 @@ def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
         hit = ao.simulate(model, ball, duration=4e-4)
         peak = ao.peak_field(part, hit)
         margin = peak.margin()
-        far = np.linalg.norm(peak.points - site, axis=1) > (3 * patch if yields else 0)
-        assert 0 < far.sum() < len(far)
+        contact = 3 * hit.dent.radius if yields else 0.0
+        far = np.linalg.norm(peak.points - site, axis=1) > contact
+        assert far.sum() < len(far)
         assert (hit.dent is not None) == margin.contact == yields
-        assert margin.value == pytest.approx(peak.values[far].max(), rel=1e-12)
-        assert (
-            "yields; outside 3 radii of contact or patch (30 mm) yield" in margin.sentence
-        ) == yields
+        x = peak.points - site
+        radii, r = (contact / 3 or 1.0, patch), np.hypot(x[:, 0], x[:, 1])
+        spread = yields * spread_difference(hit.peak_force, radii, alu.nu, r, -x[:, 2])
+        k = int(np.argmax(np.where(far, peak.values + spread, 0.0)))
+        assert margin.value == pytest.approx(peak.values[k], rel=1e-12)
+        assert margin.spread == pytest.approx(spread[k], rel=1e-9)
+        assert margin.exposure == pytest.approx((peak.values + spread)[k] / alu.yield_strength)
+        assert ("yields; outside 3 radii of the contact (" in margin.sentence) == yields
+        assert ("the patch's radius makes uncertain" in margin.sentence) == yields
         if yields:
-            np.testing.assert_allclose(margin.beyond, [[*site, 3 * patch]])
+            np.testing.assert_allclose(margin.beyond, [[*site, contact]])
+            unknown = hit_zone(hit)._replace(push=None).spread_error(peak.points)
+            assert (unknown >= spread - 1e-3 * spread.max()).all()
             near = peak.values[~far].max()
             assert margin.nearer.value == pytest.approx(near, rel=1e-12)
             assert ("; nearer, up to" in margin.sentence) == (near > margin.value)
+
+
+def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():
+    """The closed forms on the axis, on the surface (Johnson, 3.4) and of a point (Boussinesq)."""
+    nu, a, pressure = 0.3, 1e-3, 1.5 / np.pi / 1e-6
+    z = np.linspace(0.1, 5, 20)
+    rr, tt, zz, rz = hertz_stresses(1.0, a, nu, 0 * z, a * z) / pressure
+    on_axis = -1 / (1 + z**2)
+    across = -(1 + nu) * (1 - z * np.arctan2(1, z)) - on_axis / 2
+    np.testing.assert_allclose([rr, tt, zz, rz], [across, across, on_axis, 0 * z], atol=1e-4)
+    x = np.linspace(1.1, 5, 20)
+    surface = hertz_stresses(1.0, a, nu, a * x, 0 * x) / pressure
+    radial = (1 - 2 * nu) / 3 / x**2
+    np.testing.assert_allclose(surface, [radial, -radial, 0 * x, 0 * x], atol=1e-6)
+    inside = hertz_stresses(1.0, a, nu, a * np.array([0.5, 1.0]), np.zeros(2)) / pressure
+    np.testing.assert_allclose(inside[2], [-np.sqrt(0.75), 0.0], atol=1e-3)
+    angles = np.linspace(0.1, 1.5, 7)
+    differences = []
+    for distance in (0.1, 0.2):
+        r, z = distance * np.sin(angles), distance * np.cos(angles)
+        zz, rz = -3 / (2 * np.pi) * z**2 / distance**5 * np.array([z, r])
+        np.testing.assert_allclose(hertz_stresses(1.0, a, nu, r, z)[2:], [zz, rz], rtol=1e-3)
+        differences.append(spread_difference(1.0, (a, 3 * a), nu, r, z) * distance**2)
+    np.testing.assert_allclose(differences[0] / differences[1], 4, rtol=0.01)  # Saint-Venant
+
+
+def test_two_patches_differ_by_no_more_than_their_spread():
+    """Of a block of finite elements, outside three radii of the smaller patch, but for its mesh."""
+    block = parts.box((12, 12, 6), (0.02, 0.02, 0.01))
+    part = ao.Structure(block, ao.Solid(210e9, 0.3, 7850.0), [ao.Support(lambda x: x[2] < 1e-9)])
+    site, radii = np.array([0.01, 0.01, 0.01]), (2e-3, 4e-3)
+    fields = []
+    for radius in radii:
+        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
+        fields.append(ao.peak_field(part, hit, body="part"))
+    x = fields[0].points - site
+    bound = spread_difference(100.0, radii, 0.3, np.hypot(x[:, 0], x[:, 1]), -x[:, 2])
+    far = np.linalg.norm(x, axis=1) > 3 * radii[0]
+    change = abs(fields[0].values - fields[1].values)[far]
+    assert (change <= bound[far] + 0.1 * bound[far].max()).all()
+    assert change.max() > 0.3 * bound[far].max()
 
 
 def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.dent import rim_radius
+from antiosc.engine.contact.half_space import spread_difference
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.impact.histories.parts import OneContact
@@ -23,6 +25,8 @@ from antiosc.models.body import site_points
 #: von Mises stress is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3;
 #: Johnson, *Contact Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
 CONTACT_RADII = 3.0
+#: Depths at which the error of an unknown direction is evaluated.
+ANGLES = 19
 
 
 def choice_at(contact: OneContact) -> Choice | None:
@@ -63,13 +67,47 @@ def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
     return law if isinstance(law, ElasticPlastic) else None
 
 
-def yielding_zones(contacts: Iterable[OneContact], body: str) -> Array:
-    """Rows x, y, z, radius [m] (n, 4) about the contacts of a body that yield."""
-    zones = [zone for contact in contacts for zone in _zones_at(contact, body)]
-    return np.reshape(zones, (-1, 4))
+class YieldingZone(NamedTuple):
+    """The zone about a contact that yields, on one body.
+
+    `point` (3,) [m]; `push` (3,): direction of the force, None if unknown; `radii` [m] of the
+    contact and of the patch that carries its force in the model; `force` [N]: the largest.
+    """
+
+    point: Array
+    push: Array | None
+    radii: tuple[float, float]
+    force: float
+    nu: float
+
+    @property
+    def ball(self) -> Array:
+        """Row x, y, z, radius [m] of what the margin of a solid leaves out."""
+        return contact_zone(self.point, self.radii[0])
+
+    def spread_error(self, points: Array) -> Array:
+        """Errors (P,) [Pa] of the von Mises stress at points (P, 3): the patch spreads the force.
+
+        The part counts as a half-space there; of an unknown direction the largest error counts.
+        """
+        if self.radii[1] in (0.0, self.radii[0]):
+            return np.zeros(len(points))
+        from_contact = points - self.point
+        distance = np.linalg.norm(from_contact, axis=1)
+        if self.push is None:
+            depths = np.outer(np.linspace(0, 1, ANGLES), distance)
+        else:
+            depths = np.abs(from_contact @ self.push)[None] / np.linalg.norm(self.push)
+        r = np.sqrt(np.maximum(distance**2 - depths**2, 0.0))
+        return spread_difference(self.force, self.radii, self.nu, r, depths).max(axis=0)
 
 
-def _zones_at(contact: OneContact, body: str) -> list[Array]:
+def yielding_zones(contacts: Iterable[OneContact], body: str) -> list[YieldingZone]:
+    """The zones about the contacts of a body that yield."""
+    return [zone for contact in contacts for zone in _zones_at(contact, body)]
+
+
+def _zones_at(contact: OneContact, body: str) -> list[YieldingZone]:
     """The zones of a contact on a body: none if it stays elastic, or its point is unknown."""
     law = yielding_law(contact)
     if law is None:
@@ -81,14 +119,17 @@ def _zones_at(contact: OneContact, body: str) -> list[Array]:
     for placed, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
         point = site_points(placed.body).get(site)
         if placed.name == body and point is not None:
-            zones.append(contact_zone(point, max(radius, placed.patch_radius or 0.0)))
+            radii = radius, placed.patch_radius or 0.0
+            push = placed.pushes.get(site)
+            at = np.array(point)
+            zones.append(YieldingZone(at, push, radii, contact.peak_force, law.nu))
     return zones
 
 
 def contact_zone(point: ArrayLike, radius: float) -> Array:
     """Row x, y, z, radius [m] of the zone about a contact that the margin of a solid leaves out.
 
-    `radius` [m] of the contact, or of the patch that carries its force if that is larger.
+    `radius` [m] of the contact.
     """
     return np.append(point, CONTACT_RADII * radius)
 
