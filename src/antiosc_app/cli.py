@@ -132,10 +132,10 @@ def _parser() -> argparse.ArgumentParser:
             sought = "relative error of interest (default: tol of [strike], or 0.02)"
             command.add_argument("--tol", type=float, metavar="TOL", help=sought)
             command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
-            others = (
+            other_commands = (
                 "run the unreduced model and CalculiX too, if each takes at most so many seconds"
             )
-            command.add_argument("--compare", type=float, metavar="SECONDS", help=others)
+            command.add_argument("--compare", type=float, metavar="SECONDS", help=other_commands)
             about = "one HTML page of the impact, with the table and the chart"
             command.add_argument("--report", metavar="OUT.html", help=about)
         if name in ("run", "sweep", "monte-carlo", "map"):
@@ -143,9 +143,11 @@ def _parser() -> argparse.ArgumentParser:
         if name == "monte-carlo":
             of_store = "a CSV file of the finished runs; if it exists, only the others are made"
             command.add_argument("--store", metavar="FILE", help=of_store)
-    listed = commands.add_parser("materials", help="list the materials that have a name")
-    listed.add_argument("name", metavar="NAME", nargs="?", help="only those with this in it")
-    listed.set_defaults(run=_materials)
+    materials_parser = commands.add_parser("materials", help="list the materials that have a name")
+    materials_parser.add_argument(
+        "name", metavar="NAME", nargs="?", help="only those with this in it"
+    )
+    materials_parser.set_defaults(run=_materials)
     of_info = (
         "versions, BLAS, solvers, how to get what is missing; exit code 1 if meshes do not work"
     )
@@ -175,19 +177,19 @@ def _materials(options: argparse.Namespace) -> int:
     """Print the named materials."""
     from antiosc.base import materials
 
-    wanted = (options.name or "").lower()
-    chosen = [name for name in materials.names() if wanted in name.lower()]
-    if not chosen:
+    part_of_name = (options.name or "").lower()
+    matches = [name for name in materials.names() if part_of_name in name.lower()]
+    if not matches:
         materials.record(options.name)
-    for name in chosen:
+    for name in matches:
         record = materials.record(name)
         say(f"{name:<38} {record.line}")
-        if wanted:
+        if part_of_name:
             typical = (
                 f"typical, no source could be read: {record.typical}" if record.typical else ""
             )
             say("\n".join(f"    {text}" for text in (record.source, typical, record.note) if text))
-    if not wanted:
+    if not part_of_name:
         say("sources: antiosc materials NAME")
     return 0
 

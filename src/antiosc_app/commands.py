@@ -154,12 +154,12 @@ def to_a_tolerance(document: Document) -> Document:
         or len(data.get("sites", ())) != 1
     ):
         return document
-    struck = {name: value for name, value in simulated.items() if name in OF_BOTH}
+    common = {name: value for name, value in simulated.items() if name in OF_BOTH}
     sections = {name: value for name, value in data.items() if name not in NOT_STRUCK}
     geometry = sections["geometry"]
     if isinstance(geometry, dict) and set(geometry) <= {"source", "size", "refine"}:
         geometry = {"source": geometry.get("source")}
-    strike = {"tol": USUAL_TOL, **struck}
+    strike = {"tol": USUAL_TOL, **common}
     return replace(document, data={**sections, "geometry": geometry, "strike": strike})
 
 
@@ -175,8 +175,8 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
             " with a mesh and one site."
         )
     arguments = history.arguments
-    shared = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
-    common = {name: arguments[name] for name in shared if name in arguments}
+    options = ("impactor", "contact", "duration", "initial_velocity", "gravity", "gap")
+    common = {name: arguments[name] for name in options if name in arguments}
     site = model.arguments["site"]
     return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **common}
 
@@ -309,8 +309,8 @@ def _impact_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[
         tol = scene.document.data["strike"].get("tol")
         rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
     try:
-        struck = None if results.structure is None else PlaneOf(results.structure)
-        band = impact_band(results.impactor, results.contact, struck)
+        surface = None if results.structure is None else PlaneOf(results.structure)
+        band = impact_band(results.impactor, results.contact, surface)
     except AntioscError as error:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows

@@ -352,8 +352,8 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     target = Path(checks.path("path", path))
     ending = target.suffix.lower()
     if ending not in {*_RUNS, *_MODELS}:
-        known = ", ".join([*_RUNS, *_MODELS])
-        raise InputError(f"export writes files that end in {known}; got {target.name!r}.")
+        endings = ", ".join([*_RUNS, *_MODELS])
+        raise InputError(f"export writes files that end in {endings}; got {target.name!r}.")
     return ending
 
 

@@ -50,8 +50,8 @@ def write_fmu(path: Path, data: RunData, *, fmi: int) -> None:
         _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
         _add(archive, "resources/model.aom", model_file(data))
         for platform, library in binaries().items():
-            old, ending = PLATFORMS[platform]
-            folder = platform if fmi == 3 else old
+            fmi2_folder, ending = PLATFORMS[platform]
+            folder = platform if fmi == 3 else fmi2_folder
             if folder:
                 _add(archive, f"binaries/{folder}/{name}{ending}", library)
         for file, text in sources().items():
@@ -143,9 +143,9 @@ def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
     abilities_of = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
     slave = ET.SubElement(root, "CoSimulation", abilities_of)
     if is_fmi2:
-        listed = ET.SubElement(slave, "SourceFiles")
+        source_files = ET.SubElement(slave, "SourceFiles")
         for unit in UNITS:
-            ET.SubElement(listed, "File", name=unit)
+            ET.SubElement(source_files, "File", name=unit)
     _units(root)
     _experiment(root, data)
     variables = ET.SubElement(root, "ModelVariables")
@@ -192,9 +192,9 @@ def _build_description(name: str) -> ET.Element:
     """buildDescription.xml of FMI 3."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=name)
-    listed = ET.SubElement(configuration, "SourceFileSet", language="C99")
+    source_set = ET.SubElement(configuration, "SourceFileSet", language="C99")
     for unit in UNITS:
-        ET.SubElement(listed, "SourceFile", name=unit)
+        ET.SubElement(source_set, "SourceFile", name=unit)
     return root
 
 
@@ -335,11 +335,11 @@ def _in_comment(text: str) -> str:
 def _numbers(name: str, data: RunData) -> str:
     """C text of the numbers as constant arrays, and of the model that points to them."""
     arrays = data.arrays()
-    needed = [part for part in arrays if part not in ("options", "contacts")]
+    array_names = [part for part in arrays if part not in ("options", "contacts")]
     absent = [] if data.system.laws else ["law_parameters"]
     absent += ["quadratic", "cubic"] if data.system.cubic is None else []
-    needed = [part for part in needed if part not in absent]
-    lines = [_array(f"{name}_{part}", arrays[part]) for part in needed]
+    array_names = [part for part in array_names if part not in absent]
+    lines = [_array(f"{name}_{part}", arrays[part]) for part in array_names]
     specs = ", ".join(f"{{{kind}, {index}}}" for kind, index in data.outputs.tolist())
     lines.append(f"static const axm_output_spec {name}_outputs[] = {{{specs}}};")
     modes, rows, contacts, breaks, sites, parameters, count, _, stretch = data.counts()

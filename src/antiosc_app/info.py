@@ -88,7 +88,7 @@ def report() -> str:
         )
         if version_found.startswith(BROKEN):
             remarks.append(f"{package.name} is installed but {version_found}")
-    missing = [package for package, version_found in packages_found().items() if not version_found]
+    absent = [package for package, version_found in packages_found().items() if not version_found]
     rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
     rows += [("threads", _threads())]
 
@@ -99,9 +99,9 @@ def report() -> str:
             "WARNING: this is the reference BLAS, which makes every factorization and solve slow."
             " Remedy: sudo apt install libopenblas0-pthread"
         )
-    if missing:
-        names = ", ".join(package.name for package in missing)
-        remarks.append(f"Missing: {names}. Remedy: {remedy(missing, installation())}")
+    if absent:
+        names = ", ".join(package.name for package in absent)
+        remarks.append(f"Missing: {names}. Remedy: {remedy(absent, installation())}")
     if not meshes_work():
         works = "models, given matrices, measured parts, scenes of these"
         remarks.append(f"Meshes cannot be read or simulated here; {works} work.")
@@ -115,8 +115,8 @@ def installation() -> str:
         return "conda"
     if not Path("/etc/debian_version").is_file():
         return "pip"
-    shared = "/usr/lib/python3/dist-packages" in sys.path
-    if sys.base_prefix == "/usr" and shared:
+    is_debian = "/usr/lib/python3/dist-packages" in sys.path
+    if sys.base_prefix == "/usr" and is_debian:
         return "debian"
     return "venv"
 
@@ -200,9 +200,9 @@ def _mapped(name: str) -> str:
 def _threads() -> str:
     """Text of the number of threads."""
     count = f"{process.cores()} cores"
-    chosen = process.user_threads()
-    if chosen:
-        variable, number = chosen
+    user_choice = process.user_threads()
+    if user_choice:
+        variable, number = user_choice
         return f"{number} ({variable}), {count}"
     if process.pools() is None:
         return f"as many as BLAS takes (threadpoolctl is missing), {count}"
@@ -259,8 +259,8 @@ def _package(
     pypi = "" if real or module == "mpi4py" else module
     conda = {"gmsh": "python-gmsh", "dolfinx": "fenics-dolfinx", "matplotlib": "matplotlib-base"}
     petsc = {"petsc4py": '"petsc=*=real_*" petsc4py'}
-    known = (conda | petsc).get(module, module)
-    return Package(name, module, f"python3-{module}{real}", known, pypi, version, meshes)
+    packaged_name = (conda | petsc).get(module, module)
+    return Package(name, module, f"python3-{module}{real}", packaged_name, pypi, version, meshes)
 
 
 PACKAGES = [

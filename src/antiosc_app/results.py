@@ -230,8 +230,8 @@ def _words(name: str) -> str:
 def _largest(peak: PeakField) -> str:
     """Text of the largest value of a field, its place and time."""
     value, point, time = peak.largest(1)[0]
-    where = f"at {placed(point)}, {engineering(time, 's')}"
-    return f"largest {engineering(value, peak.unit, 4)} {where}"
+    place_text = f"at {placed(point)}, {engineering(time, 's')}"
+    return f"largest {engineering(value, peak.unit, 4)} {place_text}"
 
 
 def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
@@ -448,11 +448,11 @@ def _probe_rows(probes: Sequence[Probe]) -> Rows:
     rows = []
     for probe in probes:
         p = probe.peak()
-        what = f"{_words(p['quantity'])} {p['component']}".rstrip()
+        label = f"{_words(p['quantity'])} {p['component']}".rstrip()
         value = engineering(p["value"], p["unit"], 4)
         time = engineering(p["time"], "s")
         g = f" ({p['g']:.4g} g)" if "g" in p else ""
-        rows.append((f"probe {probe.name}", f"{what}: largest {value}{g} at {time}"))
+        rows.append((f"probe {probe.name}", f"{label}: largest {value}{g} at {time}"))
     return rows
 
 
@@ -533,8 +533,8 @@ def _struck(model: AntiOscillators) -> Columns:
     """Point and direction of the only site, for the arrow of the impact; {} if unknown."""
     points = list(site_points(model).values())
     direction = info_of(model).direction
-    known = len(points) == 1 and len(points[0]) == 3 and direction is not None
-    if known:
+    has_direction = len(points) == 1 and len(points[0]) == 3 and direction is not None
+    if has_direction:
         return {"point": points[0], "direction": direction}
     return {}
 
@@ -744,10 +744,10 @@ def _sweep(results: SceneResults) -> Presentation:
 
 def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
     """The column of the bars of peak forces, without the law if one row does not know its error."""
-    known = [budget for budget in budgets if budget is not None]
-    if not known:
+    budgets_known = [budget for budget in budgets if budget is not None]
+    if not budgets_known:
         return {}
-    if any(budget.law or budget["peak_force"].total is None for budget in known):
+    if any(budget.law or budget["peak_force"].total is None for budget in budgets_known):
         name, share = "± without the law (%)", "without_law"
     else:
         name, share = "± (%)", "total"
@@ -830,12 +830,12 @@ def _map(results: SceneResults) -> Presentation:
     if impact_map.doubtful.any():
         sites += f"; not in these ranges: {doubts_text(impact_map)}"
     rows = [("sites", sites)]
-    meant = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
+    labels = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
     for name, values in quantities.items():
         finite = values[trusted(impact_map)]
         finite = finite[np.isfinite(finite)]
         if finite.size:
-            rows.append((meant[name][0], _range(finite, meant[name][1])))
+            rows.append((labels[name][0], _range(finite, labels[name][1])))
     for name, surface in surfaces.items() if len(surfaces) > 1 else ():
         text = f"{len(surface)} sites"
         if impact_map.peak_force is not None:
@@ -843,7 +843,7 @@ def _map(results: SceneResults) -> Presentation:
             force = engineering(impact_map.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(impact_map.points[i])}"
         rows.append((name, text))
-    heads = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in meant.items()}
+    heads = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in labels.items()}
     table = {"surface": impact_map.names.tolist()} if len(surfaces) > 1 else {}
     table |= {f"{axis} (m)": impact_map.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
@@ -856,8 +856,8 @@ def _map(results: SceneResults) -> Presentation:
         sections={"Map": [rows]},
         pictures=[
             Picture(
-                f"Map: {meant[q][0]}",
-                f"{meant[q][0].capitalize()} ({meant[q][1]}) over the surface.",
+                f"Map: {labels[q][0]}",
+                f"{labels[q][0].capitalize()} ({labels[q][1]}) over the surface.",
                 partial(plot_map, impact_map, quantity=q),
             )
             for q in ("peak_force", "contact_time", "k0")

@@ -22,7 +22,7 @@ Table = dict[str, Any]
 FLOOR = "floor"
 STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
-HAMMERS = tuple(name for name, one in IMPACTORS.items() if name[:2] == "IK" and one.steel)
+HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK" and impactor.steel)
 #: Radius of a patch over the size of the faces there.
 RESOLVED = 1.05
 #: Refinement factor of a finer mesh.

@@ -63,8 +63,8 @@ def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> 
     `materials` : (n, 2) Young's moduli and densities as the deck has them; NaN: not known.
     """
     decades = {name: _decades_of_unit(materials, extent, name) for name in units}
-    least = min(decades.values())
-    return next(name for name in units if decades[name] <= least + EQUAL)
+    smallest = min(decades.values())
+    return next(name for name in units if decades[name] <= smallest + EQUAL)
 
 
 def _decades_of_unit(materials: Array, extent: float, name: str) -> float:

@@ -32,8 +32,10 @@ class Instance(Scope):
         """Rows in the whole deck of nodes (NSET) or elements (ELSET) of this instance."""
         if keyword == "NSET":
             return rows + self.first_node
-        beyond = rows - self.mesh.cells
-        return np.where(beyond < 0, rows + self.first_element, beyond + self.first_other + OTHER)
+        extra_rows = rows - self.mesh.cells
+        return np.where(
+            extra_rows < 0, rows + self.first_element, extra_rows + self.first_other + OTHER
+        )
 
     def spelled(self, name: str) -> str:
         """A set's name as it was first written; names are not case-sensitive."""
@@ -44,13 +46,13 @@ class Instance(Scope):
         """Rows of the node or element with the number `word`, or of the set of that name."""
         members = self.find(keyword, word)
         if members is None:
-            what = WHAT[keyword]
-            where = f" in {self.name}" if self.name else ""
+            noun = WHAT[keyword]
+            in_part = f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
             if number and len(self.whole.instances) > 1 and not self.name:
-                where = " outside the instances; name its instance (INSTANCE=)"
-            what = what if number else f"set of {what}s"
-            raise place.error(f"there is no {what} {word}{where}.")
+                in_part = " outside the instances; name its instance (INSTANCE=)"
+            noun = noun if number else f"set of {noun}s"
+            raise place.error(f"there is no {noun} {word}{in_part}.")
         return members
 
     def find(self, keyword: str, word: str) -> IntArray | None:
@@ -102,9 +104,9 @@ class Whole:
         """Numbers of all elements that are cells, in the deck's order of cells."""
         labels = np.zeros(self.deck.n_elements, dtype=np.int64)
         for instance in self.instances.values():
-            known = instance.mesh.elements
-            rows = instance.placed("ELSET", known.order)
-            labels[rows[rows < OTHER]] = known.labels[rows < OTHER]
+            numbering = instance.mesh.elements
+            rows = instance.placed("ELSET", numbering.order)
+            labels[rows[rows < OTHER]] = numbering.labels[rows < OTHER]
         return labels
 
     def named(self, *keywords: str) -> list[Card]:
@@ -152,13 +154,13 @@ class Whole:
         """Read a card *NSET or *ELSET; at assembly level its members may lie in instances."""
         keyword = card.keyword
         name = card.needed(card.keyword)
-        within = card.within
-        instance = self.instances[within.name.upper()]
+        scope = card.within
+        instance = self.instances[scope.name.upper()]
         if instance_name := card.option("INSTANCE"):
             message = f"there is no instance {instance_name!r}."
             instance = card.place.found(self.instances, instance_name.upper(), message)
         members = [NONE]
-        missing = []
+        absent = []
         count = 0
         if keyword == "NSET" and (elements := card.option("ELSET")):
             cells = instance.find("ELSET", elements)
@@ -167,7 +169,7 @@ class Whole:
             else:
                 message = f"{card.place}: *NSET {name} is of the set of elements {elements}"
                 self.deck.told.append(f"{message}, which does not exist before it.")
-        strict = len(self.instances) > 1 and not within.name
+        strict = len(self.instances) > 1 and not scope.name
         numbers = self._all_numbers(card, instance)
         members += [] if numbers is None else [numbers]
         for row in card.rows() if numbers is None else ():
@@ -188,25 +190,25 @@ class Whole:
                     else instance.find(keyword, word)
                 )
                 if rows is None:
-                    missing.append(word)
+                    absent.append(word)
                 else:
                     members.append(rows)
-        if missing:
+        if absent:
             message = (
-                f"{card.place}: {len(missing)} of {count} members of *{keyword} {name} do not exist"
+                f"{card.place}: {len(absent)} of {count} members of *{keyword} {name} do not exist"
             )
-            missing_text = f"{', '.join(missing[:4])}{', …' * (len(missing) > 4)}"
+            missing_text = f"{', '.join(absent[:4])}{', …' * (len(absent) > 4)}"
             self.deck.told.append(f"{message} ({missing_text}).")
-        self._extend(keyword, name, within, members)
+        self._extend(keyword, name, scope, members)
 
     def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
         """Rows of all members at once if each is an existing number in `of`; else None."""
-        every = (word.strip() for line in card.lines for word in line.split(","))
-        words = [word for word in every if word]
+        all_words = (word.strip() for line in card.lines for word in line.split(","))
+        words = [word for word in all_words if word]
         if "GENERATE" in card.options or not all(w.isdecimal() and len(w) < 19 for w in words):
             return None
-        known = instance.mesh.nodes if card.keyword == "NSET" else instance.mesh.elements
-        rows = known.rows(np.array(words, dtype=np.int64))
+        numbering = instance.mesh.nodes if card.keyword == "NSET" else instance.mesh.elements
+        rows = numbering.rows(np.array(words, dtype=np.int64))
         if (rows >= 0).all():
             return instance.placed(card.keyword, rows)
         return None
@@ -230,22 +232,22 @@ def read(sources: Sources) -> Whole:
     name = sources.name
     assembled = Whole(Deck(name), account_for(cards, name))
     assembled.deck.told += assembled.account.unknown()
-    top, parts, placed = _divided(cards, assembled.steps)
+    top, parts, instances = _divided(cards, assembled.steps)
     assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
-    used_parts = {card.option("PART").upper() for card, _ in placed}
+    used_parts = {card.option("PART").upper() for card, _ in instances}
     for part, (spelled, _) in parts.items():
         if part not in used_parts:
             assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
-    for card, moves in placed:
+    for card, moves in instances:
         assembled.add(_placed(assembled, card, moves, parts, meshes))
     for card in sorted(assembled.named(*WHAT), key=lambda card: not card.within.name):
         assembled.read_set(card)
-    named = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
+    sets_by_keyword = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
     for (keyword, label), rows in assembled.sets.items():  # without elements that are not cells
         cells = rows[rows < OTHER]
         if len(cells) or not len(rows):
-            named[keyword][assembled.spelling[label]] = cells
+            sets_by_keyword[keyword][assembled.spelling[label]] = cells
     if not len(assembled.deck.points):
         raise MeshError(f"{name} defines no nodes (*NODE).")
     return assembled
@@ -260,21 +262,21 @@ def _divided(
     """Sort cards by owner: (assembly, parts, instances with their cards); fill `steps`."""
     top: list[Card] = []
     parts: Parts = {}
-    placed: list[tuple[Card, list[Card]]] = []
+    instances: list[tuple[Card, list[Card]]] = []
     current = top
     in_step = False
     names: set[tuple[str, str]] = set()
     for card in cards:
         if card.keyword in ("PART", "INSTANCE"):
-            named = card.keyword, card.needed("NAME").upper()
-            once = named not in names
-            card.needs(once, f"*{card.keyword} {card.option('NAME')!r} is there twice.")
-            names.add(named)
+            owner = card.keyword, card.needed("NAME").upper()
+            is_new = owner not in names
+            card.needs(is_new, f"*{card.keyword} {card.option('NAME')!r} is there twice.")
+            names.add(owner)
             current = []
             if card.keyword == "PART":
-                parts[named[1]] = card.needed("NAME"), current
+                parts[owner[1]] = card.needed("NAME"), current
             else:
-                placed.append((card, current))
+                instances.append((card, current))
         elif card.keyword in ("ENDPART", "ENDINSTANCE"):
             current = top
         elif card.keyword in ("STEP", "ENDSTEP"):
@@ -283,7 +285,7 @@ def _divided(
         else:
             in_model = not in_step or card.keyword in WHAT
             (current if in_model else steps[-1]).append(card)
-    return top, parts, placed
+    return top, parts, instances
 
 
 def _placed(

@@ -192,8 +192,8 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
                 continue
             if not cards_read:
                 bulk = any(map(BULK.match, lines))
-                what = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
-                raise place.error(f"data before the first keyword: {what}.")
+                advice = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
+                raise place.error(f"data before the first keyword: {advice}.")
             cards_read[-1].lines.append(line)
             cards_read[-1].places.append(place)
             continue
@@ -205,24 +205,24 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
             number += 1
         card = _card(line, place)
         include = card.keyword == "INCLUDE"
-        named = card.needed("INPUT") if include else card.option("INPUT")
+        path = card.needed("INPUT") if include else card.option("INPUT")
         # a file that is not there may be of loads, which are not read either
         skipped = (
-            include and cards_read and cards_read[-1].keyword in LOADS and not sources.holds(named)
+            include and cards_read and cards_read[-1].keyword in LOADS and not sources.holds(path)
         )
         if not include or skipped:
             cards_read.append(card)
-        if not skipped and named and (include or card.keyword in WITH_INPUT):
-            _collect(sources, sources.enter(named, place), named.strip().strip('"'), cards_read)
+        if not skipped and path and (include or card.keyword in WITH_INPUT):
+            _collect(sources, sources.enter(path, place), path.strip().strip('"'), cards_read)
             sources.leave()
 
 
 def _card(line: str, place: DeckPlace) -> Card:
     """The card of a keyword line."""
-    head, *rest = _outside_quotes(line[1:])
+    head, *option_texts = _outside_quotes(line[1:])
     keyword = "".join(head.split()).upper()
     options = {}
-    for part in rest:
+    for part in option_texts:
         name, _, value = part.partition("=")
         name = "".join(name.split()).upper()
         if name:
@@ -408,9 +408,9 @@ def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
 
 def _option_fate(card: Card, option: str) -> Fate:
     """The treatment of one option of a card; the card itself is read."""
-    known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
-    values = known.get(option, "").split("|")
+    option_fates = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
+    values = option_fates.get(option, "").split("|")
     value = "".join(card.option(option).split()).upper()
-    if option in known and (values == [""] or value in values):
+    if option in option_fates and (values == [""] or value in values):
         return Fate("read")
     return REFUSED_OPTIONS.get(f"{card.keyword},{option}", UNKNOWN)

@@ -195,8 +195,8 @@ def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
             return L, dL
         pairs = ((0, 1), (1, 2), (2, 0))
         values = [*(L * (2 * L - 1)), *(4 * L[a] * L[b] for a, b in pairs)]
-        between = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
-        return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, between])
+        edge_derivatives = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
+        return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, edge_derivatives])
     c = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
     a = 1 + c[:, 0] * r
     b = 1 + c[:, 1] * s
@@ -315,10 +315,10 @@ class _Joints:
             if kind == "1" and "USER" in card.options:  # as cgx writes it
                 kind = "MEANROT"
             if kind in GEOMETRIC:
-                least, read = GEOMETRIC[kind]
+                fewest, read = GEOMETRIC[kind]
                 nodes = list(dict.fromkeys(nodes))
-                complete = len(nodes) >= least
-                place.needs(complete, f"the *MPC of type {kind} needs {least} nodes or more.")
+                complete = len(nodes) >= fewest
+                place.needs(complete, f"the *MPC of type {kind} needs {fewest} nodes or more.")
                 x = np.array([self.joints.place(node) for node in nodes])
                 equations = list(read(nodes, x, place))
                 for terms in equations:
@@ -350,9 +350,9 @@ class _Joints:
             for c in range(6 if kind == "TIE" and with_rotations else 3):
                 joints.equation([(a, c, 1.0), (b, c, -1.0)], place)
         elif kind == "LINK":
-            along = (joints.place(b) - joints.place(a)).tolist()
+            line = (joints.place(b) - joints.place(a)).tolist()
             joints.equation(
-                [(n, c, s * along[c]) for n, s in ((a, 1.0), (b, -1.0)) for c in range(3)], place
+                [(n, c, s * line[c]) for n, s in ((a, 1.0), (b, -1.0)) for c in range(3)], place
             )
         elif kind == "BEAM" and (joints.has_rotations[b] or not joints.used[b]):
             joints.rigid(np.array([a]), joints.leader(b), range(6), {})
@@ -368,8 +368,8 @@ class _Joints:
         if card.option("ELSET"):
             groups.append(joints.deck.nodes_of(card.elements()))
         nodes = np.unique(np.concatenate([NONE, *groups]))
-        named = len(nodes) or card.option("PINNSET")
-        card.needs(named, f"*{card.keyword} names no nodes (NSET= or ELSET=).")
+        has_nodes = len(nodes) or card.option("PINNSET")
+        card.needs(has_nodes, f"*{card.keyword} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
         reference, rotation = (card.within.node(w, place) if w else None for w in words)
         if reference is None:  # a body that nothing else acts on: its nodes lead themselves
@@ -460,12 +460,12 @@ def _range(row: Row, start: int) -> list[int]:
     motions = [whole_number(word, row.place) for word in row.fields[start:] if word] or [1, 6]
     first = motions[0]
     last = motions[-1]
-    inside = 1 <= first <= last <= 6
-    row.needs(inside, f"motions from {first} to {last}; they are counted from 1 to 6.")
+    is_valid = 1 <= first <= last <= 6
+    row.needs(is_valid, f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))
 
 
-def _along(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
+def _displacement_terms(unit: Array, terms: Sequence[tuple[int, float]]) -> list[Term]:
     """Terms of the displacement along a unit vector; its largest component comes first."""
     order = [int(c) for c in np.argsort(-np.abs(unit), kind="stable")]
     return [(node, c, factor * float(unit[c])) for node, factor in terms for c in order]
@@ -488,7 +488,7 @@ def _plane(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]
         if k not in spanning:
             s, t = np.linalg.lstsq(basis, x[k] - a, rcond=None)[0]
             terms = [(nodes[i], -w) for i, w in zip(spanning, (1 - s - t, s, t), strict=True)]
-            yield _along(normal(spanning) / area, [(node, 1.0), *terms])
+            yield _displacement_terms(normal(spanning) / area, [(node, 1.0), *terms])
 
 
 def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:
@@ -497,12 +497,12 @@ def _straight(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Ter
     axis = x[end] - x[0]
     length = float(np.linalg.norm(axis))
     place.needs(length != 0, "the nodes of the *MPC of type STRAIGHT coincide.")
-    across = np.linalg.svd(axis[None] / length)[2][1:]
+    normals = np.linalg.svd(axis[None] / length)[2][1:]
     for k, node in enumerate(nodes):
         if k not in (0, end):
             s = float((x[k] - x[0]) @ axis) / length**2
-            for t in across:
-                yield _along(t, [(node, 1.0), (nodes[0], s - 1), (nodes[end], -s)])
+            for t in normals:
+                yield _displacement_terms(t, [(node, 1.0), (nodes[0], s - 1), (nodes[end], -s)])
 
 
 def _mean_rotation(nodes: list[int], x: Array, place: DeckPlace) -> Iterator[list[Term]]:

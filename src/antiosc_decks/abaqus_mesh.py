@@ -181,10 +181,10 @@ def _shifted(block: Block, shift: IntArray, nodes: Numbering, place: DeckPlace) 
     def moved(rows: IntArray) -> IntArray:
         new_labels = label[rows] + shift[:, None]
         shifted = nodes.rows(new_labels)
-        missing = new_labels[shifted < 0]
-        if len(missing):
+        missing_labels = new_labels[shifted < 0]
+        if len(missing_labels):
             raise place.error(
-                f"*ELGEN needs the node {missing[0]}, which the deck does not define."
+                f"*ELGEN needs the node {missing_labels[0]}, which the deck does not define."
             )
         return shifted
 
@@ -235,8 +235,8 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         start = len(labels)
         name = card.option("NSET")
         if card.keyword in makers:
-            known = dict(zip(labels, points, strict=True))
-            for label, x in makers[card.keyword](card, known, created):
+            known_points = dict(zip(labels, points, strict=True))
+            for label, x in makers[card.keyword](card, known_points, created):
                 labels.append(label)
                 points.append(x)
         elif card.keyword == "NODE" and "PRINT" not in card.options:
@@ -265,13 +265,13 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         count = int(redefined.sum())
         message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
         mesh.told.append(f"{message} lines): the last one is taken.")
-    mesh.sets = [(which, name, mesh.nodes.rows(members)) for which, name, members in mesh.sets]
+    mesh.sets = [(kind, name, mesh.nodes.rows(members)) for kind, name, members in mesh.sets]
 
 
 def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     """Fill `mesh` with the elements of *ELEMENT and *ELGEN."""
     cells: list[IntArray] = []
-    others: list[int] = []
+    other_numbers: list[int] = []
     sets: list[tuple[str, IntArray]] = []
     for card in cards:
         numbers_read = [NONE]
@@ -284,14 +284,14 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
             kind = card.needed("TYPE").upper().replace(" ", "")
             if element_type(kind) is None:
                 numbers_read.append(np.array(_others(mesh, card, kind), dtype=np.int64))
-                others += numbers_read[-1].tolist()
+                other_numbers += numbers_read[-1].tolist()
             else:
                 numbers_read.append(_cells(mesh, card, kind))
                 cells.append(numbers_read[-1])
         if card.option("ELSET") and len(all_numbers := np.concatenate(numbers_read)):
             sets.append((card.option("ELSET"), all_numbers))
     mesh.cells = sum(map(len, cells))
-    all_numbers = np.concatenate([NONE, *cells, np.array(others, dtype=np.int64)])
+    all_numbers = np.concatenate([NONE, *cells, np.array(other_numbers, dtype=np.int64)])
     numbers, count = np.unique(all_numbers, return_counts=True)
     if (count > 1).any():
         message = f"{name} defines {int((count > 1).sum())} elements twice, one of them "
@@ -315,24 +315,24 @@ def _others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
 
 def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     """Read one card's cells; return their numbers."""
-    known = element_type(kind)
-    assert known is not None
-    rows, places = _numbers(mesh, card, known.nodes, kind)
-    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + known.nodes)
+    element_kind = element_type(kind)
+    assert element_kind is not None
+    rows, places = _numbers(mesh, card, element_kind.nodes, kind)
+    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.nodes)
     nodes = mesh.nodes.rows(table[:, 1:])
     wrong = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
     if not len(wrong):  # a middle node may be left out
-        wrong = np.flatnonzero((nodes[:, list(known.corners)] < 0).any(axis=1))
+        wrong = np.flatnonzero((nodes[:, list(element_kind.corners)] < 0).any(axis=1))
     if len(wrong):
         row = int(wrong[0])
-        missing = int(table[row, 1:][nodes[row] < 0][0])
+        missing_node = int(table[row, 1:][nodes[row] < 0][0])
         message = (
-            f"element {table[row, 0]} ({kind}) has the node {missing}, which the deck does not"
+            f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does not"
         )
         raise places[row].error(f"{message} define ({len(wrong)} such elements).")
     if len(table):
-        corners, mids, inner = (nodes[:, list(some)] for some in known[3:])
-        mesh.blocks.append(Block(known.shape, kind, corners, mids, inner, known.role))
+        corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
+        mesh.blocks.append(Block(element_kind.shape, kind, corners, mids, inner, element_kind.role))
     return table[:, 0]
 
 
@@ -340,7 +340,7 @@ def _numbers(
     mesh: AbaqusMesh, card: Card, width: int, kind: str
 ) -> tuple[list[list[int]], list[DeckPlace]]:
     """Read elements that may take several lines: ([number, nodes …] of each, its place)."""
-    least = 1 + width
+    fewest = 1 + width
     rows: list[list[int]] = []
     places: list[DeckPlace] = []
     current: list[int] = []
@@ -357,9 +357,9 @@ def _numbers(
         small = max(map(abs, numbers), default=0) <= LARGEST_NUMBER
         place.needs(small, "a number of a node or element is too large.")
         current += numbers
-        if len(current) >= least:
-            longer += len(current) > least
-            rows.append(current[:least])
+        if len(current) >= fewest:
+            longer += len(current) > fewest
+            rows.append(current[:fewest])
             places.append(start)
             current = []
     if current:

@@ -14,7 +14,7 @@ from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along
+from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
 
 #: Cards with the values of elements that are not cells -> what they give, types of the elements.
@@ -129,10 +129,10 @@ def _nonstructural(builder: ModelBuilder, card: Card) -> None:
     elements = card.elements()
     unit = "".join(card.needed("UNITS").split()).upper()
     distribution = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
-    by = distribution.removesuffix("PROPORTIONAL").lower()
+    measure = distribution.removesuffix("PROPORTIONAL").lower()
     row = card.first()
-    if unit == "TOTALMASS" and by in ("mass", "volume") and len(row.fields) < 2:
-        add_total(builder, elements, row.real(0), card.place, by)
+    if unit == "TOTALMASS" and measure in ("mass", "volume") and len(row.fields) < 2:
+        add_total(builder, elements, row.real(0), card.place, measure)
     elif unit in UNITS and len(row.fields) < 2:
         add_mass(builder, elements, row.real(0), UNITS[unit], card.place)
     else:
@@ -159,20 +159,20 @@ def _add_points_and_links(
             else:
                 _link(builder, orientations, card, kind, nodes)
     counts["MASS"] += counts.pop("ROTARYINERTIA")
-    left = assembled.deck.left
+    skipped = assembled.deck.left
     for keyword, number in counts.items():
-        kinds = [kind for kind in BESIDE[keyword][1] if kind in left]
-        count = sum(left.pop(kind) for kind in kinds)
+        kinds = [kind for kind in BESIDE[keyword][1] if kind in skipped]
+        count = sum(skipped.pop(kind) for kind in kinds)
         if count != number:
             names = " and ".join(kinds or BESIDE[keyword][1])
             raise MeshError(
                 f"{assembled.deck.name} has {count} {names} elements, but *{keyword} cards "
                 f"give values to {number} of them."
             )
-    if left:
-        kind = next(iter(left))
+    if skipped:
+        kind = next(iter(skipped))
         raise MeshError(
-            f"{assembled.deck.name} has {left[kind]} {kind} elements, which are not "
+            f"{assembled.deck.name} has {skipped[kind]} {kind} elements, which are not "
             "supported here and would change the result."
         )
 
@@ -195,7 +195,7 @@ def _link(
 ) -> None:
     """Add a spring or a dashpot."""
     values = card.rows()
-    what = BESIDE[card.keyword][0]
+    property_name = BESIDE[card.keyword][0]
     if kind.endswith("A"):
         terms, _ = builder.joints.elongation(nodes[0], nodes[1], card.place)
     else:
@@ -208,18 +208,18 @@ def _link(
         values = values[1:]
     card.needs(
         len(values) == 1,
-        f"*{card.keyword} needs one {what} that does not depend on "
+        f"*{card.keyword} needs one {property_name} that does not depend on "
         f"frequency or temperature; it has {len(values)}.",
     )
     value = real_number(values[0].word(0), values[0].place)
     place = values[0].place
-    builder.link(f"*{card.keyword}", what, terms, value, place)
+    builder.link(f"*{card.keyword}", property_name, terms, value, place)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:
     """Terms of the displacement of one node along an axis (row), or of two nodes' difference."""
     dofs = [row.whole(k) - 1 for k in range(len(nodes))]
-    inside = all(0 <= dof < 6 for dof in dofs)
-    row.needs(inside, "a spring or a dashpot acts on motions from 1 to 6.")
+    is_valid = all(0 <= dof < 6 for dof in dofs)
+    row.needs(is_valid, "a spring or a dashpot acts on motions from 1 to 6.")
     ends = zip(nodes, dofs, (1.0, -1.0), strict=False)
-    return [t for n, dof, sign in ends for t in along(n, axes[dof % 3], dof - dof % 3, sign)]
+    return [t for n, dof, sign in ends for t in axis_terms(n, axes[dof % 3], dof - dof % 3, sign)]

@@ -29,9 +29,9 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
-            if known := materials.get(name.upper()):
+            if earlier := materials.get(name.upper()):
                 message = (
-                    f"the material {name!r} is defined more than once, first in {known.place}."
+                    f"the material {name!r} is defined more than once, first in {earlier.place}."
                 )
                 raise card.place.error(message)
             current = materials[name.upper()] = Material(name, card.place)
@@ -170,9 +170,9 @@ def profile_of(card: Card) -> Profile:
     card.needs(
         short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
     )
-    needed, positive, profile = BEAM_SECTIONS[short]
-    complete = len(d) >= needed and min(d[:positive]) > 0
-    card.needs(complete, f"SECTION={kind} needs {needed} positive dimensions; got {d}.")
+    number_count, positive, profile = BEAM_SECTIONS[short]
+    complete = len(d) >= number_count and min(d[:positive]) > 0
+    card.needs(complete, f"SECTION={kind} needs {number_count} positive dimensions; got {d}.")
     if short == "BOX":
         card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
     if short == "GENERAL":
@@ -254,8 +254,8 @@ class Sections:
 
     def _refuse_nodal(self, card: Card, blocks: Sequence[Block]) -> None:
         """Raise MeshError for beams whose dimensions are given at their nodes."""
-        known = np.flatnonzero(np.isfinite(self.thickness))
-        nodal = any(np.isin(block.nodes, known).any() for block in blocks)
+        given_nodes = np.flatnonzero(np.isfinite(self.thickness))
+        nodal = any(np.isin(block.nodes, given_nodes).any() for block in blocks)
         of_card = not nodal and "NODALTHICKNESS" not in card.options
         card.needs(
             of_card,
@@ -390,8 +390,8 @@ class Sections:
             return self._directions(name, card, elements, card.place)
         card.refuse_turned()
         normals = geometry.normals_of(self.whole.deck, elements)
-        across = np.abs(normals[:, :1]) > math.cos(math.radians(steep))
-        return np.where(across, np.eye(3)[2], np.eye(3)[0])
+        x_is_normal = np.abs(normals[:, :1]) > math.cos(math.radians(steep))
+        return np.where(x_is_normal, np.eye(3)[2], np.eye(3)[0])
 
     def _by_thickness(
         self, elements: IntArray, section_thickness: float

@@ -26,19 +26,19 @@ from antiosc_decks.properties import (
 
 def chosen_elements(deck: Deck) -> BoolArray:
     """Mask (n,) of the elements that the caller chose by parts and by piece."""
-    chosen = np.full(deck.n_elements, deck.wanted is None)
+    selected = np.full(deck.n_elements, deck.wanted is None)
     for name in deck.wanted or ():
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
         if not len(members):
-            known = sorted(n for n, rows in deck.element_sets.items() if len(rows))
-            known_text = ", ".join(map(repr, known[:20])) or "none"
+            set_names = sorted(n for n, rows in deck.element_sets.items() if len(rows))
+            known_text = ", ".join(map(repr, set_names[:20])) or "none"
             raise MeshError(
                 f"{deck.name} has no elements of a part {name!r}; it has: {known_text}."
             )
-        chosen[members] = True
+        selected[members] = True
     if deck.piece is None:
-        return chosen
-    return one_piece(deck, chosen)
+        return selected
+    return one_piece(deck, selected)
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -96,11 +96,11 @@ class ModelBuilder:
 
     def find_nodes(self) -> None:
         """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""
-        chosen = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
-        present = {members.role for _, members in chosen if len(members)}
-        self.truss = "rod" in present and present <= SPRINGS
+        blocks = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
+        roles = {members.role for _, members in blocks if len(members)}
+        self.truss = "rod" in roles and roles <= SPRINGS
         used = np.zeros(len(self.used), dtype=bool)
-        for block, members in chosen:
+        for block, members in blocks:
             used[block.nodes] = True
             if block.role not in SPRINGS or (self.truss and block.role == "rod"):
                 self.used[members.nodes] = True
@@ -323,23 +323,23 @@ def add_mass(
     builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: DeckPlace
 ) -> None:
     """Add mass per length, area or volume (`dimension` 1, 2, 3; 0: the elements' own dimension)."""
-    sizes, across, _ = _sections(builder, elements, place)
+    sizes, size, _ = _sections(builder, elements, place)
     measurable = dimension not in (1, 2) or (sizes == dimension).all()
     kind = "length" if dimension == 1 else "area"
     place.needs(measurable, f"a mass per {kind} on elements that have none.")
-    _spread(builder, elements, np.where((sizes < 3) & (dimension < 3), value / across, value))
+    _spread(builder, elements, np.where((sizes < 3) & (dimension < 3), value / size, value))
 
 
 def add_total(
     builder: ModelBuilder, elements: IntArray, value: float, place: DeckPlace, by: str
 ) -> None:
     """Spread a total mass over elements by "measure" (length or area), "volume" or "mass"."""
-    dimension, across, density = _sections(builder, elements, place)
+    dimension, size, density = _sections(builder, elements, place)
     comparable = by != "measure" or len(set(dimension.tolist())) == 1
     place.needs(comparable, "one mass is spread over lines, areas or volumes alone.")
     measure = measures_of(builder.deck, elements)
-    share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
-    total = float((share * across * measure).sum())
+    share = {"measure": 1 / size, "volume": np.ones(len(size)), "mass": density}[by]
+    total = float((share * size * measure).sum())
     place.needs(total > 0, f"the elements of the nonstructural mass have no {by}.")
     _spread(builder, elements, value / total * share)
 
@@ -357,21 +357,21 @@ def _section(builder: ModelBuilder, element: int, place: DeckPlace) -> tuple[int
     family = builder.families[number]
     units = builder.units
     a = family.arguments
-    across = 1.0
+    size = 1.0
     per_area = a.get("mass", 0.0)
     if family.kind in ("Beam", "Truss"):
-        across = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
+        size = (a["section"]["A"] if "section" in a else a["area"]) / units.length**2
     elif "layers" in a:
-        across = sum(layer["thickness"] for layer in a["layers"]) / units.length
+        size = sum(layer["thickness"] for layer in a["layers"]) / units.length
         per_area = sum(layer["thickness"] * layer["rho"] for layer in a["layers"])
     elif "thickness" in a:
-        across = a["thickness"] / units.length
+        size = a["thickness"] / units.length
     place.needs(
-        across > 0,
+        size > 0,
         "the nonstructural mass is on an element without thickness or area; give its section one.",
     )
-    density = a["rho"] if "rho" in a else per_area / (across * units.length)
-    return DIMENSION[family.kind], across, density / units.density
+    density = a["rho"] if "rho" in a else per_area / (size * units.length)
+    return DIMENSION[family.kind], size, density / units.density
 
 
 def _spread(builder: ModelBuilder, elements: IntArray, density: Array) -> None:

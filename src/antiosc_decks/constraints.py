@@ -36,7 +36,7 @@ def lever(r: Array) -> Array:
     return np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
 
 
-def along(node: int, axis: Array, first: int, factor: float) -> list[Term]:
+def axis_terms(node: int, axis: Array, first: int, factor: float) -> list[Term]:
     """Terms of a node's displacement (`first` = 0) or rotation (3) along an axis."""
     return [(node, first + c, factor * float(axis[c])) for c in range(3) if axis[c]]
 
@@ -107,9 +107,9 @@ class DeckConstraints:
         result = np.zeros(6, dtype=bool)
         for first in (0, 3):
             fixed_axes = fixed[first : first + 3]
-            along = fixed_along_axes(fixed_axes, frame)
-            if along is not None:
-                result[first : first + 3] = along
+            fixed_motions = fixed_along_axes(fixed_axes, frame)
+            if fixed_motions is not None:
+                result[first : first + 3] = fixed_motions
                 continue
             for direction in frame[fixed_axes]:
                 order = np.argsort(-np.abs(direction), kind="stable")
@@ -126,10 +126,10 @@ class DeckConstraints:
         """(terms of the elongation of a line from a to b, its length); the twist if `first`
         is 3.
         """
-        along = self.place(b) - self.place(a)
-        length = float(np.linalg.norm(along))
+        line = self.place(b) - self.place(a)
+        length = float(np.linalg.norm(line))
         place.needs(length != 0, "the ends of an element coincide, so that it has no direction.")
-        unit = (along / length).tolist()
+        unit = (line / length).tolist()
         ends = ((a, -1.0), (b, 1.0))
         return [(n, first + c, s * unit[c]) for n, s in ends for c in range(3)], length
 
@@ -165,9 +165,9 @@ class DeckConstraints:
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
         if rotation_node is not None and rotation_node != node:
             for c in range(3):
-                known = self.alias.setdefault((rotation_node, c), (point, 3 + c))
-                if known != (point, 3 + c):  # bodies that turn alike
-                    self.equations.append([(point, 3 + c, 1.0), (*known, -1.0)])
+                alias = self.alias.setdefault((rotation_node, c), (point, 3 + c))
+                if alias != (point, 3 + c):  # bodies that turn alike
+                    self.equations.append([(point, 3 + c, 1.0), (*alias, -1.0)])
         return point
 
     def rigid(
@@ -227,8 +227,8 @@ class DeckConstraints:
         J = np.trace(J) * np.eye(3) - J
         spins = np.zeros(len(nodes))
         if turning is not None:
-            away = np.linalg.norm(x - self.place(follower), axis=1).mean()
-            spins = w * np.where(turning, away**2 or 1.0, 0.0)
+            mean_distance = np.linalg.norm(x - self.place(follower), axis=1).mean()
+            spins = w * np.where(turning, mean_distance**2 or 1.0, 0.0)
             J += spins.sum() * np.eye(3)
         values, axes = np.linalg.eigh(J)
         resisted = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
@@ -244,9 +244,9 @@ class DeckConstraints:
         lever_of_rotation = np.einsum("ij,jpk->ipk", cross, by_rotation)
         # a rotation about the line of the nodes does not displace a point on that line
         unknown = np.abs(cross @ axes[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
-        known = resisted.all() or not any(c >= 3 or unknown for c in motions)
+        is_determined = resisted.all() or not any(c >= 3 or unknown for c in motions)
         place.needs(
-            known,
+            is_determined,
             "the nodes whose mean motion is taken lie on one line, so that their "
             "rotation is not known; take more nodes, or displacements alone at their "
             "centre.",
@@ -256,23 +256,23 @@ class DeckConstraints:
             (0, displacements, lever_of_rotation),
             (3, rotations, by_rotation),
         ):
-            for pivot, along in _directions(self.frames.get(follower), motions, first):
-                components = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
-                mean = np.einsum("i,ipk->pk", along, table)
-                terms = [(follower, first + int(k), float(along[k])) for k in components]
+            for pivot, axis in _directions(self.frames.get(follower), motions, first):
+                components = sorted(np.flatnonzero(axis), key=lambda k: k != pivot)
+                mean = np.einsum("i,ipk->pk", axis, table)
+                terms = [(follower, first + int(k), float(axis[k])) for k in components]
                 terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
-                spin = np.einsum("i,ipk->pk", along, rotation_table)
+                spin = np.einsum("i,ipk->pk", axis, rotation_table)
                 terms += [(int(nodes[p]), 3 + k, -float(spin[p, k])) for p, k in pairs if spins[p]]
                 self._sum_is_zero(terms, place)
 
     def keep(self, stays: Callable[[list[Term]], bool]) -> int:
         """Remove constraints, springs, dampers and masses whose terms fail `stays`; count them."""
-        before = len(self.every())
+        count_before = len(self.every())
         self.equations = [terms for terms in self.equations if stays(terms)]
         self.springs = [element for element in self.springs if stays(element[0])]
         self.dampers = [element for element in self.dampers if stays(element[0])]
         self.masses = [element for element in self.masses if stays([*chain(*element[0])])]
-        return before - len(self.every())
+        return count_before - len(self.every())
 
     def loose(self) -> list[int]:
         """Numbers of the nodes without elements, and of added points, on which constraints or
@@ -361,20 +361,20 @@ def held_apart(
     """
     tables = [np.hstack([block.corners, block.mids]) for block in deck.blocks]
     tables += [np.array([[node for node, _, _ in terms]]) for terms in rows if terms]
-    acting = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
-    acting = acting[acting >= 0]
-    pieces = np.unique(connected(tables, len(x))[acting], return_inverse=True)[1]
+    constrained_nodes = np.unique(np.concatenate([NO_NODES, *(t.ravel() for t in tables)]))
+    constrained_nodes = constrained_nodes[constrained_nodes >= 0]
+    pieces = np.unique(connected(tables, len(x))[constrained_nodes], return_inverse=True)[1]
     count = int(pieces.max(initial=0)) + 1
     if count < 2:
         return count, False
     piece = np.zeros(len(x), dtype=np.int64)
-    piece[acting] = pieces
+    piece[constrained_nodes] = pieces
     centre = np.zeros((count, 3))
-    np.add.at(centre, pieces, x[acting])
+    np.add.at(centre, pieces, x[constrained_nodes])
     r = x - (centre / np.bincount(pieces)[:, None])[piece]
-    r /= max(float(np.ptp(x[acting], axis=0).max()), np.finfo(float).tiny)
+    r /= max(float(np.ptp(x[constrained_nodes], axis=0).max()), np.finfo(float).tiny)
     acting_moves = np.zeros_like(moves)
-    acting_moves[acting] = moves[acting]
+    acting_moves[constrained_nodes] = moves[constrained_nodes]
     norms, resisted = (
         _gram(mask, r, piece, count) for mask in (acting_moves, acting_moves & fixed)
     )
@@ -403,8 +403,8 @@ def _motion(r: Array, motions: IntArray) -> Array:
     """Motions (0 to 5) of nodes at r (n, 3) in the six rigid motions of a body: (n, 6)."""
     rows = np.eye(6)[motions]
     x, y, z = r.T
-    none = np.zeros(len(r))
-    rotations = np.stack([[none, z, -y], [-z, none, x], [y, -x, none], *np.zeros((3, 3, len(r)))])
+    zero = np.zeros(len(r))
+    rotations = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero], *np.zeros((3, 3, len(r)))])
     rows[:, 3:] += rotations[motions, :, np.arange(len(r))]
     return rows
 

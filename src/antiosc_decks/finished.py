@@ -46,10 +46,10 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
             mass = family.arguments["rho"] / builder.units.density * volume
             for node in nodes:
                 masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
-        where = "ends" if block.role == "rod" else "corners"
+        node_text = "ends" if block.role == "rod" else "corners"
         deck.told.append(
             f"the {len(block)} {block.type} of {deck.name} are springs, with their "
-            f"mass at their {where}."
+            f"mass at their {node_text}."
         )
     for node, (mass, place) in masses.items():
         if mass:
@@ -61,9 +61,9 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
     """Fix motions along x, y, z that nothing resists, as AUTOSPC of Nastran does."""
     stiff = np.zeros((len(builder.used), 3))
     for block in builder.deck.blocks:
-        along = np.ptp(builder.deck.points[block.corners], axis=1)
-        along /= np.maximum(along.max(axis=1, keepdims=True), np.finfo(float).tiny)
-        np.add.at(stiff, block.corners, along[:, None])
+        extents = np.ptp(builder.deck.points[block.corners], axis=1)
+        extents /= np.maximum(extents.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        np.add.at(stiff, block.corners, extents[:, None])
     joints = builder.joints
     for terms in (*joints.equations, *(terms for terms, _ in joints.springs)):
         for node, motion, _ in terms:
@@ -125,8 +125,8 @@ def _panel(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> flo
     length = np.linalg.norm(sides, axis=1)
     for k, factor in enumerate(family.arguments["sides"] * 2):
         width = area / (length[k] + length[(k + 2) % 4])
-        if across := factor * t * (width if factor <= 1.01 else t / 2):
-            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], E * across, place)
+        if edge_area := factor * t * (width if factor <= 1.01 else t / 2):
+            _spring(builder, [nodes[k], nodes[(k + 1) % 4]], E * edge_area, place)
     return area * t
 
 
@@ -139,9 +139,9 @@ def _shear(
     """
     plane = np.linalg.svd(normal[None])[2][1:]
     flat = (x - x.mean(axis=0)) @ plane.T
-    along = sides @ plane.T
-    length = np.linalg.norm(along, axis=1)
-    unit = along / length[:, None]
+    plane_sides = sides @ plane.T
+    length = np.linalg.norm(plane_sides, axis=1)
+    unit = plane_sides / length[:, None]
     arms = flat[:, 0] * unit[:, 1] - flat[:, 1] * unit[:, 0]
     forces = np.linalg.svd(np.vstack([unit.T, arms / length.max()]))[2][-1]
     flow = forces / length
@@ -175,10 +175,10 @@ def finished(builder: ModelBuilder) -> Model:
     ):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     _keep(builder, ~join_rods(builder))
-    present = {block.role for block in builder.deck.blocks if len(block)}
-    if len(present) > 1 and not present <= JOINED:
+    roles = {block.role for block in builder.deck.blocks if len(block)}
+    if len(roles) > 1 and not roles <= JOINED:
         raise MeshError(
-            f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one "
+            f"{builder.deck.name} has {' and '.join(sorted(roles))} elements in one "
             "structure; plane elements are read alone: give each kind a deck of its "
             "own."
         )
@@ -187,28 +187,28 @@ def finished(builder: ModelBuilder) -> Model:
     joints = builder.joints
     grounded = [element for element in joints.springs if len(element[0]) == 1]
     joins_nodes = len(joints.every()) > len(grounded)  # anything that joins nodes
-    mixed = "shell" in present and kept_apart(builder.deck)
-    stiffened = present == {"shell", "beam"} and not mixed and not joins_nodes
+    mixed = "shell" in roles and kept_apart(builder.deck)
+    stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
     stiffened = stiffened and _on_edges(builder)
-    several = mixed or (len(present) > 1 and not stiffened)
+    several = mixed or (len(roles) > 1 and not stiffened)
     attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
     off_elements = any(not builder.used[node] for node in attached)
-    joined = several or off_elements or joins_nodes
-    if joined:
+    is_assembly = several or off_elements or joins_nodes
+    if is_assembly:
         _attach(builder)
     if stiffened:
         _shear_with_shells(builder)
-    plane = not builder.truss and not present <= JOINED
-    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
+    plane = not builder.truss and not roles <= JOINED
+    count = 2 if plane else 3 if builder.truss or roles == {"solid"} else 6
     fixed_points = _fixed_points(builder, plane)
-    pieces, supported = _held(builder, count, fixed_points)
-    if not joined:
+    pieces, supported = _pieces_and_supports(builder, count, fixed_points)
+    if not is_assembly:
         joints.springs = []
     # N/m, and N m of rotations
     size = builder.units.length
     force = builder.units.force
     units = [force * size ** (1 if m > 2 else -1) for m in range(6)]
-    point_springs = [] if joined else grounded
+    point_springs = [] if is_assembly else grounded
     springs = [
         (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
     ]
@@ -230,8 +230,8 @@ def finished(builder: ModelBuilder) -> Model:
         "springs": springs,
         "ignored": builder.ignored,
         "gdim": 2 if count == 2 else 3,
-        "halve": "beam" in present and not stiffened,
-        "joined": joined,
+        "halve": "beam" in roles and not stiffened,
+        "joined": is_assembly,
         "mixed": mixed,
         "joints": builder.joints.finished(builder.units),
         "apart": builder.apart,
@@ -241,7 +241,7 @@ def finished(builder: ModelBuilder) -> Model:
     }
 
 
-def _held(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
+def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) -> tuple[int, bool]:
     """(number of pieces of the deck, whether there are several and each is supported)."""
     joints = builder.joints
     nodes = len(builder.deck.points)
@@ -264,10 +264,10 @@ def _drop_alone(builder: ModelBuilder) -> None:
     used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
     label = connected(node_rows, len(used) + len(joints.more))
-    joined = np.isin(label, label[: len(used)][used])
+    is_connected = np.isin(label, label[: len(used)][used])
 
     def moves(node: int) -> bool:
-        return bool(joined[joints.alias.get((node, 0), (node, 0))[0]])
+        return bool(is_connected[joints.alias.get((node, 0), (node, 0))[0]])
 
     on_fixed = [
         entry
@@ -281,21 +281,21 @@ def _drop_alone(builder: ModelBuilder) -> None:
     builder.masses = [
         entry for entry in builder.masses if moves(entry[0]) and entry not in on_fixed
     ]
-    dropped = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
-    acting = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
+    removed_count = joints.keep(lambda terms: any(moves(n) for n, _, _ in terms))
+    loaded_motions = {(n, m) for terms in joints.every(dampers=False) for n, m, _ in terms}
     for node, _, mass, inertia in builder.masses:
-        acting |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
+        loaded_motions |= {(node, c) for c, m in enumerate([mass] * 3 + inertia) if m}
 
     def resists(terms: Sequence[Term]) -> bool:
         """Whether each end of a damper has mass, or a spring or constraint acts on it."""
-        return all((n < len(used) and used[n]) or (n, m) in acting for n, m, _ in terms)
+        return all((n < len(used) and used[n]) or (n, m) in loaded_motions for n, m, _ in terms)
 
     dampers = [entry for entry in joints.dampers if resists(entry[0])]
-    dropped += len(joints.dampers) - len(dampers)
+    removed_count += len(joints.dampers) - len(dampers)
     joints.dampers = dampers
-    if dropped:
+    if removed_count:
         message = "springs, dampers, masses and constraints that nothing joins to an element"
-        builder.ignored.append(f"{dropped} {message}")
+        builder.ignored.append(f"{removed_count} {message}")
 
 
 def _attach(builder: ModelBuilder) -> None:
@@ -334,17 +334,17 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
     """[(number of a point of no element, its motions that are fixed or on which nothing acts)]."""
     loose = builder.joints.loose()
-    acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
+    loaded_motions = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
     fixed_of: dict[int, set[str]] = {}
     for k, node in enumerate(loose):
-        fixed_of[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
+        fixed_of[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in loaded_motions}
     for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
         motion_of_node = int(node), int(motion)
         target, axis = builder.joints.alias.get(motion_of_node, motion_of_node)
         if target in loose:
             fixed_of[-1 - loose.index(target)].add(MOTIONS[axis])
-    known = {"x", "y", "rz"} if plane else set(MOTIONS)
-    return [(n, sorted(fixed & known)) for n, fixed in fixed_of.items() if fixed & known]
+    motions = {"x", "y", "rz"} if plane else set(MOTIONS)
+    return [(n, sorted(fixed & motions)) for n, fixed in fixed_of.items() if fixed & motions]
 
 
 def _refuse_uncovered(builder: ModelBuilder) -> None:
@@ -382,22 +382,22 @@ def _keep(builder: ModelBuilder, mask: BoolArray) -> None:
     if mask.all():
         return
     deck = builder.deck
-    gone = builder.gone
+    removed = builder.gone
     blocks = [block[mask[rows]] for block, rows in deck.numbered()]
     deck.blocks = [block for block in blocks if len(block)]
     number = np.cumsum(mask) - 1
     sets = deck.element_sets.items()
     deck.element_sets = {name: number[members[mask[members]]] for name, members in sets}
     builder.of_element = builder.of_element[mask]
-    dropped = builder.joints.keep(
-        lambda terms: not any(gone[n] for n, *_ in terms if n < len(gone))
+    removed_count = builder.joints.keep(
+        lambda terms: not any(removed[n] for n, *_ in terms if n < len(removed))
     )
-    masses = [members for members in builder.masses if not gone[members[0]]]
-    dropped += len(builder.masses) - len(masses)
+    masses = [members for members in builder.masses if not removed[members[0]]]
+    removed_count += len(builder.masses) - len(masses)
     builder.masses = masses
-    if dropped:
+    if removed_count:
         message = "constraints, springs, dampers or masses on parts that are left out"
-        builder.ignored.append(f"{dropped} {message}")
+        builder.ignored.append(f"{removed_count} {message}")
 
 
 def _hold_middles(builder: ModelBuilder) -> None:

@@ -132,11 +132,11 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
     """Supports whose group is replaced by the group of this name in each part that has it."""
     of_parts = []
     for support in supports:
-        where = support.where
+        group = support.where
         owners: list[str] = []
-        if isinstance(where, str):
-            owners = [name for name, part in parts.items() if where in part.mesh.groups]
-        of_parts += [replace(support, where=f"{name}:{where}") for name in owners] or [support]
+        if isinstance(group, str):
+            owners = [name for name, part in parts.items() if group in part.mesh.groups]
+        of_parts += [replace(support, where=f"{name}:{group}") for name in owners] or [support]
     return of_parts
 
 

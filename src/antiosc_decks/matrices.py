@@ -86,9 +86,9 @@ def _form(source: MatrixFile, number: int, name: str, fields: list[str]) -> int:
     except (ValueError, IndexError):
         raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
     real = kind in (1, 2)
-    known = form in (SYMMETRIC_FORM, SQUARE_FORM)
+    valid = form in (SYMMETRIC_FORM, SQUARE_FORM)
     source.needs(real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
-    source.needs(known, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
+    source.needs(valid, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
     return form
 
 
@@ -138,9 +138,9 @@ def _number(source: MatrixFile, number: int, text: str) -> float:
 
 def write_dmig(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
     """Write symmetric matrices by name, rows by their labels (n, 2): large fields, one triangle."""
-    with path.open("w") as out:
+    with path.open("w") as stream:
         for name, matrix in matrices.items():
-            out.writelines(_written(name, scipy.sparse.csc_matrix(matrix), labels))
+            stream.writelines(_written(name, scipy.sparse.csc_matrix(matrix), labels))
 
 
 def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iterator[str]:
@@ -154,8 +154,8 @@ def _written(name: str, matrix: scipy.sparse.csc_matrix, labels: Labels) -> Iter
             continue
         yield f"{'DMIG*':<8}{name:<16}{grid:>16}{component:>16}\n"
         for row, value in zip(lower.indices[part], lower.data[part], strict=True):
-            where = f"{labels[row][0]:>16}{labels[row][1]:>16}"
-            yield f"{'*':<8}{where}{_large(float(value)):>16}\n"
+            row_label = f"{labels[row][0]:>16}{labels[row][1]:>16}"
+            yield f"{'*':<8}{row_label}{_large(float(value)):>16}\n"
 
 
 def _large(value: float) -> str:
@@ -189,8 +189,8 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     cards = _whole(source, lines[1], 2, 4)
     kind = lines[2][:3].decode("ascii", "replace").upper()
     if kind[0] != "R":
-        what = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
-        raise source.error(3, f"the matrix is {what}: stiffness and mass must be real.")
+        kind_text = {"C": "complex", "P": "a pattern without values"}.get(kind[0], repr(kind))
+        raise source.error(3, f"the matrix is {kind_text}: stiffness and mass must be real.")
     message = f"the type must be RSA or RUA (real, symmetric or not, assembled); got {kind!r}."
     source.needs(kind[1] in "SU" and kind[2] == "A", 3, message)
     rows, columns, count = _whole(source, lines[2][3:], 3, 3)[:3]
@@ -205,9 +205,9 @@ def read_harwell_boeing(source: MatrixFile) -> Entries:
     formats = [_format(source, lines[3][a:b]) for a, b in ((0, 16), (16, 32), (32, 52))]
     first = 5 if len(cards) > 4 and cards[4] > 0 else 4  # a line on the right-hand sides
     blocks: list[Array] = []
-    for form, wanted in zip(formats, (columns + 1, count, count), strict=True):
-        blocks.append(_fields(source, lines, first, form, wanted))
-        first += -(-wanted // form[0])
+    for form, number_count in zip(formats, (columns + 1, count, count), strict=True):
+        blocks.append(_fields(source, lines, first, form, number_count))
+        first += -(-number_count // form[0])
     pointers, index, value = blocks
     starts = np.diff(pointers)
     rise = pointers[0] == 1 and pointers[-1] == count + 1 and (starts >= 0).all()
@@ -248,23 +248,23 @@ def _fields(
     number).
     """
     per_line, width = form
-    needed = -(-wanted // per_line)
+    line_count = -(-wanted // per_line)
     remaining = len(lines) - first
-    message = f"the file ends within a matrix, after {remaining} of {needed} lines."
-    source.needs(remaining >= needed, len(lines), message)
+    message = f"the file ends within a matrix, after {remaining} of {line_count} lines."
+    source.needs(remaining >= line_count, len(lines), message)
     values = np.empty(wanted)
-    done = 0
-    for k in range(first, first + needed):
-        count = min(per_line, wanted - done)
+    count_read = 0
+    for k in range(first, first + line_count):
+        count = min(per_line, wanted - count_read)
         fields = lines[k].split()
         if len(fields) != count:  # no blank between some of them
             fields = [lines[k][i * width : (i + 1) * width] for i in range(count)]
         try:
-            values[done : done + count] = [float(fortran(field)) for field in fields]
+            values[count_read : count_read + count] = [float(fortran(field)) for field in fields]
         except ValueError:
             line_text = lines[k].decode("ascii", "replace").strip()[:60]
             raise source.error(k + 1, f"{count} numbers are expected; got {line_text!r}.") from None
-        done += count
+        count_read += count
     return values
 
 
@@ -477,28 +477,28 @@ class _Binary:
     def begin(self) -> None:
         """Read one Fortran record: its length, its bytes, the length again."""
         content = self._source.content
-        at = self._at
-        self._start = at
-        if at + 4 > len(content):
+        offset = self._at
+        self._start = offset
+        if offset + 4 > len(content):
             raise self._source.at_byte(len(content), "the file ends within a matrix.")
-        (length,) = struct.unpack_from(self._order + "i", content, at)
-        if length < 0 or at + 8 + length > len(content):
+        (length,) = struct.unpack_from(self._order + "i", content, offset)
+        if length < 0 or offset + 8 + length > len(content):
             raise self.bad(f"the file ends within a record of {length} bytes")
-        (again,) = struct.unpack_from(self._order + "i", content, at + 4 + length)
-        if again != length:
-            raise self.bad(f"a record of {length} bytes ends with {again}")
-        self._at = at + 8 + length
-        self._record = content[at + 4 : at + 4 + length]
+        (closing_length,) = struct.unpack_from(self._order + "i", content, offset + 4 + length)
+        if closing_length != length:
+            raise self.bad(f"a record of {length} bytes ends with {closing_length}")
+        self._at = offset + 8 + length
+        self._record = content[offset + 4 : offset + 4 + length]
         self._next = 0
 
     def _values(self, kind: np.dtype[S], count: int) -> NDArray[S]:
         """The next `count` numbers of the record."""
-        at = self._next
+        offset = self._next
         self._next += count * kind.itemsize
         if count < 0 or self._next > len(self._record):
             size = len(self._record)
             raise self.bad(f"{count} numbers are expected, in a record of {size} bytes")
-        return np.frombuffer(self._record, kind, count, at)
+        return np.frombuffer(self._record, kind, count, offset)
 
     def whole(self, count: int) -> list[int]:
         """The next integers of the record."""
@@ -515,9 +515,9 @@ class _Binary:
 
 def write_op4(path: Path, matrices: dict[str, Matrix], labels: Labels) -> None:
     """Write symmetric matrices: binary, double precision, little-endian, BIGMAT."""
-    with path.open("wb") as out:
+    with path.open("wb") as stream:
         for name, matrix in matrices.items():
-            out.writelines(_records(name, scipy.sparse.csc_matrix(matrix)))
+            stream.writelines(_records(name, scipy.sparse.csc_matrix(matrix)))
 
 
 def _records(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:

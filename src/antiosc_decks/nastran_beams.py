@@ -63,13 +63,15 @@ class BeamProfiles:
         read = self._listed if entry.name in ("PBARL", "PBEAML") else self._by_constants
         #: place along the beam from 0 to 1, ascending -> the cross-section there
         self.stations: dict[float, Station] = dict(sorted(read().items()))
-        first, *others = self.stations.values()
-        self.tapered = any(not np.allclose(station, first, rtol=1e-6, atol=0) for station in others)
-        least = min(self.stations)
+        first, *stations = self.stations.values()
+        self.tapered = any(
+            not np.allclose(station, first, rtol=1e-6, atol=0) for station in stations
+        )
+        first_station = min(self.stations)
         last = max(self.stations)
-        entry.needs(0 <= least <= last <= 1, f"X/XB of {entry.name} lies between 0 and 1.")
-        ended = not others or last == 1
-        entry.needs(ended, f"{entry.name} gives no section at X/XB = 1.")
+        entry.needs(0 <= first_station <= last <= 1, f"X/XB of {entry.name} lies between 0 and 1.")
+        is_complete = not stations or last == 1
+        entry.needs(is_complete, f"{entry.name} gives no section at X/XB = 1.")
 
     def at(self, s: float) -> BeamProfile:
         """The cross-section at place s (0 to 1), linear between stations."""
@@ -109,9 +111,9 @@ class BeamProfiles:
             start = self._along(rows)
             # blank at the second end: as at the first
             ends = (start + 12, start + 13)
-            further = [k + 2 if entry.text(k + 2) else k for k in ends]
+            station_fields = [k + 2 if entry.text(k + 2) else k for k in ends]
             self.neutral[:] = [
-                [entry.real(k) for k in end_fields] for end_fields in (ends, further)
+                [entry.real(k) for k in end_fields] for end_fields in (ends, station_fields)
             ]
             if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
                 self.told.append(f"{', '.join(unread)} of {label}")
@@ -127,8 +129,8 @@ class BeamProfiles:
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
-            what = "their mean is taken" if shear else "both planes are taken as rigid in shear"
-            self.told.append(f"K1 and K2 of {label}, which differ: {what}")
+            remark = "their mean is taken" if shear else "both planes are taken as rigid in shear"
+            self.told.append(f"K1 and K2 of {label}, which differ: {remark}")
         if not values[4]:
             self.told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
         self.form = replace(self.form, shear=shear or self.form.shear)
@@ -399,8 +401,8 @@ def _own_ends(
     axes = np.stack([line / length, height, np.cross(line / length, height)])
     places = x + offsets + neutral @ axes[1:]
     ends = [k for k in (0, 1) if pins[k] or offsets[k].any() or neutral[k].any()]
-    following = [tuple(c for c in range(6) if c not in released) for released in pins]
-    return {k: (places[k], following[k], axes) for k in ends}
+    held_motions = [tuple(c for c in range(6) if c not in released) for released in pins]
+    return {k: (places[k], held_motions[k], axes) for k in ends}
 
 
 def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
@@ -422,11 +424,11 @@ def offsets_of(deck: NastranDeck, entry: Entry) -> Array:
 def orientation(deck: NastranDeck, entry: Entry, tangent: Array) -> Array:
     """Unit vector of plane 1 across the beam's axis `tangent`."""
     v = _vector(deck, entry)
-    across = v - (v @ tangent) * tangent
-    size = float(np.linalg.norm(across))
+    height = v - (v @ tangent) * tangent
+    size = float(np.linalg.norm(height))
     message = f"the orientation of {entry.name} {entry.text(0)} is missing, or along its axis."
     entry.needs(size > 1e-9 * float(np.linalg.norm(v)), message)
-    return np.asarray(across / size)
+    return np.asarray(height / size)
 
 
 def _vector(deck: NastranDeck, entry: Entry) -> Array:
@@ -451,8 +453,10 @@ def arc(entry: Entry, bend: Entry, x: Array, v: Array, pieces: int) -> tuple[Arr
     chord_length = float(np.linalg.norm(chord))
     label = f"CBEND {entry.text(0)}"
     height = v - (v @ chord) * chord / chord_length**2
-    across = np.linalg.norm(height) > ALONG * np.linalg.norm(v)
-    entry.needs(across, f"the plane of {label} is not known: its vector lies along its chord.")
+    is_transverse = np.linalg.norm(height) > ALONG * np.linalg.norm(v)
+    entry.needs(
+        is_transverse, f"the plane of {label} is not known: its vector lies along its chord."
+    )
     height /= np.linalg.norm(height)
     kind = entry.whole(7)
     entry.needs(kind in (1, 2, 3, 4), f"GEOM of CBEND is 1 to 4; got {kind}.")

@@ -195,20 +195,20 @@ class Bulk:
             if not line.strip():
                 continue
             if match := _INCLUDE.match(line):
-                named = match[1].strip()
-                while named[:1] in "'\"" and named and named.count(named[0]) < 2:
+                file_name = match[1].strip()
+                while file_name[:1] in "'\"" and file_name and file_name.count(file_name[0]) < 2:
                     if number >= len(lines):  # the name ends at its quote
                         break
-                    named += lines[number].strip()
+                    file_name += lines[number].strip()
                     number += 1
                 try:
-                    included = self._sources.enter(named, place)
+                    included = self._sources.enter(file_name, place)
                 except MeshError as error:
                     if self._started:
                         raise
                     self.told.append(f"{error} It is not read: it stands before the bulk data.")
                     continue
-                self._read(included, named.strip("'\" "))
+                self._read(included, file_name.strip("'\" "))
                 self._sources.leave()
             elif not self._started:
                 self._control(line)
@@ -310,15 +310,15 @@ def fields_of(line: str) -> tuple[str, list[str], bool, str]:
     There are 4 large or 8 small fields; free format may have more.
     """
     if "," in line:
-        first, *rest = (part.strip() for part in line.split(","))
-        first, *further = first.split() if first[:1].isalpha() else [first]
-        rest = [*further, *rest]  # blanks separate free fields, too
+        first, *other_parts = (part.strip() for part in line.split(","))
+        first, *other_fields = first.split() if first[:1].isalpha() else [first]
+        other_parts = [*other_fields, *other_parts]  # blanks separate free fields, too
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
-        mark = "".join(rest[count : count + 1])
-        if any(rest[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
-            return first, rest + [""] * (-len(rest) % count), large, ""
-        return first, (rest + [""] * count)[:count], large, mark
+        mark = "".join(other_parts[count : count + 1])
+        if any(other_parts[count + 1 :]) or _NUMBER.match(mark):  # a line as long as the entry
+            return first, other_parts + [""] * (-len(other_parts) % count), large, ""
+        return first, (other_parts + [""] * count)[:count], large, mark
     name = line[:8].strip()
     large = "*" in name
     width, count = (16, 4) if large else (8, 8)
@@ -541,27 +541,27 @@ def renew(entries: Sequence[Entry]) -> list[Entry]:
     """Rewrite entries of old versions as current ones; returns the entries to be added."""
     solids: dict[str, Entry] = {}
     links: list[Entry] = []
-    known = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
+    solid_properties = {entry.text(0) for entry in entries if entry.name == "PSOLID"}
     for entry in entries:
         if entry.name not in OLDER:
             continue
-        old = entry.name
+        old_name = entry.name
         entry.name, order = OLDER[entry.name]
-        if old in OF_MATERIAL:
+        if old_name in OF_MATERIAL:
             material = entry.text(1)
             solids.setdefault(material, Entry("PSOLID", entry.place, [material, material]))
-        elif old == "CRIGD1":
+        elif old_name == "CRIGD1":
             entry.fields[2:2] = ["123456"]
-        elif old == "CRIGD2":  # pairs of a node and its components
+        elif old_name == "CRIGD2":  # pairs of a node and its components
             words = entry.words(0)
             pairs = zip(words[2::2], words[3::2], strict=False)
             links += [Entry("RBE2", entry.place, [*words[:2], c, node]) for node, c in pairs]
-        elif old in ("PQUAD1", "PTRIA1"):
+        elif old_name in ("PQUAD1", "PTRIA1"):
             entry.fields = _plate(entry)
         elif order:
             entry.fields = ["" if k is None else entry.text(k) for k in order]
-        known.update([entry.text(0)] if entry.name == "PSOLID" else [])
-    return [entry for number, entry in solids.items() if number not in known] + links
+        solid_properties.update([entry.text(0)] if entry.name == "PSOLID" else [])
+    return [entry for number, entry in solids.items() if number not in solid_properties] + links
 
 
 def _plate(entry: Entry) -> list[str]:
@@ -571,8 +571,8 @@ def _plate(entry: Entry) -> list[str]:
     entry.needs(t, f"{entry.name} needs a thickness, or I, above 0.")
     shear = repr(entry.real(6) / t) if entry.real(6) else ""
     ratio = repr(12 * second / t**3) if second else ""
-    number, membrane, bending, across, extra = (entry.text(k) for k in (0, 1, 3, 5, 7))
-    return [number, membrane, repr(t), bending, ratio, across, shear, extra]
+    number, membrane, bending, shear_material, extra = (entry.text(k) for k in (0, 1, 3, 5, 7))
+    return [number, membrane, repr(t), bending, ratio, shear_material, shear, extra]
 
 
 def tell_damping(account: Account, entries: Sequence[Entry]) -> None:

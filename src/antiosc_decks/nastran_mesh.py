@@ -138,14 +138,16 @@ def scope_parts(entries: list[Entry]) -> None:
     """Set the scopes of all entries if the parts use numbers for different things."""
     part = 0
     scopes = []
-    known: dict[tuple[str, str], tuple[int, list[str]]] = {}
+    fields_of: dict[tuple[str, str], tuple[int, list[str]]] = {}
     clash = any(entry.name == "SELOC" for entry in entries)
     for entry in entries:
         part = entry.whole(0) if entry.name == "BEGIN SUPER" else part
         scopes.append(part)
         if entry.name.startswith(DEFINED) and entry.name not in ("PARAM", "PLOTEL"):
-            other, fields = known.setdefault((entry.name, entry.text(0)), (part, entry.fields))
-            clash = clash or (other != part and fields != entry.fields)
+            other_part, fields = fields_of.setdefault(
+                (entry.name, entry.text(0)), (part, entry.fields)
+            )
+            clash = clash or (other_part != part and fields != entry.fields)
     for entry, part in zip(entries, scopes, strict=True):
         if clash and part:
             entry.place = replace(entry.place, scope=part * SCOPE)
@@ -159,7 +161,7 @@ def label_of(number: int) -> str:
 
 def place_in(entries: list[Entry], entry: Entry, k: int) -> DeckPlace:
     """The place of an entry with the scope of the part that its field `k` names."""
-    scoped = any(other.place.scope for other in entries)
+    scoped = any(entry_in_deck.place.scope for entry_in_deck in entries)
     return replace(entry.place, scope=entry.whole(k, 0) * SCOPE * scoped)
 
 
@@ -237,32 +239,32 @@ class NastranDeck:
         The choice is reported; MeshError if a selected SPC set does not exist.
         """
         name = self.deck.name
-        present = {entry.whole(0) for entry in self.named(*SETS[what])}
+        numbers = {entry.whole(0) for entry in self.named(*SETS[what])}
         if self.bulk.selected is None:
-            if len(present) > 1:
-                sentence = f"{name} has no case control: its {what} {_sets(present)} are all taken."
+            if len(numbers) > 1:
+                sentence = f"{name} has no case control: its {what} {_sets(numbers)} are all taken."
                 self.deck.told.append(sentence)
-            return present
+            return numbers
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
         selected = set() if first is None else {first}
         if first in sums:
             words = sums[first].words(1)
             place = sums[first].place
-            selected = {whole_number(word, place) for word in words} | selected & present
-        missing = selected - present
-        others = (present | set(sums)) - selected - {first}
-        if missing == selected and what == "SPC" and selected:
+            selected = {whole_number(word, place) for word in words} | selected & numbers
+        missing_sets = selected - numbers
+        unselected = (numbers | set(sums)) - selected - {first}
+        if missing_sets == selected and what == "SPC" and selected:
             message = f"the case control of {name} selects SPC = {first}"
             raise MeshError(f"{message}, which is not there.")
-        if missing:
+        if missing_sets:
             self.deck.told.append(
-                f"{what} = {first} of {name} needs the {_sets(missing)}, not there."
+                f"{what} = {first} of {name} needs the {_sets(missing_sets)}, not there."
             )
-        if others:
-            message = f"not used of {name}: {what} {_sets(others)}"
+        if unselected:
+            message = f"not used of {name}: {what} {_sets(unselected)}"
             self.deck.told.append(f"{message}, which the first subcase does not select.")
-        return selected & present
+        return selected & numbers
 
     def element_labels(self) -> IntArray:
         """Numbers of the elements in the deck's order."""
@@ -402,21 +404,21 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     if len(twice):
         raise MeshError(f"{name} defines {twice[0]} as a GRID and as an SPOINT.")
     nodes = Numbering(np.concatenate([labels, scalar]))
-    placed: dict[int, Array] = {}
+    positions: dict[int, Array] = {}
 
     def position(label: int, place: DeckPlace) -> Array:
         row = int(nodes.rows(np.array([label + place.scope]))[0])
         place.needs(0 <= row < len(grids), f"there is no GRID {label}.")
-        if row not in placed:
+        if row not in positions:
             number = grids[row].whole(1, 0)
             c = np.array(grids[row].reals(2, 5))
-            placed[row] = systems(number, grids[row].place).point(c)
-        return placed[row]
+            positions[row] = systems(number, grids[row].place).point(c)
+        return positions[row]
 
     systems = Systems(bulk.entries, position)
-    moved = moved_parts(bulk.entries, position, systems)
-    systems.move(moved)
-    placed.clear()
+    part_systems = moved_parts(bulk.entries, position, systems)
+    systems.move(part_systems)
+    positions.clear()
     points = [position(grid.whole(0), grid.place) for grid in grids]
     numbers = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     deck = Deck(name, np.vstack([points, np.zeros((len(scalar), 3))]), labels=numbers)
@@ -425,7 +427,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     deck_read = NastranDeck(deck, bulk, nodes, systems, grids, rows, account)
     for row, grid in enumerate(grids):
         number = grid.whole(5, 0)
-        if number or grid.place.scope in moved:
+        if number or grid.place.scope in part_systems:
             deck_read.systems_of[row] = number
     return deck_read
 
@@ -434,11 +436,13 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
     """Number -> its entry; MeshError if two entries of one number differ."""
     first: dict[int, Entry] = {}
     for entry in entries:
-        known = first.setdefault(entry.number(0), entry)
-        count = max(len(known.fields), len(entry.fields))
-        if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
+        earlier = first.setdefault(entry.number(0), entry)
+        count = max(len(earlier.fields), len(entry.fields))
+        if earlier.name != entry.name or any(
+            earlier.text(k) != entry.text(k) for k in range(count)
+        ):
             message = f"the deck defines the {what} {entry.whole(0)} more than once"
-            raise entry.place.error(f"{message}, first otherwise in {known.place}.")
+            raise entry.place.error(f"{message}, first otherwise in {earlier.place}.")
     return first
 
 
@@ -495,11 +499,11 @@ def _without_fluids(deck: NastranDeck) -> None:
 def _elements(deck: NastranDeck) -> None:
     """Add blocks by type and number of nodes; elements keep the order of the blocks."""
     groups: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
-    seen: set[int] = set()
+    used_numbers: set[int] = set()
     for entry in deck.bulk.entries:
         cell = CELLS.get(entry.name)
         if entry.name == "BEGIN SUPER":  # which numbers its elements anew
-            seen = set()
+            used_numbers = set()
         if cell is None:
             if cards.is_other(entry.name):
                 deck.deck.left[entry.name] += 1
@@ -509,16 +513,16 @@ def _elements(deck: NastranDeck) -> None:
         places = range(cell.first, cell.first + corners + len(cell.middles))
         nodes = [(n := entry.whole(k, blank)) and n + entry.place.scope for k in places]
         label = entry.whole(0)
-        entry.needs(label not in seen, f"the element {label} is defined more than once.")
-        seen.add(label)
+        entry.needs(label not in used_numbers, f"the element {label} is defined more than once.")
+        used_numbers.add(label)
         groups.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
     for (name, curved), members in groups.items():
         cell = CELLS[name]
         corners = CORNERS[cell.shape]
         table = np.array([nodes for _, nodes in members], dtype=np.int64)
         rows = np.where(table > 0, deck.nodes.rows(table), -1)
-        missing = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
-        for row, k in np.argwhere(missing):
+        is_missing = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
+        for row, k in np.argwhere(is_missing):
             message = f"{name} {members[row][0].whole(0)} has the node {table[row, k] % SCOPE}"
             raise members[row][0].place.error(f"{message}, for which there is no GRID.")
         mids = rows[:, corners:][:, list(cell.middles) if curved else []]

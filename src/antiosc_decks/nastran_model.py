@@ -11,7 +11,7 @@ from antiosc.io.deck import Array, DeckPlace, real_number, whole_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
 from antiosc_decks.builder import ModelBuilder, add_mass, add_total
-from antiosc_decks.constraints import along, lever
+from antiosc_decks.constraints import axis_terms, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
 from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
@@ -65,9 +65,9 @@ class NastranJoints:
         for kind in ("CELAS", "CDAMP"):
             self._scalars(kind)
         for kind, name in BUSHES.items():
-            known = deck.properties(name)
+            properties = deck.properties(name)
             for entry in deck.named(kind):
-                self._bush(entry, entry.its_property(name, known))
+                self._bush(entry, entry.its_property(name, properties))
 
     def read_masses(self) -> None:
         """Add masses at nodes and masses spread over elements."""
@@ -131,11 +131,11 @@ class NastranJoints:
         """RBAR: one node follows another."""
         first = self.found.at(entry, 1)
         second = self.found.at(entry, 2)
-        leads, follows, dependent = (entry.text(k) for k in (3, 4, 6))
-        if not leads and follows:
-            first, second, leads, follows = second, first, follows, leads
+        masters, dependents, dependent = (entry.text(k) for k in (3, 4, 6))
+        if not masters and dependents:
+            first, second, masters, dependents = second, first, dependents, masters
             dependent = entry.text(5)
-        is_rigid = set(leads) - {" "} == set("123456") and not follows
+        is_rigid = set(masters) - {" "} == set("123456") and not dependents
         entry.needs(is_rigid, "RBAR is read with CNA or CNB = 123456 only.")
         motions = _motions(entry, dependent) if dependent else ALL
         self._follow([second], first, motions, entry)
@@ -194,14 +194,14 @@ class NastranJoints:
 
     def _scalars(self, kind: str) -> None:
         """Add springs, dampers or masses between two motions, or between one and the ground."""
-        name, what = SCALAR[kind]
-        known = self.found.properties(name)
+        name, quantity = SCALAR[kind]
+        properties = self.found.properties(name)
         builder = self.builder
         for entry in self.found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
             if entry.name[-1] in "24":
                 value = entry.real(1, None)
             else:
-                property_entry = entry.its_property(name, known)
+                property_entry = entry.its_property(name, properties)
                 value = property_entry.real(1, None)
                 if name == "PELAS" and property_entry.real(2):
                     builder.tell_once(f"GE of PELAS {property_entry.text(0)}")
@@ -210,10 +210,10 @@ class NastranJoints:
             for (row, motion), sign in zip(ends, (1.0, -1.0), strict=False):
                 axis = self.found.frame(row, entry.place)[motion % 3]
                 first = 3 * (motion // 3)
-                unit = builder.units.length if first and what == "mass" else 1.0
-                terms += along(row, axis, first, sign * unit)
-            if what != "mass":
-                builder.link(entry.name, what, terms, value, entry.place)
+                unit = builder.units.length if first and quantity == "mass" else 1.0
+                terms += axis_terms(row, axis, first, sign * unit)
+            if quantity != "mass":
+                builder.link(entry.name, quantity, terms, value, entry.place)
                 continue
             entry.needs(value >= 0, f"{entry.name} has a negative mass.")
             if value:
@@ -227,7 +227,7 @@ class NastranJoints:
         if entry.name in ON_LINE:  # the system is in another field
             fields = [*entry.fields[:4], "", "", "", entry.text(4)]
             entry = Entry(entry.name, entry.place, fields)
-        acting = [bool(k or c) for k, c in zip(*constants, strict=True)]
+        is_active = [bool(k or c) for k, c in zip(*constants, strict=True)]
         rows = [self.found.at(entry, k) for k in (2, 3) if entry.text(k)]
         entry.needs(rows, f"{entry.name} acts on no node.")
         x = self.found.deck.points[rows]
@@ -238,8 +238,8 @@ class NastranJoints:
         if is_bush and entry.whole(9, -1) >= 0:
             offset = np.array(entry.reals(10, 13))
             place = self.found.systems(entry.whole(9), entry.place).point(offset)
-        axes = self._bush_axes(entry, acting, x if distant else x[:1], place)
-        for k in np.flatnonzero(acting):
+        axes = self._bush_axes(entry, is_active, x if distant else x[:1], place)
+        for k in np.flatnonzero(is_active):
             axis = axes[k % 3]
             first = 3 * (int(k) // 3)
             terms: list[Term] = []
@@ -248,16 +248,16 @@ class NastranJoints:
                 armed = entry.name not in ON_LINE
                 if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - where):
                     row = self.builder.joints.leader(row)
-                    terms += along(row, arm, 3, sign)
-                terms += along(row, axis, first, sign)
+                    terms += axis_terms(row, arm, 3, sign)
+                terms += axis_terms(row, axis, first, sign)
             stiffness, damping = (values[k] for values in constants)
-            for what, value in (("stiffness", stiffness), ("damping", damping)):
+            for quantity, value in (("stiffness", stiffness), ("damping", damping)):
                 if value:
-                    self.builder.link(entry.name, what, terms, value, entry.place)
+                    self.builder.link(entry.name, quantity, terms, value, entry.place)
 
     def _constants(self, name: str, prop: Entry) -> Constants:
         """(stiffnesses, dampings) of the six motions; ignored fields are reported."""
-        tell = self.builder.tell_once
+        report = self.builder.tell_once
         values = {"K": [0.0] * 6, "B": [0.0] * 6}
         if name == "CVISC":  # along the line, and against the twist about it
             values["B"][0] = prop.real(1)
@@ -266,15 +266,15 @@ class NastranJoints:
             values["K"][0] = prop.real(1)
             values["B"][0] = prop.real(2)
             if prop.words(3):
-                tell(f"what of PBUSH1D {prop.text(0)} is not K or C")
+                report(f"what of PBUSH1D {prop.text(0)} is not K or C")
         elif name == "CGAP":
             # a spring by its first state in linear solutions: Altair OptiStruct 2021, CGAP,
             # comment 1; Autodesk Nastran Reference Guide, CGAP, remark 1; KT = MU1 KA: PGAP of both
             is_open = prop.real(1) > 0
             normal = prop.real(4) if is_open else prop.real(3, 1e8)
-            across = 0.0 if is_open else prop.real(5, prop.real(6) * normal)
-            values["K"][:3] = normal, across, across
-            tell(
+            shear_damping = 0.0 if is_open else prop.real(5, prop.real(6) * normal)
+            values["K"][:3] = normal, shear_damping, shear_damping
+            report(
                 f"the contact in CGAP of PGAP {prop.text(0)}, which stay "
                 f"{'open' if is_open else 'closed'}, as at first"
             )
@@ -284,7 +284,7 @@ class NastranJoints:
                 if kind in values:
                     values[kind] = prop.reals(start + 2, start + 8)
                 elif kind == "GE":
-                    tell(f"GE of PBUSH {prop.text(0)}")
+                    report(f"GE of PBUSH {prop.text(0)}")
                 elif kind != "RCV":
                     empty = not kind and not prop.words(start + 2, start + 8)
                     prop.needs(
@@ -301,13 +301,13 @@ class NastranJoints:
         """
         if entry.text(7):
             return self.found.systems(entry.whole(7), entry.place).frame(place)
-        across = any(acts[k] for k in (1, 2, 4, 5))
+        acts_transversely = any(acts[k] for k in (1, 2, 4, 5))
         oriented = any(entry.text(k) for k in (4, 5, 6))
         if len(x) == 1 and not oriented and not (entry.name in ON_LINE and entry.text(3)):
             return np.eye(3)
-        known = len(x) > 1 and (oriented or not across)
+        has_axes = len(x) > 1 and (oriented or not acts_transversely)
         entry.needs(
-            known,
+            has_axes,
             f"{entry.name} needs the system CID at coincident nodes or to the "
             "ground, and CID or an orientation between nodes apart, unless it acts along "
             "their line alone.",
@@ -362,10 +362,10 @@ class NastranJoints:
         """NSM, NSML: pairs of a number and a mass; NSM1, NSML1: one mass for several numbers."""
         words = [entry.text(k).upper() for k in range(2, len(entry.fields))]
         if entry.name in ("NSM1", "NSML1"):
-            shared = [([word for word in words[1:] if word], words[0])]
+            groups = [([word for word in words[1:] if word], words[0])]
         else:
-            shared = [([words[k]], words[k + 1]) for k in range(0, len(words) - 1, 2) if words[k]]
-        for numbers, mass in shared:
+            groups = [([words[k]], words[k + 1]) for k in range(0, len(words) - 1, 2) if words[k]]
+        for numbers, mass in groups:
             elements = np.flatnonzero(self._named(entry, numbers))
             value = real_number(mass, entry.place) * self.factor
             if entry.name.startswith("NSML"):

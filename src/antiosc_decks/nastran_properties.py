@@ -44,7 +44,7 @@ class Properties:
         self._materials = {
             material_number: self._material_of(entry) for material_number, entry in entries.items()
         }
-        known = defined_once(self.found.named(*PROPERTIES), "property")
+        properties = defined_once(self.found.named(*PROPERTIES), "property")
         every = self.found.elements
         numbers = self.found.property_numbers()
         for number in np.unique(numbers):
@@ -54,7 +54,7 @@ class Properties:
                 for element in elements:
                     self._rods(every[element], "", np.array([element]))
                 continue
-            entry = known.get(int(number))
+            entry = properties.get(int(number))
             if entry is None:
                 raise self._unknown(every[elements[0]], int(number) % SCOPE)
             for wrong in sorted(n for n in names if entry.name not in CELLS[n].properties):
@@ -64,18 +64,18 @@ class Properties:
 
     def _unknown(self, element: Entry, number: int) -> MeshError:
         """The error of an element whose property is missing or not supported."""
-        others = [
+        candidates = [
             entry.name
             for entry in self.found.bulk.entries
             if entry.name.startswith("P") and entry.text(0) == str(number)
         ]
-        kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), "")
-        what = f"which is none of {', '.join(PROPERTIES)} in the deck."
+        kind = next((name for name in candidates if name not in ("PARAM", "PLOTEL")), "")
+        reason = f"which is none of {', '.join(PROPERTIES)} in the deck."
         if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
             instead = " or ".join(CELLS[element.name].properties)
-            what = f"a {kind}, which is not supported; give it as {instead}."
+            reason = f"a {kind}, which is not supported; give it as {instead}."
         label = f"{element.name} {element.whole(0)}"
-        return element.place.error(f"{label} has the property {number}, {what}")
+        return element.place.error(f"{label} has the property {number}, {reason}")
 
     def _material_of(self, entry: Entry) -> Material:
         """The material of an entry."""
@@ -238,11 +238,11 @@ class Properties:
     def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the shells of a PSHELL entry."""
         number = entry.text(0)
-        for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
-            if not entry.text(k) and entry.text(other):
+        for k, second_field, action in ((1, 3, "stretching"), (3, 1, "bending")):
+            if not entry.text(k) and entry.text(second_field):
                 entry.fields += [""] * (4 - len(entry.fields))
-                entry.fields[k] = entry.text(other)
-                message = f"that PSHELL {number} has no stiffness against {what} (no MID"
+                entry.fields[k] = entry.text(second_field)
+                message = f"that PSHELL {number} has no stiffness against {action} (no MID"
                 message += f"{(k + 1) // 2}), that of its other material is taken"
                 self.builder.tell_once(message)
         strained = entry.whole(3) == -1
@@ -320,7 +320,7 @@ class Properties:
         ratio = entry.real(4, 1.0)
         share = entry.real(6, 5 / 6) if entry.text(5) else 5 / 6
         fields = (k if entry.text(k) else 1 for k in (1, 3, 5))
-        membrane, bending, across = (self._material(entry, k) for k in fields)
+        membrane, bending, shear_material = (self._material(entry, k) for k in fields)
         entry.needs(min(ratio, share) > 0, "12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
@@ -330,7 +330,7 @@ class Properties:
         return {
             "A": (_plane(membrane) * units.stress * t).tolist(),
             "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
-            "S": (_across(across) * units.stress * share * t).tolist(),
+            "S": (_across(shear_material) * units.stress * share * t).tolist(),
             **{"mass": mass, "inertia": mass * ratio * t**2 / 12, "thickness": t},
         }
 
@@ -349,9 +349,9 @@ class Properties:
             ply = Entry(entry.name, entry.place, [material, thickness, entry.text(k + 2)])
             plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
         how = entry.text(7).upper()
-        what = f"LAM={how}" if plies else "no plies"
+        fault = f"LAM={how}" if plies else "no plies"
         read = how in ("", "SYM") and plies
-        entry.needs(read, f"{entry.name} with {what} is not supported.")
+        entry.needs(read, f"{entry.name} with {fault} is not supported.")
         plies += plies[::-1] if how == "SYM" else []
         total = sum(thickness for _, thickness, _ in plies)
         own_offset = entry.real(1) + total / 2 if entry.text(1) else 0.0
@@ -402,8 +402,8 @@ class Properties:
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
         entry = self.found.elements[element]
-        where = CELLS[entry.name].theta
-        word = entry.text(where)
+        theta_field = CELLS[entry.name].theta
+        word = entry.text(theta_field)
         if word.lstrip("+-").isdigit():
             x, y, _ = self.found.systems(int(word), entry.place).axes
             if np.linalg.norm(np.cross(x, normal)) > NORMAL:
@@ -415,7 +415,7 @@ class Properties:
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
-        rotated = geometry.turned(side, normal, entry.real(where))
+        rotated = geometry.turned(side, normal, entry.real(theta_field))
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 

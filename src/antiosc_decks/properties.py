@@ -44,8 +44,8 @@ class Material(Placed):
     @property
     def modulus(self) -> float:
         """The largest modulus or stiffness."""
-        stated = (self.constants, self.stiffness, self.plane)
-        return max(float(np.nanmax(numbers)) for numbers in stated if numbers is not None)
+        stiffnesses = (self.constants, self.stiffness, self.plane)
+        return max(float(np.nanmax(numbers)) for numbers in stiffnesses if numbers is not None)
 
     @property
     def isotropic(self) -> tuple[float, float] | None:
@@ -207,10 +207,10 @@ def hexagon(height: float, width: float, tip: float) -> Profile:
     area = height * (flat + tip)
     upright = flat * height**3 / 12 + tip * height**3 / 24
     # ∫ z² over the rectangle, and over two triangles of which the base lies at flat/2
-    away = flat / 2 + tip / 3
-    across = height * flat**3 / 12 + 2 * (height * tip**3 / 36 + height * tip / 2 * away**2)
-    polar = upright + across
-    return Profile(area, upright, across, area**4 / (40 * polar), RECTANGLE, height, width)
+    arm = flat / 2 + tip / 3
+    moment = height * flat**3 / 12 + 2 * (height * tip**3 / 36 + height * tip / 2 * arm**2)
+    polar = upright + moment
+    return Profile(area, upright, moment, area**4 / (40 * polar), RECTANGLE, height, width)
 
 
 #: "places" [m] and the "directions" at these, both (n, 3).
@@ -273,8 +273,8 @@ def _measure(x: Array) -> Array:
     signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
     for point in np.ndindex(*[2] * dim):
         values = (1 + signs * (2 * np.array(point) - 1) / np.sqrt(3)) / 2
-        others = [np.prod(np.delete(values, k, axis=1), axis=1) for k in range(dim)]
-        J = np.einsum("kc,nci->nki", np.array(others) * signs.T / 2, x)
+        other_products = [np.prod(np.delete(values, k, axis=1), axis=1) for k in range(dim)]
+        J = np.einsum("kc,nci->nki", np.array(other_products) * signs.T / 2, x)
         total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
     return total
 

@@ -70,5 +70,5 @@ def _by_content(ask: Request) -> FileMesh:
 BULK = FileReader(
     _by_content,
     model=True,
-    matches=lambda start: any(one.search(start.decode("latin-1")) for one in (_BULK, _APDL)),
+    matches=lambda start: any(mark.search(start.decode("latin-1")) for mark in (_BULK, _APDL)),
 )

@@ -80,14 +80,14 @@ class Sources:
         at.needs(named, "an include without the name of a file.")
         try:
             path = self._path(named)
-            inside = path.is_relative_to(self.root)
-            exists = inside and os.path.isfile(path)
+            below_root = path.is_relative_to(self.root)
+            exists = below_root and os.path.isfile(path)
         except (OSError, ValueError):
-            inside = True
+            below_root = True
             exists = False
         folder = "/".join(self.root.parts[-2:])
         at.needs(
-            inside,
+            below_root,
             f"{named[:80]!r} lies outside the folder {folder!r}, from which "
             f"{self.name} may include files; name the folder that holds them all by "
             "root=.",
@@ -126,13 +126,13 @@ class Sources:
 def _root(path: Path) -> Path:
     """Folder of all files that a deck may include: its own, or its parent if the user owns both."""
     folder = path.resolve().parent
-    above = folder.parent
+    parent = folder.parent
     try:
-        of_the_user = all(item.stat().st_uid == os.getuid() for item in (path, folder, above))
+        of_the_user = all(item.stat().st_uid == os.getuid() for item in (path, folder, parent))
     except OSError:
         of_the_user = False
-    if of_the_user and len(above.parts) >= DEEP_ENOUGH:
-        return above
+    if of_the_user and len(parent.parts) >= DEEP_ENOUGH:
+        return parent
     return folder
 
 
@@ -156,8 +156,8 @@ def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fa
     fates: dict[str, Fate] = {}
     for kind, names_of_kind in names.items():  # read, harmless, ignored
         fates |= dict.fromkeys(names_of_kind, Fate(kind))  # type: ignore[arg-type]
-    for what, card_names in refused.items():
-        fates |= dict.fromkeys(card_names.split(), Fate("refused", what))
+    for refusal, card_names in refused.items():
+        fates |= dict.fromkeys(card_names.split(), Fate("refused", refusal))
     return fates
 
 
@@ -182,8 +182,8 @@ class Account:
             if alone and name in between:
                 self.cards[k] = (name, place, Fate("ignored", "with other pieces"))
                 continue
-            what = f" is {fate.what}, which" if fate.what else ""
-            message = f"{place}: {name}{what} is not supported here and would change the result;"
+            remark = f" is {fate.what}, which" if fate.what else ""
+            message = f"{place}: {name}{remark} is not supported here and would change the result;"
             if name in between:
                 raise PiecesError(f"{message} remove it, or read one piece of the part (piece=1).")
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
@@ -195,10 +195,10 @@ class Account:
     def unknown(self, options: bool = False) -> list[str]:
         """A sentence (in a list) on unknown cards, or on unknown options; [] if there are none."""
         names = ", ".join(_counted(self.options if options else self.cards, "unknown"))
-        what = f"options of {self.name} are not read"
+        fault = f"options of {self.name} are not read"
         return (
             [
-                f"{what if options else f'cards of {self.name} are unknown here and ignored'}: "
+                f"{fault if options else f'cards of {self.name} are unknown here and ignored'}: "
                 f"{names}."
             ]
             if names
@@ -220,11 +220,11 @@ def _counted(entries: Iterable[tuple[str, DeckPlace, Fate]], kind: Kind) -> list
 
 def lines(places: Iterable[DeckPlace]) -> str:
     """Text of lines and their file; a long list is shortened."""
-    listed = list(places)
-    shown_lines = listed[:MOST_LINES]
-    hidden = len(listed) - MOST_LINES
+    all_places = list(places)
+    shown_lines = all_places[:MOST_LINES]
+    hidden = len(all_places) - MOST_LINES
     more_text = f" and {hidden} more" if hidden > 0 else ""
-    if len({place.file for place in listed}) > 1:
+    if len({place.file for place in all_places}) > 1:
         return ", ".join(map(str, shown_lines)) + more_text
     numbers = ", ".join(str(place.line) for place in shown_lines)
-    return f"line{'s' * (len(listed) > 1)} {numbers}{more_text} of {listed[0].file}"
+    return f"line{'s' * (len(all_places) > 1)} {numbers}{more_text} of {all_places[0].file}"

@@ -43,12 +43,12 @@ def test_what_is_missing_follows_from_the_fall_of_the_error(rate: float, known: 
     estimates = {
         n: truncation.TruncationError(n, 0.4 * (8 / n) ** rate, 0.0, 0.0) for n in (1, 2, 4, 8)
     }
-    missing = truncation._missing(estimates, 0.01)
+    missing = truncation._missing_count(estimates, 0.01)
     assert missing == ceil(8 * ((0.4 / 0.01) ** (1 / known) - 1) - 1e-9)
     none = {2: truncation.TruncationError(2, np.inf, 0.0, 0.0)}
-    assert truncation._missing(none, 0.01) == 4
+    assert truncation._missing_count(none, 0.01) == 4
     none = {6: truncation.TruncationError(6, np.inf, 0.0, 0.0)}
-    assert truncation._missing(none, 0.01) == 12
+    assert truncation._missing_count(none, 0.01) == 12
 
 
 class Runs:

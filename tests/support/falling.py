@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 import antiosc as ao
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import Episode
-from antiosc_studies.drops.flight import turned
+from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.trajectory import initial_state
@@ -76,8 +76,8 @@ def landed(body: FreeBody, one: Episode, k: float, friction: float) -> tuple[np.
     way = h / 2
     for n in range(steps + 1):
         spin = R @ inverse @ R.T @ L
-        middle = turned(spin * way / 2) @ R
-        R = turned(middle @ inverse @ middle.T @ L * way) @ R
+        middle = rotation_matrices(spin * way / 2) @ R
+        R = rotation_matrices(middle @ inverse @ middle.T @ L * way) @ R
         x = x + v * way
         if n == steps:
             break

@@ -274,8 +274,8 @@ def choice(name: str, value: object, options: Collection[C]) -> C:
         for option in options:
             if option == value:
                 return option
-    *some, last = map(repr, options)
-    raise InputError(f"{name} must be {', '.join(some)} or {last}; got {shown(value)}.")
+    *options_before, last = map(repr, options)
+    raise InputError(f"{name} must be {', '.join(options_before)} or {last}; got {shown(value)}.")
 
 
 def text(name: str, value: object) -> str:
@@ -434,15 +434,15 @@ def point_text(point: Iterable[float]) -> str:
 
 def _numbers(name: str, value: object, kinds: str) -> NDArray[np.generic]:
     """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
-    meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
+    expected = "an array of numbers" if "c" in kinds else "an array of real numbers"
     if _holds_non_numbers(value):
-        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+        raise InputError(f"{name} must be {expected}; got {shown(value)}.")
     try:
         result = np.asarray(value)
     except Exception:  # ragged lists, and foreign objects whose __array__ raises what it likes
-        raise InputError(f"{name} must be {meant}; got {shown(value)}.") from None
+        raise InputError(f"{name} must be {expected}; got {shown(value)}.") from None
     if result.dtype.kind not in kinds:
-        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+        raise InputError(f"{name} must be {expected}; got {shown(value)}.")
     return result
 
 
@@ -462,8 +462,8 @@ def _check_shape(name: str, value: NDArray[np.generic], shape: tuple[int | None,
         want is None or want == have for want, have in zip(shape, value.shape, strict=True)
     )
     if not fits:
-        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
-        raise InputError(f"{name} must have shape {wanted}; got {value.shape}.")
+        shape_text = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise InputError(f"{name} must have shape {shape_text}; got {value.shape}.")
 
 
 def _unit_text(unit: str) -> str:
@@ -497,5 +497,5 @@ class Checked(FieldsRepr):
 @cache
 def _checks_of(kind: type[Checked]) -> list[tuple[str, Check, bool]]:
     """(name, check, whether None is allowed) of each field of a class that has a check."""
-    checked = [entry for entry in fields(kind) if "check" in entry.metadata]
-    return [(entry.name, entry.metadata["check"], entry.default is None) for entry in checked]
+    entries = [entry for entry in fields(kind) if "check" in entry.metadata]
+    return [(entry.name, entry.metadata["check"], entry.default is None) for entry in entries]

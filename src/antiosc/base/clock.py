@@ -30,8 +30,8 @@ def uncounted_seconds() -> float:
 @contextmanager
 def uncounted() -> Iterator[None]:
     """Context in which `clock` stands still; contexts may be nested."""
-    began = clock()
+    start_time = clock()
     try:
         yield
     finally:
-        _uncounted.seconds += clock() - began
+        _uncounted.seconds += clock() - start_time

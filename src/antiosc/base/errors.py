@@ -156,13 +156,13 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
 
     `what` : the noun of the sentence, as "its groups".
     """
-    listed = sorted(names)
-    if len(listed) <= FEW:
-        return f"{what} are: {', '.join(map(repr, listed)) or 'none'}"
-    lowered = {name.lower(): name for name in listed}
+    sorted_names = sorted(names)
+    if len(sorted_names) <= FEW:
+        return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"
+    lowered = {name.lower(): name for name in sorted_names}
     similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)
     nearest = ", ".join(repr(lowered[name]) for name in similar)
-    return f"the nearest of {what} ({len(listed)}) are: {nearest}"
+    return f"the nearest of {what} ({len(sorted_names)}) are: {nearest}"
 
 
 P = ParamSpec("P")
@@ -242,8 +242,8 @@ def call_error(
     except TypeError as error:
         names = list(signature.parameters)[leading:]
         unknown = sorted(kwargs.keys() - set(names))
-        what = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
-        return f"{name}{what}; {name_list((unknown or [''])[0], names, 'its arguments')}."
+        fault = f" takes no argument {unknown[0]!r}" if unknown else f": {error}"
+        return f"{name}{fault}; {name_list((unknown or [''])[0], names, 'its arguments')}."
     return None
 
 

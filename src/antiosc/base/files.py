@@ -46,8 +46,8 @@ def atomic_file(path: str | os.PathLike[str], what: str = "the file") -> Iterato
     """
     try:
         target = Path(os.path.realpath(checks.path("path", path)))
-        old = _regular_status(target, path, what)
-        part = _temporary(target, old)
+        old_status = _regular_status(target, path, what)
+        part = _temporary(target, old_status)
         try:
             with claimed(part):
                 yield part
@@ -89,7 +89,7 @@ def clear_parts(target: Path) -> None:
     if fcntl is None:
         return
     with contextlib.suppress(OSError), os.scandir(target.parent) as entries:
-        for entry in [old for old in entries if old.name.startswith(_part_prefix(target))]:
+        for entry in [part for part in entries if part.name.startswith(_part_prefix(target))]:
             with contextlib.suppress(OSError):  # it is held, or gone
                 _clear(Path(entry.path))
 
@@ -178,17 +178,17 @@ def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> I
 def _regular_status(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
     """The status of the file at `target`; None if there is none."""
     try:
-        old = target.lstat()  # links are resolved: a remaining one is circular
+        old_status = target.lstat()  # links are resolved: a remaining one is circular
     except FileNotFoundError:
         return None
-    if not stat.S_ISREG(old.st_mode):
-        kind = "a folder" if stat.S_ISDIR(old.st_mode) else "not a regular file"
+    if not stat.S_ISREG(old_status.st_mode):
+        kind = "a folder" if stat.S_ISDIR(old_status.st_mode) else "not a regular file"
         raise InputError(
             f"cannot write {what} to {os.fspath(path)!r}: it is {kind}; choose another name."
         )
     if not os.access(target, os.W_OK):
         raise InputError(f"cannot write {what} to {os.fspath(path)!r}: it is write-protected.")
-    return old
+    return old_status
 
 
 def _temporary(target: Path, old: os.stat_result | None) -> Path:

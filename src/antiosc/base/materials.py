@@ -53,29 +53,29 @@ class MaterialRecord:
     @property
     def line(self) -> str:
         """The material in one line."""
-        along = self.E if self.G is None else self.E[0]
+        modulus = self.E if self.G is None else self.E[0]
         strength = "no yield"
         if self.yield_range is not None:
             low, high = (engineering(bound, "Pa") for bound in self.yield_range)
             strength = f"{engineering(self.yield_strength or 0.0, 'Pa')} ({low} to {high})"
-        return f"{engineering(along, 'Pa')}, {self.rho:g} kg/m³, {strength}"
+        return f"{engineering(modulus, 'Pa')}, {self.rho:g} kg/m³, {strength}"
 
 
 def record(name: object) -> MaterialRecord:
     """The material of this name, or the only one whose name contains it; else InputError."""
-    known = names()
-    checked = checks.text("material", name)
-    words = _words(checked)
-    matches = [other for other in known if all(_begins(word, _words(other)) for word in words)]
-    exact = [other for other in known if _words(other) == words]
+    all_names = names()
+    wanted = checks.text("material", name)
+    words = _words(wanted)
+    matches = [name for name in all_names if all(_begins(word, _words(name)) for word in words)]
+    exact = [other for other in all_names if _words(other) == words]
     for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
-    near = matches or sorted(known, key=lambda other: -_likeness(checked, other))
-    proposed = ", ".join(map(repr, near[:PROPOSED]))
-    what = "is the name of several materials" if matches else "is not in the table of materials"
+    similar = matches or sorted(all_names, key=lambda other: -_likeness(wanted, other))
+    proposed = ", ".join(map(repr, similar[:PROPOSED]))
+    fault = "is the name of several materials" if matches else "is not in the table of materials"
     raise InputError(
-        f"{checked!r} {what}: did you mean {proposed}? `antiosc materials` lists all; others are "
+        f"{wanted!r} {fault}: did you mean {proposed}? `antiosc materials` lists all; others are "
         "given by their constants, Solid(E, nu, rho, yield_strength=…)."
     )
 

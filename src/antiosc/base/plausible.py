@@ -87,7 +87,7 @@ def of_material(material: ExaminedMaterial) -> str:
     sentence = (
         f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
         f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
-        f"210e9 and 7850){_meant(E, rho)}."
+        f"210e9 and 7850){_likely_units(E, rho)}."
     )
     if speed > LIGHT or (rho is not None and rho > DENSE and speed < SLOWEST_OF_DENSE):
         raise InputError(sentence)
@@ -104,7 +104,7 @@ def _of_density(name: str, rho: float | None) -> str:
     )
 
 
-def _meant(E: float | None, rho: float | None) -> str:
+def _likely_units(E: float | None, rho: float | None) -> str:
     """The system of units in which a modulus [Pa] and a density [kg/m³] would be plausible."""
     if E is None or rho is None:
         return ""
@@ -167,10 +167,10 @@ def of_modulus(E: float) -> str:
         return ""
     scales = ((1e9, "GPa"), (1e6, "MPa"))
     real = [(s, unit) for s, unit in scales if MODULI[0] <= s * E <= MODULI[1]] or scales[1:]
-    meant = " or ".join(f"{scale * E:g} ({E:g} {unit})" for scale, unit in real)
+    suggestions = " or ".join(f"{scale * E:g} ({E:g} {unit})" for scale, unit in real)
     return (
         f"E = {E:g} Pa of a surface in contact is less than that of rubber, {SOFTEST:g}: E is in "
-        f"Pa; {meant} is probably meant."
+        f"Pa; {suggestions} is probably meant."
     )
 
 

@@ -74,7 +74,7 @@ def _restored() -> Iterator[None]:
     root = logging.getLogger()
     handlers = list(root.handlers)
     level = root.level
-    show = warnings.showwarning
+    showwarning = warnings.showwarning
     levels = {name: _level(name) for name in LOGGERS}
     environment = {name: os.environ.get(name) for name in ENVIRONMENT}
     flags = sys.getdlopenflags()
@@ -89,7 +89,7 @@ def _restored() -> Iterator[None]:
         sys.path[:] = [entry for entry in sys.path if entry not in new]
         root.handlers[:] = handlers
         root.setLevel(level)
-        if warnings.showwarning is not show:
+        if warnings.showwarning is not showwarning:
             logging.captureWarnings(False)
         for name, before in levels.items():
             if before is not None:
@@ -226,14 +226,14 @@ def free_cores() -> int:
     allowed = cores()
     if allowed == 1:
         return 1
-    looks = []
+    samples = []
     for _ in range(LOOKS):
-        others = _running_elsewhere()
-        if others is None:
+        other_threads = _running_elsewhere()
+        if other_threads is None:
             return 1
-        looks.append(others)
+        samples.append(other_threads)
         time.sleep(LOOK_PAUSE)
-    idle = (os.cpu_count() or 1) - int(np.median(looks))
+    idle = (os.cpu_count() or 1) - int(np.median(samples))
     return max(1, min(allowed, idle))
 
 
@@ -370,10 +370,10 @@ def blas_threads(fronts: Array) -> Iterator[int | None]:
         yield None
         return
     with one_thread():
-        most = min(blas.before, cores()) if len(blas.users) == 1 else 1
-        threads = useful_threads(fronts, most)
+        limit = min(blas.before, cores()) if len(blas.users) == 1 else 1
+        threads = useful_threads(fronts, limit)
         if threads > 1:
-            threads = useful_threads(fronts, min(most, free_cores()))
+            threads = useful_threads(fronts, min(limit, free_cores()))
         with blas.controller.limit(limits=threads, user_api="blas"):
             yield threads
 

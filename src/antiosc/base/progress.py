@@ -83,15 +83,15 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
     """Show how many of `total` are done and the remaining time; yields a function of the number
     done.
     """
-    started = shown = time.monotonic()
-    with doing(text, rank) as further:
+    start_time = shown_time = time.monotonic()
+    with doing(text, rank) as report:
 
         def done(count: int) -> None:
-            nonlocal shown
+            nonlocal shown_time
             now = time.monotonic()
-            if now - shown >= REFRESH or count >= total:
-                shown = now
-                further(progress_text(count, total, now - started))
+            if now - shown_time >= REFRESH or count >= total:
+                shown_time = now
+                report(progress_text(count, total, now - start_time))
 
         yield done
 
@@ -186,5 +186,5 @@ def say(text: str, stream: TextIO | None = None) -> None:
     try:
         print(text, file=target, flush=True)
     except UnicodeEncodeError:
-        known = getattr(target, "encoding", None) or "ascii"
-        print(text.encode(known, "replace").decode(known), file=target, flush=True)
+        encoding = getattr(target, "encoding", None) or "ascii"
+        print(text.encode(encoding, "replace").decode(encoding), file=target, flush=True)

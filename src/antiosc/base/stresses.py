@@ -69,26 +69,26 @@ def tsai_hill(
         Strengths in compression, used for negative σ1 and σ2; default: X and Y.
     """
     tension = [checks.positive(n, v, "Pa") for n, v in (("X", X), ("Y", Y))]
-    pressed = [
+    compressive = [
         default if value is None else checks.positive(name, value, "Pa")
         for name, value, default in (
             ("X_compression", X_compression, tension[0]),
             ("Y_compression", Y_compression, tension[1]),
         )
     ]
-    x, y = zip(tension, pressed, strict=True)
+    x, y = zip(tension, compressive, strict=True)
     return hill_index(components("stress", stress), x, y, checks.positive("S", S, "Pa"))
 
 
 def hill_index(s: Array, X: tuple[float, float], Y: tuple[float, float], S: float) -> Array:
     """Tsai–Hill index (...,) of components (..., 6); X, Y in tension and in compression."""
-    along = s[..., 0]
-    across = s[..., 1]
+    sigma1 = s[..., 0]
+    sigma2 = s[..., 1]
     shear = s[..., 5]
-    x = np.where(along < 0, X[1], X[0])
-    y = np.where(across < 0, Y[1], Y[0])
+    x = np.where(sigma1 < 0, X[1], X[0])
+    y = np.where(sigma2 < 0, Y[1], Y[0])
     return np.asarray(
-        (along / x) ** 2 - along * across / x**2 + (across / y) ** 2 + (shear / S) ** 2
+        (sigma1 / x) ** 2 - sigma1 * sigma2 / x**2 + (sigma2 / y) ** 2 + (shear / S) ** 2
     )
 
 
@@ -180,8 +180,8 @@ def equivalent_parts(columns: Array) -> Array:
         block = slice(first, first + AT_ONCE)
         _, sizes, rows = np.linalg.svd(parts[block], full_matrices=False)
         reduced[block] = sizes[:, :, None] * rows
-        above = (sizes > RANK * sizes[:, :1]).sum(axis=1)
-        rank = max(rank, int(above.max()))
+        rank_of_sizes = (sizes > RANK * sizes[:, :1]).sum(axis=1)
+        rank = max(rank, int(rank_of_sizes.max()))
     return reduced[:, :rank]
 
 
@@ -272,8 +272,8 @@ class Strengths(Checked):
 
 def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
     """Exposure (...,) of a layer with strengths by a criterion, for components (..., 6)."""
-    along = s[..., 0]
-    across = s[..., 1]
+    sigma1 = s[..., 0]
+    sigma2 = s[..., 1]
     shear = s[..., 5]
     if criterion == "delamination":
         if strengths.interlaminar is None:
@@ -283,10 +283,10 @@ def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
         X = (strengths.X_t, strengths.X_c)
         Y = (strengths.Y_t, strengths.Y_c)
         return np.asarray(np.sqrt(np.maximum(hill_index(s, X, Y, strengths.S), 0.0)))
-    a = along / np.sqrt(strengths.X_t * strengths.X_c)
-    b = across / np.sqrt(strengths.Y_t * strengths.Y_c)
+    a = sigma1 / np.sqrt(strengths.X_t * strengths.X_c)
+    b = sigma2 / np.sqrt(strengths.Y_t * strengths.Y_c)
     square = a**2 + b**2 - a * b + (shear / strengths.S) ** 2
-    linear = along * (1 / strengths.X_t - 1 / strengths.X_c) + across * (
+    linear = sigma1 * (1 / strengths.X_t - 1 / strengths.X_c) + sigma2 * (
         1 / strengths.Y_t - 1 / strengths.Y_c
     )
     return np.asarray(linear / 2 + np.sqrt(linear**2 / 4 + square))

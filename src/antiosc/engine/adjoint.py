@@ -72,19 +72,19 @@ def gradient(
     check_status(library.library.aom_start(space.stepper, byref(packed.system), byref(options)))
     arrays = [run.time, run.force, run.depth, states, run.exits, readings, weights, force, time]
     contiguous = [np.ascontiguousarray(array) for array in arrays]
-    at = [library.address(array) for array in contiguous]
+    addresses = [library.address(array) for array in contiguous]
     record = library.CRecord(
         n_nodes=run.time.size,
         n_states=len(states),
         n_exits=len(contiguous[4]),
         every=1,
-        time=at[0],
-        force=at[1],
-        depth=at[2],
-        states=at[3],
-        exits=at[4],
+        time=addresses[0],
+        force=addresses[1],
+        depth=addresses[2],
+        states=addresses[3],
+        exits=addresses[4],
     )
-    goal = library.CGoal(len(readings), *at[5:])
+    goal = library.CGoal(len(readings), *addresses[5:])
     out, slopes = _slopes_of(system)
     if space.work is None:
         space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
@@ -103,11 +103,11 @@ def _slopes_of(system: System) -> tuple[list[Array], library.CSlopes]:
     shapes += [s.pressed.shape, (0,) if s.gamma is None else s.gamma.shape]
     places = side_by_side([prod(shape) for shape in shapes])
     block = np.zeros(places[-1].stop)
-    out = [block[place].reshape(shape) for place, shape in zip(places, shapes, strict=True)]
-    begin = library.address(block)
-    slopes = library.CSlopes(*[begin + 8 * place.start for place in places])
+    arrays = [block[place].reshape(shape) for place, shape in zip(places, shapes, strict=True)]
+    block_address = library.address(block)
+    slopes = library.CSlopes(*[block_address + 8 * place.start for place in places])
     if s.gamma is None:
         slopes.gamma = None
         if not s.decay.any():
             slopes.decay = None
-    return out, slopes
+    return arrays, slopes

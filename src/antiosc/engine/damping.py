@@ -157,11 +157,11 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
     scale = np.sqrt(np.maximum(checked_matrix.diagonal(), 0.0))
     unit, uneven = checks.scaled_symmetric(checked_matrix, scale)
     values, vectors = np.linalg.eigh(unit)
-    least = float(values.min(initial=0.0))
-    if uneven > ASYMMETRY or least < -ASYMMETRY or np.any(checked_matrix[scale == 0]):
+    smallest = float(values.min(initial=0.0))
+    if uneven > ASYMMETRY or smallest < -ASYMMETRY or np.any(checked_matrix[scale == 0]):
         raise InputError(
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
-            f" its least eigenvalue is {least:.2g} of its diagonal: it would add energy."
+            f" its least eigenvalue is {smallest:.2g} of its diagonal: it would add energy."
         )
     real = values > 1e-15 * len(values)
     return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
@@ -212,10 +212,12 @@ class FirstOrder:
         size = self.omega.size
         b_at_q = self.at_q[:, :size].T @ b
         b_at_v = self.at_q[:, size:].T @ b
-        over = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
+        receptances = 1 / (s**2 + 2 * self.decay * s + self.omega**2)
         undamped = b_at_q - 2 * self.decay[:, None] * b_at_v
-        a = over[..., None] * (b_at_v * s[..., None] + b_at_q)
-        rate = over[..., None] * (undamped * s[..., None] - (self.omega**2)[:, None] * b_at_v)
+        a = receptances[..., None] * (b_at_v * s[..., None] + b_at_q)
+        rate = receptances[..., None] * (
+            undamped * s[..., None] - (self.omega**2)[:, None] * b_at_v
+        )
         return np.asarray(b_at_q.T @ a + b_at_v.T @ rate)
 
 
@@ -291,9 +293,11 @@ class StackedModes:
     def state(self, q: Array, v: Array) -> Array:
         """First-order states (2, I) for displacements and velocities (J,) of the free modes."""
         states = np.zeros((2, self.omega.size))
-        for (free, span, _, first), (*_, begun) in zip(self._spans(), self.parts, strict=True):
-            if begun is not None:
-                states[:, span] = begun
+        for (free, span, _, first), (*_, start_state) in zip(
+            self._spans(), self.parts, strict=True
+        ):
+            if start_state is not None:
+                states[:, span] = start_state
             elif first is None:
                 states[0, span] = q[free]
                 states[1, span] = v[free]
@@ -311,10 +315,10 @@ class StackedModes:
                 v[:, free] = b[:, span]
                 deceleration[:, free] = 2 * d * b[:, span]
                 continue
-            both = np.hstack([a[:, span], b[:, span]])
-            q[:, free] = both @ first.at_q.T
-            v[:, free] = both @ first.at_v.T
-            deceleration[:, free] = both @ first.deceleration.T
+            states = np.hstack([a[:, span], b[:, span]])
+            q[:, free] = states @ first.at_q.T
+            v[:, free] = states @ first.at_v.T
+            deceleration[:, free] = states @ first.deceleration.T
         return q, v, deceleration
 
     def springs(self, a: Array, b: Array) -> list[list[Array]]:
@@ -341,7 +345,7 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
     A double pole has no such modes: the damping is then changed by `DAMPING_CHANGE`. AccuracyError
     if rounding leaves an error of their receptance above `INEXACT`.
     """
-    least = np.inf
+    worst = np.inf
     best = None
     for change in (0.0, DAMPING_CHANGE, -DAMPING_CHANGE):
         root = np.sqrt(1 + change)
@@ -351,14 +355,14 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
         with np.errstate(all="ignore"):
             modes = _first_order_modes(omega, nudged)
             error = _receptance_error(modes, omega, damping)
-        if error < least:
-            least = error
+        if error < worst:
+            worst = error
             best = modes
-        if least <= EXACT:
+        if worst <= EXACT:
             break
-    if best is None or least > INEXACT:
+    if best is None or worst > INEXACT:
         raise AccuracyError(
-            f"the first-order modes of the damped model are off by {least:.2g} (limit {INEXACT:g}):"
+            f"the first-order modes of the damped model are off by {worst:.2g} (limit {INEXACT:g}):"
             " rounding does not tell their poles apart; change the damping by a per cent."
         )
     return best
@@ -383,22 +387,22 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     k = coupled.size
     size = w.size
     free = undamped.size
-    both = undamped.size + w.size
-    first = np.concatenate((np.arange(free), both + np.arange(free)))
-    second = np.concatenate((free + np.arange(size), both + free + np.arange(size)))
-    states = np.zeros((2 * J, 2 * both))
-    dual = np.zeros((2 * J, 2 * both))
+    total = undamped.size + w.size
+    first = np.concatenate((np.arange(free), total + np.arange(free)))
+    second = np.concatenate((free + np.arange(size), total + free + np.arange(size)))
+    states = np.zeros((2 * J, 2 * total))
+    dual = np.zeros((2 * J, 2 * total))
     for half in range(2):  # of undamped modes a is the displacement, b its rate
         states[half * J + undamped, first[half * free : (half + 1) * free]] = 1.0
         dual[half * J + undamped, first[(1 - half) * free : (2 - half) * free]] = 1.0
         states[np.ix_(half * J + coupled, second)] = S[half * k : (half + 1) * k]
         dual[np.ix_(half * J + coupled, second)] = JS[half * k : (half + 1) * k]
-    deceleration = np.zeros((J, 2 * both))
+    deceleration = np.zeros((J, 2 * total))
     deceleration[np.ix_(coupled, second)] = braked
     springs = []
     row = 0
     for L, _ in damping_of_coupled.factors:
-        by_mode = np.zeros((J, 2 * both))
+        by_mode = np.zeros((J, 2 * total))
         end = row + len(L)
         by_mode[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
         springs.append(by_mode)
@@ -504,11 +508,11 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
     low = poles.real.min() * (1 + CLUSTERED / 2)
     high = poles.real.max() * (1 - CLUSTERED / 2)
 
-    def inside(re: complex, im: float = 0.0) -> bool:
+    def in_cluster(re: complex, im: float = 0.0) -> bool:
         pole = re + 1j * im
         return bool(abs(pole.imag) <= CLUSTERED * abs(pole) and low <= pole.real <= high)
 
-    T, basis, size = scipy.linalg.schur(A, sort=inside)
+    T, basis, size = scipy.linalg.schur(A, sort=in_cluster)
     basis = basis[:, :size]
     values, turn = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
     if size != poles.size or values[0] * values[-1] <= 0:
@@ -563,9 +567,9 @@ def _receptance_error(modes: FirstOrder, omega: Array, damping: DampingMatrix) -
     """Relative error of the receptance of the modes at a real s; inf if it is not finite."""
     positive = modes.omega[modes.omega > 0]
     s = float(np.exp(np.mean(np.log(positive)))) if positive.size else 1.0
-    at = np.array(-1j * s)
-    exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(at).real)
-    receptance = modes.receptance(np.eye(omega.size), at).real
+    frequency = np.array(-1j * s)
+    exact = np.linalg.inv(np.diag(omega**2 + s**2) + damping.stiffness(frequency).real)
+    receptance = modes.receptance(np.eye(omega.size), frequency).real
     scale = np.sqrt(exact.diagonal())
     error = float(np.abs((receptance - exact) / np.outer(scale, scale)).max(initial=0.0))
     if np.isfinite(error):

@@ -43,7 +43,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
     typical = np.abs(beta).max() ** 2
     stiff = max(float(square.max(initial=0.0)), typical)
     damp = 1e-6 * stiff
-    W, force, slope = _pressed(laws, states, beta @ q - gap, system.R[:p, :p], force)
+    W, force, slope = _closed_contacts(laws, states, beta @ q - gap, system.R[:p, :p], force)
     value = 0.5 * square @ q**2 - load @ q + W
     for _ in range(_ITERATIONS):
         residual = load - square * q - beta.T @ force
@@ -54,18 +54,20 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
         while True:
             step = np.linalg.solve(H + damp * np.eye(q.size), residual)
             new = q + step
-            W, pressed, bend = _pressed(laws, states, beta @ new - gap, system.R[:p, :p], force)
-            after = 0.5 * square @ new**2 - load @ new + W
-            if after <= value + 1e-14 * abs(value):
+            W, new_force, bend = _closed_contacts(
+                laws, states, beta @ new - gap, system.R[:p, :p], force
+            )
+            new_potential = 0.5 * square @ new**2 - load @ new + W
+            if new_potential <= value + 1e-14 * abs(value):
                 break
             damp *= 10
             if damp > 1e30 * stiff:
                 break
         stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
         q = new
-        force = pressed
+        force = new_force
         slope = bend
-        value = after
+        value = new_potential
         if stalled and np.abs(residual).max() <= 1e-8 * scale:
             return q, force
         damp = max(damp / 10, 1e-18 * stiff)
@@ -85,10 +87,10 @@ def closed(system: System, laws: list[ContactLaw]) -> Array:
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
     if not (free > 0).any():
         return np.zeros(p)
-    return _pressed(laws, system.begun(), free, system.R[:p, :p], np.zeros(p))[1]
+    return _closed_contacts(laws, system.begun(), free, system.R[:p, :p], np.zeros(p))[1]
 
 
-def _pressed(
+def _closed_contacts(
     laws: list[ContactLaw], states: list[State], free: Array, R: Array, guess: Array
 ) -> tuple[float, Array, Array]:
     """Potential, forces (p,) and their derivative (p, p) at unloaded indentations `free` (p,).
@@ -100,8 +102,8 @@ def _pressed(
     for _ in range(1000):
         change = 0.0
         for c, law in enumerate(laws):
-            rest = float(free[c] - R[c] @ force + R[c, c] * force[c])
-            new = law.implicit(rest, float(R[c, c]), 0.0, 0.0, states[c], float(force[c]))
+            free_depth = float(free[c] - R[c] @ force + R[c, c] * force[c])
+            new = law.implicit(free_depth, float(R[c, c]), 0.0, 0.0, states[c], float(force[c]))
             change = max(change, abs(new - force[c]))
             force[c] = new
         if change <= 1e-14 * float(np.abs(force).max()) or not np.any(R):

@@ -55,9 +55,9 @@ class CallbackLaw:
     def _advance(
         self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles
     ) -> int:
-        where = f"advance at {delta:g} m and {rate:g} m/s"
+        call_text = f"advance at {delta:g} m and {rate:g} m/s"
         law_state = tuple(state[: self.size])
-        return self._state(where, state, origin, self.law.advance, delta, rate, law_state)
+        return self._state(call_text, state, origin, self.law.advance, delta, rate, law_state)
 
     def _work(self, _: object, speed: float, delta: float, work: Doubles) -> int:
         def values() -> Iterator[float]:

@@ -379,17 +379,17 @@ def responses(omega: Array, decay: Array | float, t: Array | float) -> Array:
     modal forces that grow as t and as t^2/2. Small omega t and decay t cause no cancellation.
     """
     arrays = _doubles(*np.broadcast_arrays(omega, decay, t))
-    out = np.empty((6, *arrays[0].shape))
-    library.aom_responses(arrays[0].size, *map(address, arrays), 1, address(out))
-    return out
+    responses_out = np.empty((6, *arrays[0].shape))
+    library.aom_responses(arrays[0].size, *map(address, arrays), 1, address(responses_out))
+    return responses_out
 
 
 def energies(states: Array, omega: Array) -> Array:
     """Kinetic and strain energies [J] (n,) of states (n, 2, J)."""
     states, omega = _doubles(states, omega)
-    out = np.empty(len(states))
-    library.aom_energies(len(states), omega.size, *map(address, (states, omega, out)))
-    return out
+    energies_out = np.empty(len(states))
+    library.aom_energies(len(states), omega.size, *map(address, (states, omega, energies_out)))
+    return energies_out
 
 
 def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Array:
@@ -399,10 +399,10 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
     """
     time, force = _doubles(time, force)
     steps = np.ascontiguousarray(spans, dtype=np.int64)
-    out = np.empty((len(spans), 2))
-    at = (address(array) for array in (steps, out))
-    library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *at)
-    return out
+    peaks_out = np.empty((len(spans), 2))
+    addresses = (address(array) for array in (steps, peaks_out))
+    library.aom_pulses(address(time), address(force), force.shape[1], row, len(spans), *addresses)
+    return peaks_out
 
 
 def compare(

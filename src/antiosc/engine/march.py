@@ -70,7 +70,7 @@ class Run:
         states = list(system.contact_states or [None] * len(system.laws))
         for c, law in enumerate(system.laws):
             contact = states[c]
-            begin = 0
+            start_node = 0
             if contact is None and system.closed[c]:
                 contact = ContactState(True, 0.0, law.touch(0.0))
             until = (self.events[:, 1] == c) & (self.events[:, 0] <= t)
@@ -79,12 +79,12 @@ class Run:
                 if branch != library.APART:
                     state = law.touch(speed, None if contact is None else contact.state)
                     contact = ContactState(True, speed, state)
-                    begin = node
+                    start_node = node
                 elif contact is not None:
-                    state = self._advanced(law, contact.state, c, begin, node)
+                    state = self._advanced(law, contact.state, c, start_node, node)
                     contact = ContactState(False, contact.speed, state)
             if contact is not None and contact.closed:
-                state = self._advanced(law, contact.state, c, begin, last)
+                state = self._advanced(law, contact.state, c, start_node, last)
                 contact = contact._replace(state=state)
             states[c] = contact
         return states
@@ -132,22 +132,22 @@ class Buffers:
         full = r.n_events + 1 > r.max_events or (keep and r.n_exits + 1 > r.max_exits)
         if r.n_nodes + 2 > nodes or full:
             nodes = max(4 * nodes, _FIRST)
-        most = max(STATES // (16 * max(size, 1)), 4)
-        if keep and self.arrays and r.n_states >= most - 2:
+        limit = max(STATES // (16 * max(size, 1)), 4)
+        if keep and self.arrays and r.n_states >= limit - 2:
             self.thin()
-        need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, most)
+        need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, limit)
         process.require(need, f"a run of {p} contacts", SHORTER)
         arrays = (
             np.empty(nodes),
             np.empty((nodes, m)),
             np.empty((nodes, m)),
-            np.empty((min(nodes // 2 + 2, most) if keep else 0, 2, size)),
+            np.empty((min(nodes // 2 + 2, limit) if keep else 0, 2, size)),
             np.empty((nodes + p + 1, 4)),
             np.empty((nodes // 2 + p + 1 if keep else 0, library.EXIT)),
         )
         written = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events, r.n_exits
-        for new, old, count in zip(arrays, self.arrays, written, strict=False):
-            new[:count] = old[:count]
+        for new_array, old_array, count in zip(arrays, self.arrays, written, strict=False):
+            new_array[:count] = old_array[:count]
         self.arrays = arrays
         self.nbytes = sum([array.nbytes for array in arrays])
         r.max_nodes = nodes
@@ -252,17 +252,17 @@ def take_space(packed: PackedSystem) -> Workspace:
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
     for entry in _kept.copy():
-        if entry[0] == packed.key and _taken(entry):
+        if entry[0] == packed.key and _take_entry(entry):
             return entry[1]
     if len(_spaces) >= _MOST_KEPT:
         oldest = _kept[-1:]
-        if oldest and _taken(oldest[0]) and oldest[0][1].fits(packed):
+        if oldest and _take_entry(oldest[0]) and oldest[0][1].fits(packed):
             oldest[0][1].renew(packed)
             return oldest[0][1]
     return Workspace(packed)
 
 
-def _taken(entry: tuple[Key, Workspace]) -> bool:
+def _take_entry(entry: tuple[Key, Workspace]) -> bool:
     """Remove a workspace from the store; False if another thread was faster."""
     try:
         _kept.remove(entry)

@@ -98,18 +98,18 @@ def margin(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> f
     """
     shares = np.geomspace(SOFTEST, STIFFNESS_SAFETY, SHARES)
     contacts = np.arange(stiffness.size)
-    alone = (np.where(contacts == c, stiffness, 0.0) for c in contacts)
+    single_contacts = (np.where(contacts == c, stiffness, 0.0) for c in contacts)
     together = (stiffness,) if stiffness.size > 1 else ()
-    least = np.inf
-    for closed in chain(alone, together):
+    onset = np.inf
+    for closed in chain(single_contacts, together):
         for i, share in enumerate(shares):
-            if share >= least:
+            if share >= onset:
                 break
             if growth_rate(omega, beta, R, share * closed, h) > GROWS:
                 low = shares[i - 1] if i else 0.0
-                least = min(least, _onset(omega, beta, R, closed, h, low, share))
+                onset = min(onset, _onset(omega, beta, R, closed, h, low, share))
                 break
-    return least
+    return onset
 
 
 def _onset(

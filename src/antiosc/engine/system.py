@@ -284,7 +284,7 @@ def posed(
     friction[:, 0] = len(R)
     if tangents is not None:
         friction[...] = tangents
-    mass, depth, speed, pressed = np.zeros((4, p))
+    mass, depth, speed, initial_force = np.zeros((4, p))
     system = System(
         omega,
         decay,
@@ -301,7 +301,7 @@ def posed(
         mass,
         depth,
         speed,
-        pressed,
+        initial_force,
         first=first,
     )
     system.block = block

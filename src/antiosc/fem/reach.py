@@ -38,16 +38,16 @@ class Reach:
         `size` [m]: size of the part; `element`: returns the size [m] of its element there.
         """
         distance = float(np.linalg.norm(point - nearest))
-        most = SNAP_SHARE * size if self.snap is None else self.snap
-        if distance > most and self.snap is None:
-            most = max(most, element())
-        if distance <= most:
+        limit = SNAP_SHARE * size if self.snap is None else self.snap
+        if distance > limit and self.snap is None:
+            limit = max(limit, element())
+        if distance <= limit:
             return
         rule = "2 % of the part's size, or one element" if self.snap is None else "the length given"
         units = f"; coordinates are in metres, and the part measures {size:.3g} m"
         raise InputError(
             f"{self.what} {point_text(point)} is {distance:.3g} m off the structure, whose nearest "
-            f"point is {point_text(nearest)}: farther than {most:.3g} m, {rule}"
+            f"point is {point_text(nearest)}: farther than {limit:.3g} m, {rule}"
             f"{units if distance > size else ''}; {self.remedy}."
         )
 

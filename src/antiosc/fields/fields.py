@@ -245,17 +245,17 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
             return
         # the inertia of rigid motions of the free dofs, which the ground shakes
         motions = structure.matrices.rigid_motions
-        pushed = dot(structure.comm, motions, load)
+        modal_loads = dot(structure.comm, motions, load)
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
-        shaken = float(pushed @ np.linalg.lstsq(inertia, pushed, rcond=None)[0])
+        shaken = float(modal_loads @ np.linalg.lstsq(inertia, modal_loads, rcond=None)[0])
         represented = float(np.sum(weight[:, i] ** 2))
         if represented < LEAST_CARRIED * shaken:
-            along = "xyz"[i]
+            axis = "xyz"[i]
             message = (
-                f"the ground shakes {shaken:.3g} kg along {along}, and the model carries "
+                f"the ground shakes {shaken:.3g} kg along {axis}, and the model carries "
                 f"{percent(represented / shaken)} of it: contact forces are right, fields far from "
                 "the sites "
-                f"are not; name a site whose direction is {along} as well, or raise n."
+                f"are not; name a site whose direction is {axis} as well, or raise n."
             )
             on_root(structure.comm, partial(warn, message, AccuracyWarning))
 
@@ -289,11 +289,11 @@ def checked_shapes(
         )
     factors, count = unit_energy_factors(modes)
     of_kinds = zip((structure.K, structure.M), ("stiff", "heavy"), limits, strict=True)
-    for x, (matrix, what, limit) in zip(superposed(modes.basis, factors), of_kinds, strict=True):
+    for x, (matrix, noun, limit) in zip(superposed(modes.basis, factors), of_kinds, strict=True):
         ratio = float(dot(structure.comm, x, multiply(matrix, x))) / max(count, 1)
         if count and not 1 / limit < ratio < limit:
             raise InputError(
-                f"the structure is {ratio:.6g} times as {what} on the shapes of the model as the"
+                f"the structure is {ratio:.6g} times as {noun} on the shapes of the model as the"
                 " model: the model was extracted from another structure; give that of this run."
             )
     return modes.basis
@@ -380,9 +380,9 @@ def reactions(
 
     released = Released(matrices, structure.supports)
     _check_reactions(structure, history)
-    following = _static_equilibrium(structure, released.pulled)
+    support_motions = _static_equilibrium(structure, released.pulled)
     rigid = released.rigid()
-    support_inertia, rigid_inertia = released.inertia(following, rigid)
+    support_inertia, rigid_inertia = released.inertia(support_motions, rigid)
     work, applied = released.applied(sites, rigid)
     forces = forces_of(history, times_checked, body)
     if len(work) != forces.shape[1]:
@@ -419,10 +419,10 @@ def reactions(
 def _check_reactions(structure: Structure, history: History) -> None:
     """InputError if the reactions of this history cannot be computed."""
     scene = history.assembly.scene
-    pulled = bool(np.any(scene.gravity))
+    has_gravity = bool(np.any(scene.gravity))
     if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
-    if pulled and structure.rigid_modes.shape[1]:
+    if has_gravity and structure.rigid_modes.shape[1]:
         raise InputError(
             "reactions under gravity of a part that its supports let slide are not implemented."
         )

@@ -210,13 +210,13 @@ def _outer(kind: str, cells: IntArray) -> IntArray:
         if name == "line":
             return cells[:, :2]
         return cells[:, :1]
-    listed = np.vstack([cells[:, face] for face in FACES[name]])
+    all_faces = np.vstack([cells[:, face] for face in FACES[name]])
     if len(FACES[name]) == 1:
-        return listed
+        return all_faces
     _, first, count = np.unique(
-        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+        np.sort(all_faces, axis=1), axis=0, return_index=True, return_counts=True
     )
-    return np.asarray(listed[first[count == 1]])
+    return np.asarray(all_faces[first[count == 1]])
 
 
 #: Quantity of a map -> what it is, and its unit.

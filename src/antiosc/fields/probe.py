@@ -150,7 +150,7 @@ def probe(
         raise InputError("a probe takes a point or the number of a node.")
     x, part, end = point_of(structure, point, part, node)
     shapes = shapes_of(structure, history, body)
-    at = times_of(history, times)
+    sample_times = times_of(history, times)
     if end is None:
         places = _on_outline(structure, part, position) if quantity == "von_mises" else [position]
         columns = [
@@ -160,9 +160,9 @@ def probe(
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
     if quantity in ("stress", "von_mises", "section_forces"):
-        factors = stress_amplitudes(structure, history, at, body)
+        factors = stress_amplitudes(structure, history, sample_times, body)
     else:
-        factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
+        factors = amplitudes(history, sample_times, body, DERIVATIVES.get(quantity, 0))
     if quantity == "von_mises":
         return np.max([von_mises(_over_time(tensors, factors)) for tensors in columns], axis=0)
     return _over_time(columns[0], factors)
@@ -236,11 +236,11 @@ def strain_gauge(
     nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)
-    at = times_of(history, times)
+    sample_times = times_of(history, times)
     reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
     columns = _columns(structure, history, body, shapes, points, "strain", part, position, reach)
-    along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
-    return np.asarray(amplitudes(history, at, body) @ along)
+    mean_strain = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
+    return np.asarray(amplitudes(history, sample_times, body) @ mean_strain)
 
 
 def _columns(
@@ -255,15 +255,15 @@ def _columns(
     reach: Reach,
 ) -> Array:
     """The quantity (P, …, columns) for every shape at points (P, 3)."""
-    where = source(structure)
+    module = source(structure)
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
-        return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
+        return np.stack([module.at_point(structure, shapes, x, part, reach) for x in points])
     selection = points, part, recovered, position, reach
 
     def at(columns: Array, second_order: bool) -> Array:
         return cast(
-            Array, where.recovered(structure, columns, *selection, second_order=second_order)
+            Array, module.recovered(structure, columns, *selection, second_order=second_order)
         )
 
     return with_pairs(at, structure, history, body, shapes)

@@ -79,12 +79,12 @@ class ShockSpectrum(Completed):
         return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
-        most = int(np.argmax(self.maximax))
-        top = self.maximax[most]
-        at = self.frequency[most]
+        peak_index = int(np.argmax(self.maximax))
+        top = self.maximax[peak_index]
+        peak_frequency = self.frequency[peak_index]
         return [
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
-            ("maximax", f"at most {top:.4g}, at {engineering(at, 'Hz')}"),
+            ("maximax", f"at most {top:.4g}, at {engineering(peak_frequency, 'Hz')}"),
             ("lowest", f"{self.maximax[0]:.4g} at {engineering(self.frequency[0], 'Hz')}"),
             ("highest", f"{self.maximax[-1]:.4g} at {engineering(self.frequency[-1], 'Hz')}"),
             ("Q", f"{self.Q:g}"),
@@ -116,11 +116,11 @@ class Spectrum(ReprMixin):
         return np.asarray(np.where(self.frequency > 0, 2 * density, density))
 
     def _facts(self) -> list[tuple[str, str]]:
-        most = int(np.argmax(self.amplitude))
-        at = engineering(self.frequency[most], "Hz")
+        peak_index = int(np.argmax(self.amplitude))
+        peak_text = engineering(self.frequency[peak_index], "Hz")
         return [
             ("frequency", range_text(self.frequency[0], self.frequency[-1], "Hz")),
-            ("amplitude", f"at most {self.amplitude[most]:.4g}, at {at}"),
+            ("amplitude", f"at most {self.amplitude[peak_index]:.4g}, at {peak_text}"),
             ("at 0 Hz", f"{self.amplitude[0]:.4g}"),
             ("99 % below", engineering(self.band(), "Hz")),
         ]
@@ -130,8 +130,8 @@ class Spectrum(ReprMixin):
         share = checks.positive("share", share)
         if share >= 1:
             raise InputError(f"share must be below 1; got {share:g}.")
-        below = np.cumsum(self.energy)
-        return float(self.frequency[np.searchsorted(below, share * below[-1])])
+        cumulative = np.cumsum(self.energy)
+        return float(self.frequency[np.searchsorted(cumulative, share * cumulative[-1])])
 
 
 @checks.within_range
@@ -205,22 +205,22 @@ def srs(
 def _frequencies(t: Array, frequencies: ArrayLike | None, resolved: float | None) -> Array:
     """The frequencies of a spectrum, Hz; AccuracyWarning above the resolution of the signal."""
     span = float(t[-1] - t[0])
-    known = np.inf
+    f_top = np.inf
     if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
-        known = checks.nonnegative("resolved", resolved, "Hz")
+        f_top = checks.nonnegative("resolved", resolved, "Hz")
     if frequencies is None:
         # one period after the signal must not take more samples than there may be
         low = max(min(LOWEST, 1 / span), 2 / (MOST_SAMPLES * _even_step(t)[0]))
         top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
-        top = max(min(top, known), 2 / span, 2 * low)
+        top = max(min(top, f_top), 2 / span, 2 * low)
         decades = np.log10(top / low)
         return np.geomspace(low, top, max(2, int(np.ceil(PER_DECADE * decades)) + 1))
     f = checks.column("frequencies", frequencies)
     if not f.size or f.min() <= 0:
         raise InputError("frequencies must be > 0 Hz, at least one.")
-    if f.max() > known:
+    if f.max() > f_top:
         warn(
-            f"the model of the signal resolves frequencies up to {known:.4g} Hz, and the spectrum "
+            f"the model of the signal resolves frequencies up to {f_top:.4g} Hz, and the spectrum "
             f"is asked up to {f.max():.4g} Hz, where natural modes of the structure are missing: "
             "extract with a larger n (more than the number of natural modes below that frequency).",
             AccuracyWarning,
@@ -285,10 +285,10 @@ def _signal(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     value = checks.column("the signal", x, time.size)
     if np.any(np.diff(time) < 0):
         raise InputError("t must ascend: the times of the samples.")
-    keep = np.append(True, np.diff(time) > 0)[: time.size]
-    if keep.sum() < 2:
-        raise InputError(f"the signal needs two samples or more; got {int(keep.sum())}.")
-    return time[keep], value[keep]
+    is_new = np.append(True, np.diff(time) > 0)[: time.size]
+    if is_new.sum() < 2:
+        raise InputError(f"the signal needs two samples or more; got {int(is_new.sum())}.")
+    return time[is_new], value[is_new]
 
 
 def _even_step(t: Array) -> tuple[float, bool]:
@@ -332,14 +332,14 @@ def _extremes(
 
     times, x = _resampled(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
     h = (times[-1] - times[0]) / (times.size - 1)
-    after = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
+    tail = round(_checked_samples(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
     if signal == "velocity":  # the mean acceleration of each step
-        means = np.concatenate([np.diff(x) / h, np.zeros(after + 1)])
+        means = np.concatenate([np.diff(x) / h, np.zeros(tail + 1)])
         y = lfilter(*step_invariant(f, Q, h), means)
     else:
         numerator, denominator = ramp_invariant(f, Q, h)
         # the base was at rest: a signal that begins with a jump does so at its first sample
-        y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(after, -x[0])]))
+        y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(tail, -x[0])]))
         y = y + x[0] * _step_response(f, Q, h, y.size)
     if parts != "all":
         y = y[: x.size] if parts == "primary" else y[x.size :]

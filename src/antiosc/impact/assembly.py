@@ -76,23 +76,23 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         push = _largest_component(system.beta[:p], system.loads)
         falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
         closing = np.maximum(closing, np.minimum(falling, push * duration))
-    most = float(closing.max())
-    if most == 0.0:
+    highest_speed = float(closing.max())
+    if highest_speed == 0.0:
         system.depth[:] = system.speed[:] = 1e-300
         for c, contact in enumerate(scene.contacts):
             if contact.friction > 0:
                 system.slip[c] = contact.friction, contact.tangential_stiffness or 1.0
         return duration / 16
-    system.speed[:] = np.where(closing > 1e-6 * most, closing, most)
+    system.speed[:] = np.where(closing > 1e-6 * highest_speed, closing, highest_speed)
     shortest = duration / 2
     for c, law in enumerate(system.laws):
         speed = float(system.speed[c])
         mass = float(system.mass[c])
-        pushed = float(push[c])
-        farthest = speed * duration + pushed * duration**2
-        blow = _Blow(speed, 0.5 * mass * speed**2, pushed * mass, farthest)
+        push_force = float(push[c])
+        farthest = speed * duration + push_force * duration**2
+        blow = _Blow(speed, 0.5 * mass * speed**2, push_force * mass, farthest)
         depth = largest_indentation(law, *blow)
-        mean_speed = speed + sqrt(2 * pushed * depth)
+        mean_speed = speed + sqrt(2 * push_force * depth)
         shortest = min(shortest, 3 * depth / mean_speed)
         system.depth[c] = depth
         if scene.contacts[c].friction > 0:
@@ -148,10 +148,10 @@ def effective_mass(beta: Array, omega: Array) -> float:
     b = beta[rigid]
     mobility = float(b @ b)
     b = beta[~rigid]
-    way = b / omega[~rigid] ** 2
-    inertia = float(way @ way)
+    deflection = b / omega[~rigid] ** 2
+    inertia = float(deflection @ deflection)
     if inertia > 0:
-        mobility += float(b @ way) ** 2 / inertia
+        mobility += float(b @ deflection) ** 2 / inertia
     return 1 / mobility if mobility > 0 else 1.0
 
 

@@ -204,8 +204,8 @@ def is_sequence(value: object) -> TypeGuard[Sequence[Any]]:
 def common_length(lengths: dict[str, int]) -> int:
     sizes = set(lengths.values())
     if len(sizes) > 1:
-        listed = ", ".join(f"{k}: {v}" for k, v in lengths.items())
-        raise InputError(f"sequences of a batch must have one length; got {listed}.")
+        lengths_text = ", ".join(f"{k}: {v}" for k, v in lengths.items())
+        raise InputError(f"sequences of a batch must have one length; got {lengths_text}.")
     if not sizes:
         return 1
     size = sizes.pop()
@@ -254,10 +254,10 @@ class Batch(Result):
         """Results of all scenes: name -> list of JSON values, None where there is no number."""
         single = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step")
         results = {name: getattr(self, name).tolist() for name in (*single, "error", "status")}
-        known = {
+        json_values = {
             name: [x if isfinite(x) else None for x in values] for name, values in results.items()
         }
-        return {**known, "message": list(self.message)}
+        return {**json_values, "message": list(self.message)}
 
     def summary(self) -> str:
         """How many scenes completed, and the range of their peak forces."""
@@ -273,11 +273,11 @@ class Batch(Result):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Peak force and contact time of all scenes; with `path` the picture is written."""
         figure, axes = panels(2, 1, (6.4, 4.8), shown=path is None, sharex=True)
-        above, below = axes[:, 0]
-        above.plot(self.peak_force, ".-")
-        above.set_ylabel("peak force (N)")
-        below.plot(1e3 * self.contact_time, ".-")
-        below.set(xlabel="scene", ylabel="contact time (ms)")
+        force_axes, time_axes = axes[:, 0]
+        force_axes.plot(self.peak_force, ".-")
+        force_axes.set_ylabel("peak force (N)")
+        time_axes.plot(1e3 * self.contact_time, ".-")
+        time_axes.set(xlabel="scene", ylabel="contact time (ms)")
         return figure_or_path(figure, path)
 
 
@@ -377,15 +377,15 @@ def simulate_many(
             report(min(count * chunk, len(todo)))
     _raise(rows)
     warn_batch([r.result for r in rows])
-    struck = [i for i, row in enumerate(rows) if row.impulse > 0]
+    hits = [i for i, row in enumerate(rows) if row.impulse > 0]
     rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
-    sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in struck]
+    sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in hits]
     if n != "auto":
         reduced = [entry for entry in sharpness if _info(scenes[entry[1]]).method == "krylov"]
         rerun(reduced, lambda hit: truncation_warning(hit.model, hit.assembly))
     meshed = [entry for entry in sharpness if _info(scenes[entry[1]]).cells]
     rerun(meshed, lambda hit: coarse_cell(hit.model, "", hit.assembly.contact_time_estimate))
-    hardest = {id(scenes[i].model): i for i in sorted(struck, key=lambda i: rows[i].impulse)}
+    hardest = {id(scenes[i].model): i for i in sorted(hits, key=lambda i: rows[i].impulse)}
     deflections = [(_deflection(scenes[i].model, rows[i].impulse), i) for i in hardest.values()]
     rerun(deflections, large_deflection_message)
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
@@ -493,8 +493,8 @@ def _solve_chunk(
     Scenes whose linear run decides on second-order forces take part in the groups with that run.
     """
     rows: dict[int, _Row] = {}
-    known: dict[int, LinearBody] = {}
-    linear = [_linear(scene, known) for scene in scenes]
+    linear_models: dict[int, LinearBody] = {}
+    linear = [_linear(scene, linear_models) for scene in scenes]
     groups: dict[tuple[object, ...], list[int]] = {}
     together = settings.method == "exact" and n is None
     for i, (scene, step) in enumerate(zip(linear, steps, strict=True)):
@@ -505,8 +505,8 @@ def _solve_chunk(
         members = [linear[i] for i in group]
         group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
         for i, row in zip(group, group_rows, strict=True):
-            stands = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
-            if row is not None and stands:
+            is_valid = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
+            if row is not None and is_valid:
                 rows[i] = row
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
         if i not in rows:
@@ -570,10 +570,10 @@ def _row_of(
     end, contact_time_estimate, gained, highest, rotation = further_values
     if answer == library.FULL or answer >= library.LAW_FAILED or gained > 0.1 * GAIN * highest:
         return None
-    ended = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
+    run_end = RunEnd(answer, end, touches, [0] * goes_on, force, peak, certain)
     check = CheckResult(COMPLETED, "Completed.")
     if answer != library.DONE or not touches or goes_on or not max(force, peak) <= settings.tol:
-        check = check_result(assemble_pair(scene), ended, settings.tol, settings.limits)
+        check = check_result(assemble_pair(scene), run_end, settings.tol, settings.limits)
     peak_force, impulse, contact_time, restitution, closed, steps = numbers
     if peak_force > law.valid_force:
         return _failed(range_error(law, peak_force, pair.checked[0].patch_radius, _doubts(scene)))

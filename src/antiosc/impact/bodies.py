@@ -230,10 +230,10 @@ class Impactor(FieldsRepr, Body):
 
     def __post_init__(self) -> None:
         velocity = self.velocity
-        checked = checked_body("body", self.body)
+        inner_body = checked_body("body", self.body)
         if not isinstance(velocity, Motion):
             velocity = checks.number("velocity", velocity, "m/s")
-        checks.store(self, velocity=velocity, local_compliance=checked.local_compliance)
+        checks.store(self, velocity=velocity, local_compliance=inner_body.local_compliance)
 
     @property
     def patch_radius(self) -> float | None:
@@ -372,7 +372,7 @@ _IMPACTOR_LIST = (
     ),
 )  # fmt: skip
 #: Name -> the named impactor.
-IMPACTORS = {one.name: one for one in _IMPACTOR_LIST}
+IMPACTORS = {impactor.name: impactor for impactor in _IMPACTOR_LIST}
 
 
 @checks.within_range
@@ -398,22 +398,22 @@ def named_impactor(
     InputError
         An unknown name; a ball without velocity or diameter.
     """
-    known = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
+    impactor = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
     if velocity is None:
-        if known.speed is None:
+        if impactor.speed is None:
             raise InputError(f"a {name} has no velocity of its own: give velocity=… in m/s.")
-        velocity = known.speed
-    if known.mass is None:
+        velocity = impactor.speed
+    if impactor.mass is None:
         if diameter is None:
             raise InputError(f"a {name} has no size of its own: give diameter=… in m.")
         radius = checks.positive("diameter", diameter, "m") / 2
-        if known.steel:
+        if impactor.steel:
             return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
         return RigidMass(ICE_DENSITY * 4 / 3 * pi * radius**3, velocity, tip_radius=radius)
     if diameter is not None:
         raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
-    constants = STEEL if known.steel else {}
-    return RigidMass(known.mass, velocity, tip_radius=known.tip_radius, **constants)
+    constants = STEEL if impactor.steel else {}
+    return RigidMass(impactor.mass, velocity, tip_radius=impactor.tip_radius, **constants)
 
 
 #: cosine of the angle beyond which two directions are not taken as one
@@ -479,9 +479,9 @@ class RigidBody(FieldsRepr):
                 raise InputError(
                     f"site {name!r} must be (point, direction); got {checks.shown(site)}."
                 )
-            at = checks.floats(f"point of site {name!r}", site[0], (3,))
+            point = checks.floats(f"point of site {name!r}", site[0], (3,))
             along = checks.floats(f"direction of site {name!r}", site[1], (3,))
-            sites[str(name)] = (at, unit_vectors(f"direction of site {name!r}", along[None])[0])
+            sites[str(name)] = (point, unit_vectors(f"direction of site {name!r}", along[None])[0])
         object.__setattr__(self, "sites", sites)
 
 
@@ -627,26 +627,28 @@ def stacked_first_order(bodies: Iterable[SceneBody]) -> StackedModes | None:
 def scene_body(name: str, body: object, motion: Motion | ModalState | float | None) -> SceneBody:
     """The body of a scene with its initial motion; InputError for an impossible motion."""
     if isinstance(body, RigidBody):
-        placed = _rigid_body(name, body)
+        body_in_scene = _rigid_body(name, body)
     elif isinstance(body, SiteModes) or (isinstance(body, AntiOscillators) and body.sites):
         modes = body if isinstance(body, SiteModes) else body.site_modes()
         at_rest = np.zeros(modes.omega.size)
-        placed = SceneBody(name, body, modes, at_rest, local_compliance=modes.local_compliance)
+        body_in_scene = SceneBody(
+            name, body, modes, at_rest, local_compliance=modes.local_compliance
+        )
     else:
-        placed = _modal_body(name, body)
+        body_in_scene = _modal_body(name, body)
     if motion is not None:
         if isinstance(body, Obstacle):
             raise InputError(f"body {name!r} is an obstacle, which does not move.")
         if isinstance(motion, ModalState):
-            if motion.velocities.size != placed.omega.size:
+            if motion.velocities.size != body_in_scene.omega.size:
                 raise InputError(
                     f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
-                    f" {placed.omega.size}."
+                    f" {body_in_scene.omega.size}."
                 )
-            placed.initial_displacements = motion.displacements
-            placed.start = motion.velocities
-            placed.first_order_start = first_order = motion.first_order
-            first = placed.modes.first_order
+            body_in_scene.initial_displacements = motion.displacements
+            body_in_scene.start = motion.velocities
+            body_in_scene.first_order_start = first_order = motion.first_order
+            first = body_in_scene.modes.first_order
             size = 0 if first is None else first.omega.size
             if first_order is not None and first_order.shape[1] != size:
                 raise InputError(
@@ -654,8 +656,8 @@ def scene_body(name: str, body: object, motion: Motion | ModalState | float | No
                     f" the body {size}."
                 )
         else:
-            placed.start = _initial_velocities(placed, motion)
-    return placed
+            body_in_scene.start = _initial_velocities(body_in_scene, motion)
+    return body_in_scene
 
 
 def _modal_body(name: str, body: object) -> SceneBody:
@@ -690,13 +692,13 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
     moments, axes = np.linalg.eigh(body.inertia)
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}
-    pushes: dict[str, Array] = {}
+    directions: dict[str, Array] = {}
     for i, (site, (point, push)) in enumerate(body.sites.items()):
         arm = np.asarray(point) - body.centre
         turn = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
         columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
         sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
-        pushes[site] = np.asarray(push)
+        directions[site] = np.asarray(push)
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = body.mass * np.eye(3)
     matrix[3:, 3:] = body.inertia
@@ -710,14 +712,14 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
         directions=np.tile(np.eye(3), (len(sites), 1)),
         inertia=Inertia(body.centre, matrix, momentum),
     )
-    return SceneBody(name, body, modes, np.zeros(6), pushes=pushes)
+    return SceneBody(name, body, modes, np.zeros(6), pushes=directions)
 
 
 def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
     """Modal initial velocities (J,) of a rigid-body motion."""
     if not isinstance(motion, Motion):
-        along = placed.directions is None or placed.inertia is None  # the speed along it
-        if not along or placed.B.shape[1] != 1:
+        one_coordinate = placed.directions is None or placed.inertia is None  # the speed along it
+        if not one_coordinate or placed.B.shape[1] != 1:
             raise InputError(
                 f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
                 f" spin=(...)), not as the number {motion!r}."

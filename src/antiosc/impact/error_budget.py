@@ -110,12 +110,12 @@ def _softer_and_stiffer(
     slower = FREQUENCIES * x + CLAMP * facts["clamps"]
     local = LOCAL * facts["compliance"]
 
-    def moved(sign: float, r: float) -> ModalBody:
+    def beam(sign: float, r: float) -> ModalBody:
         omega = modes.omega * (1 - sign * slower)
         b = modes.b * (1 + sign * VALUES * x)
         return replace(modes, omega=omega, b=b, r=r)
 
-    return ModalModel(moved(1.0, modes.r + local)), ModalModel(moved(-1.0, modes.r), local)
+    return ModalModel(beam(1.0, modes.r + local)), ModalModel(beam(-1.0, modes.r), local)
 
 
 #: Error bar, in standard deviations over the bodies (benchmarks/measured_frf.py).
@@ -304,13 +304,13 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         return dict.fromkeys(QUANTITIES, NEGLIGIBLE)
     if model.stretch.count == "auto":
         names = (*QUANTITIES, "deflection")
-        known = {name: hit.error.get(f"stretch {name}", 0.0) for name in names}
+        stretch_errors = {name: hit.error.get(f"stretch {name}", 0.0) for name in names}
     else:
         count = min(stretch.size + 2, model.stretch.size)
-        known = differences(hit, rerun(with_count(model, count), tol))
-    worst = max(known[name] for name in DECIDING)
-    least = max(bars.FLOOR * worst, STRETCH_LEAST)
-    return {name: STRETCH_SAFETY * max(known[name], least) for name in QUANTITIES}
+        stretch_errors = differences(hit, rerun(with_count(model, count), tol))
+    worst = max(stretch_errors[name] for name in DECIDING)
+    lower_bound = max(bars.FLOOR * worst, STRETCH_LEAST)
+    return {name: STRETCH_SAFETY * max(stretch_errors[name], lower_bound) for name in QUANTITIES}
 
 
 def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
@@ -334,8 +334,8 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
     safety, doubts = _safety(model, share)
     changes = bars.differences(raw, softer)
     if model.strain_misfit is not None:
-        without = impact.change(replace(model, strain_misfit=None).corrected())
-        changes = {name: max(change, changes[name]) for name, change in without.items()}
+        unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
+        changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
     if model.strain_misfit is not None and share > COARSE_SHELL:
         mesh = {name: max(change, share) for name, change in mesh.items()}
@@ -347,9 +347,9 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
         return impact.run(body, tol)
 
     truncated = truncation_error(model, known, tol=impact.tol)
-    missed = truncation_share(model, raw.assembly)
-    least = missed if missed > WARN_SHARE else 0.0
-    if least:
+    truncation = truncation_share(model, raw.assembly)
+    lower_bound = truncation if truncation > WARN_SHARE else 0.0
+    if lower_bound:
         doubts.append(
             f"The {model.n} anti-oscillators are too few for this contact: the bar of the"
             " truncation is a rough one; extract with a band."
@@ -360,7 +360,7 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
             f"{len(softer.contacts)} corrected): the contact times are not comparable.",
         )
-    truncation_errors = {name: max(getattr(truncated, name), least) for name in QUANTITIES}
+    truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
     return mesh, truncation_errors, share, safety, doubts
 
 
@@ -422,10 +422,10 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """Errors due to the time steps: the run's estimate, or its difference to a finer run if
     larger.
     """
-    known = max(_time_errors(hit), default=0.0)
+    error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    changed = bars.NO_ERROR if finer is None else bars.differences(hit, finer)
-    return {name: max(changed[name] + tol, estimated.get(name, known)) for name in QUANTITIES}
+    change = bars.NO_ERROR if finer is None else bars.differences(hit, finer)
+    return {name: max(change[name] + tol, estimated.get(name, error)) for name in QUANTITIES}
 
 
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -437,21 +437,21 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     is proportional to it.
     """
     model = impact.model
-    other = model.info.patch
+    second_patch = model.info.patch
     if model.radius is None:
         return bars.NO_ERROR, []
-    if other is None or "compliance" not in other:
+    if second_patch is None or "compliance" not in second_patch:
         return bars.NO_ERROR, [NO_PATCH]
-    change = abs(float(other["compliance"]))
+    change = abs(float(second_patch["compliance"]))
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted
-    changed = impact.change(
+    relative_change = impact.change(
         replace(model, strain_error=None, strain_misfit=None, local_compliance=local)
     )
-    if change and not any(changed.values()):  # the law does not contain the half-space
+    if change and not any(relative_change.values()):  # the law does not contain the half-space
         return bars.NO_ERROR, [NO_PATCH]
     larger = change / subtracted if subtracted else 1.0
-    return {name: larger * value for name, value in changed.items()}, []
+    return {name: larger * value for name, value in relative_change.items()}, []
 
 
 def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]]:
@@ -481,7 +481,7 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
         omega=model.omega * np.sqrt(stiffer / heavier),
         participation=None if p is None else p * heavier,
     )
-    changed = impact.change(curved)
-    return bars.with_floor({name: SAFETY * change for name, change in changed.items()}), [
+    relative_change = impact.change(curved)
+    return bars.with_floor({name: SAFETY * change for name, change in relative_change.items()}), [
         facts["note"]
     ]

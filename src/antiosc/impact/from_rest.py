@@ -84,18 +84,18 @@ def motions(
         slope = (force[:, k + 1] - force[:, k]) / np.where(h > 0, h, 1.0)
         rise = (b.T * slope).T
         push = b * force[:, k, None]
-        after = P * q + S * v + push * J0 + rise * J1
+        q_end = P * q + S * v + push * J0 + rise * J1
         v = W * v - omega**2 * S * q + push * S + rise * J0
-        q = after
+        q = q_end
         yield time[:, k + 1], q, force[:, k + 1]
 
 
 def _at(times: Array, force: Force) -> Array:
     """Values [N] of a force at times [s]."""
-    known, values = force
-    if not known.size:
+    breaks, values = force
+    if not breaks.size:
         return np.zeros_like(times)
-    return np.interp(times, known, values, left=0.0, right=0.0)
+    return np.interp(times, breaks, values, left=0.0, right=0.0)
 
 
 def _padded_rows(rows: Sequence[Array], filler: float | None) -> Array:

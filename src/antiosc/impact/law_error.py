@@ -57,9 +57,9 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
         )
     total = dict(NO_ERROR)
     for cause in causes(raw, choice):
-        changed = [differences(raw, by_law(law, tol)) for law in cause]
+        relative_changes = [differences(raw, by_law(law, tol)) for law in cause]
         for name in total:
-            total[name] += max((shares[name] for shares in changed), default=0.0)
+            total[name] += max((shares[name] for shares in relative_changes), default=0.0)
     return with_floor(total), ""
 
 
@@ -86,9 +86,9 @@ def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
         return
     for sign in (-1.0, 1.0):
         first, second = (_bent(surface, sign * surface.error) for surface in surfaces)
-        other = choose(first, second).law
-        if type(other) is type(law):
-            yield other
+        other_law = choose(first, second).law
+        if type(other_law) is type(law):
+            yield other_law
 
 
 def _by_strain(law: ContactLaw, strain: float) -> list[ContactLaw]:

@@ -103,11 +103,11 @@ class SceneStep(SceneMethod):
                 if self.steps >= max_steps:
                     answer = library.TOO_MANY_STEPS
                     break
-                h, new, acting = self._step(node, t, min(self.step, end - t))
+                h, new, step_loads = self._step(node, t, min(self.step, end - t))
                 work += float(
-                    0.5 * (acting.load + acting.load1) * self.moved_modes @ (new.q - node.q)
+                    0.5 * (step_loads.load + step_loads.load1) * self.moved_modes @ (new.q - node.q)
                 )
-                kick = 0.5 * float((h * acting.load1) ** 2 @ self.moved_modes)
+                kick = 0.5 * float((h * step_loads.load1) ** 2 @ self.moved_modes)
                 self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
                 if not self._energy(new) <= BLOW_UP * self.highest:
                     answer = library.GREW
@@ -137,8 +137,8 @@ class SceneStep(SceneMethod):
     def _step(self, node: Step, t: float, h: float) -> tuple[float, Step, StepLoads]:
         """Take one step of at most h; it ends where the last contact parts."""
         contacts = self.contacts
-        acting = self._step_loads(t, h)
-        new = self.advance(node, acting, h)
+        step_loads = self._step_loads(t, h)
+        new = self.advance(node, step_loads, h)
         touching = [
             c for c in range(self.p) if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
@@ -148,17 +148,17 @@ class SceneStep(SceneMethod):
             displacement = node.delta + fraction * (new.delta - node.delta)
             contacts.touch(c, t + fraction * h, float(speed), displacement)
         if touching:
-            new = self.advance(node, acting, h)
+            new = self.advance(node, step_loads, h)
         closed = contacts.active
-        ended = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
-        if ended == closed and not self.driven:
-            h, new, acting = self._release(node, t, h, new, closed)
+        parted = [c for c in closed if new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c)]
+        if parted == closed and not self.driven:
+            h, new, step_loads = self._release(node, t, h, new, closed)
         self.move_anchors(node, new)
         contacts.advance(new.delta, new.rate)
-        for c in ended:
+        for c in parted:
             fraction = _crossing(node.delta[c], new.delta[c], contacts.origin(c))
             contacts.part(c, t + fraction * h)
-        return h, new, acting
+        return h, new, step_loads
 
     def _release(
         self, node: Step, t: float, h: float, last: Step, closed: list[int]
@@ -168,22 +168,22 @@ class SceneStep(SceneMethod):
         """
         from scipy.optimize import brentq  # loaded where it is used: it takes long
 
-        def over(delta: Array) -> float:
+        def excess(delta: Array) -> float:
             """Largest indentation of the closed contacts above their origins."""
             return max(float(delta[c]) - self.contacts.origin(c) for c in closed)
 
-        def above(fraction: float) -> float:
+        def excess_at(fraction: float) -> float:
             """Largest indentation of the closed contacts above their origins at a fraction of the
             step.
             """
-            return over(self.advance(node, self._step_loads(t, fraction), fraction).delta)
+            return excess(self.advance(node, self._step_loads(t, fraction), fraction).delta)
 
-        if over(node.delta) <= 0 or above(1e-9 * h) <= 0:
+        if excess(node.delta) <= 0 or excess_at(1e-9 * h) <= 0:
             return h, last, self._step_loads(t, h)
-        fraction = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
-        acting = self._step_loads(t, fraction)
-        new = self.advance(node, acting, fraction)
-        return fraction, new._replace(force=np.zeros_like(new.force)), acting
+        fraction = float(brentq(excess_at, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
+        step_loads = self._step_loads(t, fraction)
+        new = self.advance(node, step_loads, fraction)
+        return fraction, new._replace(force=np.zeros_like(new.force)), step_loads
 
 
 def _crossing(before: float, after: float, origin: float) -> float:
@@ -338,14 +338,14 @@ class ConservingScene(SceneStep):
         q1 = q + h / 2 * (v + v1)
         pull = h * s.beta / (1 + stiff)
         A = h / 2 * pull @ s.beta.T
-        before = start.delta + s.R @ start.force
+        free_before = start.delta + s.R @ start.force
         free = s.beta @ q1 - acting.gap1
-        mean = self._means(before, free, A, start.mean, h)
+        mean = self._means(free_before, free, A, start.mean, h)
         q1 = q1 - h / 2 * mean @ pull
         v1 = v1 - mean @ pull
-        after = free - A @ mean
-        force = self._nodal(after, s.beta @ v1, mean)
-        return Step(q1, v1, force, after - s.R @ force, (after - before) / h, mean)
+        delta_end = free - A @ mean
+        force = self._nodal(delta_end, s.beta @ v1, mean)
+        return Step(q1, v1, force, delta_end - s.R @ force, (delta_end - free_before) / h, mean)
 
     def _means(self, before: Array, free: Array, A: Array, guess: Array, h: float) -> Array:
         """Mean forces (m,) over the step, by sweeps over the contacts."""
@@ -401,7 +401,7 @@ def _segment_of(times: Array, nodes: list[Step]) -> Segment:
 
 #: the methods by name
 SCENE_STEPS: dict[str, type[SceneStep]] = {
-    each.name: each for each in (NewmarkScene, ConservingScene, LeapfrogScene)
+    method.name: method for method in (NewmarkScene, ConservingScene, LeapfrogScene)
 }
 
 
@@ -474,11 +474,11 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     longest = kind.longest(system)
     first = step or min(assembly.contact_time_estimate / FIRST_STEPS, longest)
     # a given step may stop at a lower max_steps, soon
-    most = max(settings.max_steps, MAX_STEPS) if step else settings.max_steps
-    if (count := assembly.contact_time_estimate / first) > most:
+    step_limit = max(settings.max_steps, MAX_STEPS) if step else settings.max_steps
+    if (count := assembly.contact_time_estimate / first) > step_limit:
         raise InputError(
             f"{method} {'has' if step else 'needs'} steps of {first:.3g} s, {count:.3g} of them in "
-            f"one contact, more than max_steps = {most}; "
+            f"one contact, more than max_steps = {step_limit}; "
             f"{'take a longer step, or ' if step else ''}use method='exact'."
         )
     if step is not None:
@@ -563,12 +563,12 @@ class Refinement:
         rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)
         rho = max(rate, _SECOND_ORDER)
         likely = rho**k / (1 - rho**k)
-        left = 1.0
+        remaining_share = 1.0
         if before is not None:
             proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _SECOND_ORDER
-            left = (1.0 if proven else _SAFETY) * likely
+            remaining_share = (1.0 if proven else _SAFETY) * likely
             self._rate = rate
-        self.error = {"force": force * left, "peak": max(force, peak) * left}
+        self.error = {"force": force * remaining_share, "peak": max(force, peak) * remaining_share}
         self._before = (force, k) if force > 0 else None
         aim = max(force, peak) * likely / (_AIM * self.tol)
         if aim > 1 and isfinite(aim):

@@ -133,10 +133,10 @@ class JointContacts:
             sweep(active[0])
             return F
         for _ in range(MOST_SWEEPS):
-            before = F.copy()
+            previous_forces = F.copy()
             for c in active:
                 sweep(c)
-            change = float(np.abs(F - before).max())
+            change = float(np.abs(F - previous_forces).max())
             if change <= share * float(np.abs(F).max()) or not np.isfinite(change):
                 return F
         raise NotConvergedError(
@@ -172,9 +172,9 @@ class JointContacts:
     def within_cone(self, c: int, friction: Array, normal: float) -> Array:
         """Friction (k,) of a contact, limited to mu times the normal force."""
         size = float(np.linalg.norm(friction))
-        most = self.system.slip[c, 0] * normal
-        if size > most:
-            return friction * (most / size)
+        friction_limit = self.system.slip[c, 0] * normal
+        if size > friction_limit:
+            return friction * (friction_limit / size)
         return friction
 
 
@@ -251,13 +251,13 @@ class SceneMethod(ABC):
         while answer == library.DONE and duration - pieces[-1].time[-1] > SAME_TIME * duration:
             t = float(pieces[-1].time[-1])
             force = pieces[-1].force
-            begin = pieces[-1].states[-1]
+            start_states = pieces[-1].states[-1]
             if self.busy:
                 piece, answer = self.integrate_contact(
-                    t, begin, force[-1], duration, max_contacts, max_steps
+                    t, start_states, force[-1], duration, max_contacts, max_steps
                 )
             else:
-                piece, answer = self._flight(t, begin, duration, max_contacts)
+                piece, answer = self._flight(t, start_states, duration, max_contacts)
             pieces.append(piece)
         segment = joined_segments(pieces)
         start_energy = s.contact_energy + float(library.energies(segment.states[:1], s.omega)[0])
@@ -337,13 +337,13 @@ class SceneMethod(ABC):
         free, rate = s.free_rows(q, v)
         free = free - gap
         rate = rate - drift
-        beyond = (free - origins)[:p]
+        excess = (free - origins)[:p]
         approaching = rate[:p] > 0
         if not approaching.any():
             approaching[:] = True
         size = abs(s.beta[:p]) @ abs(q) + abs(gap[:p])
-        reached = beyond >= beyond[approaching].max() - SAME_TIME * size
-        for c in np.flatnonzero(approaching & reached).tolist():
+        touches_now = excess >= excess[approaching].max() - SAME_TIME * size
+        for c in np.flatnonzero(approaching & touches_now).tolist():
             self.contacts.touch(c, t, float(rate[c]), free)
             self.on_touch(c, free, rate, self.still)
 
@@ -507,9 +507,9 @@ class SceneIVP(SceneMethod):
 
     def _slip_direction(self, c: int, z: Array, rate: Array) -> Array:
         """Unit vector (k,) of sliding: along z, or along the velocity while z is zero."""
-        along = z if np.any(z) else rate[self.contacts.tangents(c)]
-        length = float(np.linalg.norm(along))
-        return along / length if length > 0 else along
+        sliding = z if np.any(z) else rate[self.contacts.tangents(c)]
+        length = float(np.linalg.norm(sliding))
+        return sliding / length if length > 0 else sliding
 
     def _slope(self, t: float, y: Array) -> Array:
         """Right-hand side of the equations."""
@@ -575,7 +575,7 @@ class SceneIVP(SceneMethod):
         closed = bool(self.contacts.closed[c])
         rubs = self.system.tangents[c, 1] > 0
 
-        def beyond(t: float, y: Array) -> float:
+        def deepening(t: float, y: Array) -> float:
             free, _, force = self._contact_state(t, y)
             other_forces = self.system.R[c] @ force - self.system.R[c, c] * force[c]
             events = float(free[c] - other_forces - self.contacts.origin(c))
@@ -593,13 +593,13 @@ class SceneIVP(SceneMethod):
             return float(stiffness * np.linalg.norm(z) - mu * force[c])
 
         events: list[Callable[[float, Array], float]] = []
-        for event, direction, wanted in (
-            (beyond, -1.0 if closed else 1.0, True),
+        for event, direction, is_relevant in (
+            (deepening, -1.0 if closed else 1.0, True),
             (turn, self.turning[c], closed and self.laws[c].has_memory),
             (switch, 1.0, closed and rubs),
         ):
             event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-            events.append(event if wanted else lambda t, y: 1.0)
+            events.append(event if is_relevant else lambda t, y: 1.0)
         return events
 
     def _apply_events(self, t: float, y: Array, event_times: list[Array]) -> None:
@@ -644,7 +644,7 @@ class SceneIVP(SceneMethod):
         t = (ends[:-1, None] + np.diff(ends)[:, None] * fraction).ravel()
         t = np.append(t, ends[-1])
         y = at(t).T
-        nodes = [self._contact_state(float(at), row) for at, row in zip(t, y, strict=True)]
+        nodes = [self._contact_state(float(time), row) for time, row in zip(t, y, strict=True)]
         force = np.array([f for _, _, f in nodes])
         depth = np.array([free - self.system.R @ f for free, _, f in nodes])
         states = y[::2, : 2 * self.size].reshape(-1, 2, self.size)

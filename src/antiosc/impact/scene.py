@@ -180,16 +180,16 @@ def integrate(
             'a body that stretches takes method="exact" without step= and without preload; extract'
             " it with stretch=False for others."
         )
-    checked = {id(linear.run): check}
+    run_checks = {id(linear.run): check}
 
-    def again(other: Assembly) -> H:
+    def integrated(other: Assembly) -> H:
         """The history of another assembly."""
         history, check = _integrate(kind, other, duration, settings)
-        checked[id(history.run)] = check
+        run_checks[id(history.run)] = check
         return history
 
-    history, sentence = stretched(linear, again, settings.tol)
-    return told(history, sentence), checked[id(history.run)]
+    history, sentence = stretched(linear, integrated, settings.tol)
+    return told(history, sentence), run_checks[id(history.run)]
 
 
 def _integrate(
@@ -208,10 +208,10 @@ def _integrate(
     run = converged.run
     still_open = open_contacts(run, assembly.system)
     errors = converged.force, converged.peak, converged.certain
-    ended = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
-    check = check_result(assembly, ended, tol, limits, failure, lambda: energy_gain(assembly, run))
-    known = step is None and settings.method not in IVP_METHODS
-    error = {"force": converged.force, "peak": converged.peak} if known else {}
+    end = RunEnd(run.answer, float(run.time[-1]), run.touches, still_open, *errors)
+    check = check_result(assembly, end, tol, limits, failure, lambda: energy_gain(assembly, run))
+    bounded = step is None and settings.method not in IVP_METHODS
+    error = {"force": converged.force, "peak": converged.peak} if bounded else {}
     untouched = set(range(len(assembly.laws))).difference(run.events[:, 1].tolist())
     notes = []
     if untouched:
@@ -296,11 +296,11 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
         if law.valid_force == np.inf:
             continue
         contact = a.scene.contacts[c]
-        where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
+        prefix = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
             radius = a.bodies[contact.a.partition(":")[0]].patch_radius
-            raise range_error(law, peak, radius, doubts, where)
+            raise range_error(law, peak, radius, doubts, prefix)
 
 
 def range_error(
@@ -319,11 +319,11 @@ def _warn_truncation(scene: Scene, history: SceneHistory) -> None:
     for c, contact in enumerate(scene.contacts):
         for end in (contact.a, contact.b) if contact_histories[c].contacts else ():
             name = end.partition(":")[0]
-            begin = assembly.spans[name].start if name in assembly.spans else 0
+            first_mode = assembly.spans[name].start if name in assembly.spans else 0
             body = scene.bodies.get(name)
             site = end.partition(":")[2]
             for sentence in (
-                truncation_warning(body, assembly, c, begin),
+                truncation_warning(body, assembly, c, first_mode),
                 coarse_cell(body, site, assembly.contact_time_estimate),
             ):
                 if sentence:
@@ -449,7 +449,7 @@ def simulate_impact(
 ) -> tuple[History, CheckResult]:
     """Simulate one impact; returns the history and the check result before warnings."""
 
-    def of(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
+    def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = assemble_pair(scene._replace(model=model), stretch=True)
         return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
 
@@ -457,12 +457,12 @@ def simulate_impact(
         # a model with all its mass in anti-oscillators leaves the others to the exact method
         exact = model.m0 == 0 and scene.contact.rate_dependent
         method = "exact" if exact else settings.method
-        return of(model, replace(settings, tol=tol, method=method))[0]
+        return integrated(model, replace(settings, tol=tol, method=method))[0]
 
     if n is None:
-        return of(scene.model, settings)
+        return integrated(scene.model, settings)
     model, truncation, shortage = _truncated(scene.model, n, rerun, settings.tol)
-    history, check = of(model, settings)
+    history, check = integrated(model, settings)
     history.error.update(truncation)
     if shortage:
         check = check.with_shortage(shortage)
@@ -506,11 +506,11 @@ def _truncated(
     }
     shortage = ""
     if choice.missing:
-        most = model.info.dofs
-        beyond = most is not None and model.n + choice.missing > most
-        more = "more than the mesh has" if beyond else f"about {choice.missing} more"
+        dofs = model.info.dofs
+        exceeds_mesh = dofs is not None and model.n + choice.missing > dofs
+        advice = "more than the mesh has" if exceeds_mesh else f"about {choice.missing} more"
         shortage = (
             f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
-            f" {choice.error.worst:.2g}, more than tol = {tol:g}; {more} are needed."
+            f" {choice.error.worst:.2g}, more than tol = {tol:g}; {advice} are needed."
         )
     return model.truncated(choice.n), errors, shortage

@@ -188,10 +188,10 @@ class SceneParts(FieldsRepr):
                 checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
-        for what, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
+        for noun, number in (("bodies", len(self.bodies)), ("contacts", len(self.contacts))):
             if number > MOST:
                 raise InputError(
-                    f"a scene has at most {MOST} {what}; got {number}: each step solves for all of"
+                    f"a scene has at most {MOST} {noun}; got {number}: each step solves for all of"
                     " them. Leave out what the blow does not reach."
                 )
         if self.base is not None:
@@ -212,17 +212,17 @@ class SceneParts(FieldsRepr):
 
     def _check_pairs(self) -> None:
         """InputError for two contacts between the same two sites, in either order."""
-        seen: dict[frozenset[str], Contact] = {}
+        contacts_by_ends: dict[frozenset[str], Contact] = {}
         for contact in self.contacts:
             ends = frozenset(self._site_of(end) for end in (contact.a, contact.b))
             if len(ends) == 1:
                 raise InputError(
                     f"the contact {contact.a!r}, {contact.b!r} joins a site to itself; name two."
                 )
-            other = seen.setdefault(ends, contact)
-            if other is not contact:
+            first = contacts_by_ends.setdefault(ends, contact)
+            if first is not contact:
                 raise InputError(
-                    f"the contacts {other.a!r}, {other.b!r} and {contact.a!r}, {contact.b!r} have"
+                    f"the contacts {first.a!r}, {first.b!r} and {contact.a!r}, {contact.b!r} have"
                     f" the same ends; give each pair of sites once (a stop on the other side is"
                     f" another body or site)."
                 )
@@ -304,8 +304,8 @@ def find_site(end: str, bodies: dict[str, SceneBody]) -> tuple[SceneBody, str]:
         return body, site
     if body.sites == {"": (0,)}:  # one site: its name is free
         return body, ""
-    listed = ", ".join(f"{name}:{s}" for s in body.sites)
-    raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
+    site_names = ", ".join(f"{name}:{s}" for s in body.sites)
+    raise InputError(f"{end!r} names no site of the body {name!r}; it has {site_names}.")
 
 
 def set_axes(
@@ -321,13 +321,13 @@ def set_axes(
         for pair in ends
     ]
     links = [pair for pair in open_ends if len(pair) == 2]
-    for pair, reached in zip(ends, open_ends, strict=True):
+    for pair, linked_ends in zip(ends, open_ends, strict=True):
         direction = contact_direction(*pair)
-        while direction is not None and reached:
-            name, at = reached.pop()
+        while direction is not None and linked_ends:
+            name, at = linked_ends.pop()
             if at not in bodies[name].axes:
                 bodies[name].axes[at] = direction
-                reached += [other for link in links if (name, at) in link for other in link]
+                linked_ends += [linked for link in links if (name, at) in link for linked in link]
 
 
 def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> Array:
@@ -336,13 +336,15 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
     columns = list(body.columns_of(site))
     if not columns:
         return row
-    known = body.site_directions(site)
-    if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
+    axes = body.site_directions(site)
+    if direction is None or axes is None or (len(axes) == 1 and (axes[0] == direction).all()):
         row[columns[0]] = 1.0
         return row
-    parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
-    pushed = known.T @ parts
-    if np.linalg.norm(pushed) < PARALLEL or pushed @ direction < PARALLEL * np.linalg.norm(pushed):
+    parts, *_ = np.linalg.lstsq(axes.T, direction, rcond=None)
+    direction_sum = axes.T @ parts
+    if np.linalg.norm(
+        direction_sum
+    ) < PARALLEL or direction_sum @ direction < PARALLEL * np.linalg.norm(direction_sum):
         remedy = (
             "which is that of another contact of this body of one coordinate; use a RigidBody"
             if body.directions is None
@@ -350,9 +352,9 @@ def site_row(body: SceneBody, site: str, direction: Array | None, end: str) -> A
         )
         raise InputError(
             f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
-            f" only along {np.round(known, 4).tolist()}, {remedy}."
+            f" only along {np.round(axes, 4).tolist()}, {remedy}."
         )
-    row[columns[: len(known)]] = parts
+    row[columns[: len(axes)]] = parts
     return row
 
 
@@ -388,8 +390,8 @@ def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -
     for contact in contacts:
         (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
         push = a.pushes.get(at)
-        other = b.pushes.get(bt)
-        if other is not None and (push is None or push @ other > 0):
+        other_direction = b.pushes.get(bt)
+        if other_direction is not None and (push is None or push @ other_direction > 0):
             notes.append(
                 f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
                 f" direction of its site, as it is named second; name it first if it should be"
@@ -403,9 +405,9 @@ def misplaced_ends(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) ->
     sentences = []
     for contact in contacts:
         ends = find_site(contact.a, bodies), find_site(contact.b, bodies)
-        where = f"the ends {contact.a!r} and {contact.b!r} of a contact"
+        ends_text = f"the ends {contact.a!r} and {contact.b!r} of a contact"
         sentences += [
-            f"{where} {fault}; it is simulated as one contact along the first direction that is"
+            f"{ends_text} {fault}; it is simulated as one contact along the first direction that is"
             f" known. Give both bodies in the axes of the scene, and their sites where they touch."
             for fault in (_distance(contact, ends), _angle(ends))
             if fault
@@ -421,9 +423,9 @@ def _distance(contact: Contact, ends: tuple[End, End]) -> str:
     if a is None or b is None or direction is None:
         return ""
     gap = sum(body.gap for body, _ in ends) if contact.gap is None else contact.gap
-    along = (a - b) @ direction
+    normal_distance = (a - b) @ direction
     # drawn in contact, or at the distance of the gap
-    offset = a - b - np.clip(along, 0.0, gap) * direction
+    offset = a - b - np.clip(normal_distance, 0.0, gap) * direction
     distance = float(np.linalg.norm(offset))
     allowed = sum(_reach(*end) for end in ends)
     if distance <= max(allowed, SAME_PLACE):
@@ -474,12 +476,12 @@ def tangential_rows(
         )
     across: list[Array] = []
     for body, site in moving:
-        known = body.directions
-        assert known is not None
+        axes = body.directions
+        assert axes is not None
         for i in body.sites[site]:
-            side = known[i] - (known[i] @ direction) * direction
-            for other in across:
-                side = side - (side @ other) * other
+            side = axes[i] - (axes[i] @ direction) * direction
+            for row in across:
+                side = side - (side @ row) * row
             if np.linalg.norm(side) > 0.5:
                 across.append(side / np.linalg.norm(side))
     rows = [_relative_row(contact, ends, side, stacked) for side in across[:2]]
@@ -529,8 +531,8 @@ def load_series(
     series = [load.times for load in scene.loads]
     if scene.base is not None:
         series.append(scene.base.times)
-    inside = [t[(t > 0) & (t < duration)] for t in series]
-    breaks = np.unique(np.concatenate([np.zeros(1), *inside]))
+    inner_times = [t[(t > 0) & (t < duration)] for t in series]
+    breaks = np.unique(np.concatenate([np.zeros(1), *inner_times]))
     if len(series) and any(t[-1] >= duration for t in series):
         breaks = np.append(breaks, duration)
     forces = external_forces(scene.loads, bodies, stacked, breaks)
@@ -575,11 +577,11 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
     axis = _axis(body)
     if axis is None or ground_motion.shape[1] != 3:
         return
-    across = np.abs(ground_motion - np.outer(ground_motion @ axis, axis)).max()
+    transverse = np.abs(ground_motion - np.outer(ground_motion @ axis, axis)).max()
     size = np.abs(ground_motion).max()
-    if across > 1e-6 * size:
+    if transverse > 1e-6 * size:
         raise InputError(
-            f"the ground moves with {across:.3g} m/s² across the direction of the site of "
+            f"the ground moves with {transverse:.3g} m/s² across the direction of the site of "
             f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
             "name the site, extract(part, {'tip': Site(…)}), which gives a model that knows all "
             "directions, or give base along the site's direction."
@@ -595,9 +597,9 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
     if body.weight is not None and body.weight.ndim == 2:
         if vector:
             return body.weight
-        pushes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
-        if len(pushes) == 1:
-            return np.asarray(body.weight @ pushes[0])[:, None]
+        axes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
+        if len(axes) == 1:
+            return np.asarray(body.weight @ axes[0])[:, None]
         raise InputError(
             f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
             "ground, as a vector."

@@ -145,18 +145,18 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
     if run.every == 1:
         return run.states[step, 0], run.states[step, 1]
     q, v = (np.empty((step.size, run.states.shape[2])) for _ in range(2))
-    stored, which = np.unique(step // run.every, return_inverse=True)
+    stored, stored_index = np.unique(step // run.every, return_inverse=True)
     steps_ahead = step % run.every
-    most = max(BLOCK // max(run.states.shape[2], 1), 1)
-    for begin in range(0, stored.size, most):
-        in_block = np.flatnonzero((which >= begin) & (which < begin + most))
-        x, y = (run.states[stored[begin : begin + most], i] for i in range(2))
+    block_size = max(BLOCK // max(run.states.shape[2], 1), 1)
+    for begin in range(0, stored.size, block_size):
+        in_block = np.flatnonzero((stored_index >= begin) & (stored_index < begin + block_size))
+        x, y = (run.states[stored[begin : begin + block_size], i] for i in range(2))
         most_ahead = np.zeros(len(x), dtype=np.intp)
-        np.maximum.at(most_ahead, which[in_block] - begin, steps_ahead[in_block])
+        np.maximum.at(most_ahead, stored_index[in_block] - begin, steps_ahead[in_block])
         for k in range(int(most_ahead.max()) + 1):
             at_step = in_block[steps_ahead[in_block] == k]
-            q[at_step] = x[which[at_step] - begin]
-            v[at_step] = y[which[at_step] - begin]
+            q[at_step] = x[stored_index[at_step] - begin]
+            v[at_step] = y[stored_index[at_step] - begin]
             remaining = np.flatnonzero(most_ahead > k)
             numbers = stored[begin + remaining] * run.every + k
             h = run.time[2 * numbers + 2] - run.time[2 * numbers]
@@ -185,14 +185,14 @@ def _advanced(
     middle = run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start
     long = np.where(h > 0, h, 1.0)[:, None]
-    at = modal_loads(full_system, start)
-    slope = (modal_loads(full_system, middle) - at) / (0.5 * long)
+    start_loads = modal_loads(full_system, start)
+    slope = (modal_loads(full_system, middle) - start_loads) / (0.5 * long)
     bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
     if full_system.first is not None:
-        at = full_system.first.rows(at)
+        start_loads = full_system.first.rows(start_loads)
         slope = full_system.first.rows(slope)
     size = system.omega.size
-    a = bends[0] @ system.beta - at[:, :size]
+    a = bends[0] @ system.beta - start_loads[:, :size]
     b = bends[1] @ system.beta - slope[:, :size]
     c = bends[2] @ system.beta
     displacements = P * q + S * v - a * J0 - b * J1 - c * J2
@@ -200,11 +200,11 @@ def _advanced(
     if system.gamma is None:
         return displacements, sped
     x, y, z = (bend @ system.gamma for bend in bends)
-    x = x - at[:, size:]
+    x = x - start_loads[:, size:]
     y = y - slope[:, size:]
-    way = x * J0 + y * J1 + z * J2
+    force_response = x * J0 + y * J1 + z * J2
     rate = x * S + y * J0 + z * J1
-    return displacements - rate, sped + system.omega**2 * way + 2 * system.decay * rate
+    return displacements - rate, sped + system.omega**2 * force_response + 2 * system.decay * rate
 
 
 def node_states(
@@ -230,16 +230,16 @@ def node_states(
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
-        at = 2 * (steps - first)
-        q[at + 1], v[at + 1] = _advanced(run, system, steps, since, q[at], v[at])
+        node = 2 * (steps - first)
+        q[node + 1], v[node + 1] = _advanced(run, system, steps, since, q[node], v[node])
     return _free_modes(system, q, v)
 
 
 def blocks(run: Run, size: int) -> list[tuple[int, int]]:
     """First and last steps of blocks of a run whose states of `size` modes fit in memory."""
     steps = run.time.size // 2
-    most = max(STATES_AT_ONCE // max(size, 1), 1)
-    return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
+    block_size = max(STATES_AT_ONCE // max(size, 1), 1)
+    return [(k, min(k + block_size, steps)) for k in range(0, max(steps, 1), block_size)]
 
 
 def run_slice(run: Run, first: int, last: int) -> Run:
@@ -256,8 +256,8 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     if run.time.size < 3:
         return run
     h = run.time[2::2] - run.time[:-2:2]
-    pressed = run.force.any(axis=1)
-    flight = ~(pressed[:-2:2] | pressed[1::2] | pressed[2::2])
+    in_contact = run.force.any(axis=1)
+    flight = ~(in_contact[:-2:2] | in_contact[1::2] | in_contact[2::2])
     count = np.where(flight, 1 + (FLIGHT_STEPS * h / run.time[-1]).astype(int), 1)
     step = np.repeat(np.arange(h.size), count)
     if step.size == h.size:
@@ -269,19 +269,24 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     force = run.force[step_ends]
     depth = run.depth[step_ends]
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
-    at = step[new // 2]
+    step_of_new = step[new // 2]
     within = since[new // 2] + new % 2 * 0.5 * length[new // 2]
-    time[new] = run.time[2 * at] + within
-    displacements, _ = states(run, system, at, within)
+    time[new] = run.time[2 * step_of_new] + within
+    displacements, _ = states(run, system, step_of_new, within)
     depth[new] = displacements @ system.beta.T - interpolated(
         time[new], system.breaks, system.offsets
     )
-    begins = np.append(step, h.size)[:: run.every]
-    beyond = np.append(since, 0.0)[:: run.every]
-    q, v = integrated_starts(run, system, begins)
-    long_flights = np.flatnonzero(beyond)
+    start_steps = np.append(step, h.size)[:: run.every]
+    delays = np.append(since, 0.0)[:: run.every]
+    q, v = integrated_starts(run, system, start_steps)
+    long_flights = np.flatnonzero(delays)
     q[long_flights], v[long_flights] = _advanced(
-        run, system, begins[long_flights], beyond[long_flights], q[long_flights], v[long_flights]
+        run,
+        system,
+        start_steps[long_flights],
+        delays[long_flights],
+        q[long_flights],
+        v[long_flights],
     )
     return replace(run, time=time, force=force, depth=depth, states=np.stack([q, v], axis=1))
 

@@ -49,16 +49,16 @@ def with_rows(a: Assembly, by_body: Mapping[str, Stretch]) -> Assembly:
     rows = np.zeros((count, system.omega.size))
     quadratic = np.zeros((count,) * 3)
     cubic = np.zeros((count,) * 4)
-    begin = 0
+    first_mode = 0
     for name, forces in by_body.items():
-        part = np.arange(begin, begin + forces.size)
+        part = np.arange(first_mode, first_mode + forces.size)
         span = a.spans[name]
         site_rows = system.beta[: len(a.laws), span] @ forces.modes
         scale = float(np.abs(site_rows).max(initial=0.0)) or 1.0
         rows[part, span] = scale * forces.modes.T
         quadratic[np.ix_(part, part, part)] = forces.quadratic / scale**3
         cubic[np.ix_(part, part, part, part)] = forces.cubic / scale**4
-        begin += forces.size
+        first_mode += forces.size
     G = np.pad(a.G, ((0, count), (0, 0)))
     return replace(a, G=G, system=system.with_rows(rows, quadratic, cubic), stretched=dict(by_body))
 
@@ -99,9 +99,9 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     amplitude = q @ forces.modes
     _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
-    follows = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
+    site_displacement = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
     largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
-    change = float(np.abs(follows).max(initial=0.0)) / max(largest, 1e-300)
+    change = float(np.abs(site_displacement).max(initial=0.0)) / max(largest, 1e-300)
     return StretchedMotion(forces, turn.T, change)
 
 
@@ -130,8 +130,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     aim = max(tol, LEAST_TOL)
     before = None
     changes: list[dict[str, float]] = []
-    most = min(max(motion.forces.size for motion in moves.values()), MOST)
-    count = min(FIRST, most)
+    most_modes = min(max(motion.forces.size for motion in moves.values()), MOST)
+    count = min(FIRST, most_modes)
     while True:
         stretches = {name: motion.first(count) for name, motion in moves.items()}
         finer = again(with_rows(a, stretches))
@@ -140,10 +140,10 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         changes += [] if before is None else [differences(before, finer)]
         last = largest(changes[-AGREE:])
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
-        if (worst <= aim and len(changes) >= AGREE) or count >= most:
+        if (worst <= aim and len(changes) >= AGREE) or count >= most_modes:
             break
         before = finer
-        count = min(count + 2, most)
+        count = min(count + 2, most_modes)
     finer.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, TOLD):
         return finer, _not_enough(count, worst)

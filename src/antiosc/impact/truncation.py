@@ -95,13 +95,13 @@ def _compliance_deficit(model: AntiOscillators, s: ComplexArray, row: Array) -> 
     assert model.P is not None
     assert model.dependence is not None
     row = row @ model.dependence
-    known = _blocks.get(model)
-    if known is None:
-        known = _blocks[model] = _block_gauss(np.asarray(model.m0), model.omega**-2.0, model.P)
+    block_rule = _blocks.get(model)
+    if block_rule is None:
+        block_rule = _blocks[model] = _block_gauss(np.asarray(model.m0), model.omega**-2.0, model.P)
     square = s[:, None, None] ** 2
     zero = np.zeros_like(model.m0)
     site = []
-    for lam, P, m0 in ((model.omega**-2.0, model.P, model.m0), (*known, zero)):
+    for lam, P, m0 in ((model.omega**-2.0, model.P, model.m0), (*block_rule, zero)):
         compliances = (P[None] / (1 + lam * square)) @ P.T
         site.append(np.linalg.inv(model.k0 + square * (m0 + compliances)))
     return np.asarray(row @ (site[1] - site[0]) @ row)
@@ -139,10 +139,10 @@ _blocks: WeakKeyDictionary[AntiOscillators, tuple[Array, Array]] = WeakKeyDictio
 
 def _stiffness_deficit(model: AntiOscillators, s: ComplexArray) -> ComplexArray:
     """Z of the model minus Z of its softest model, at complex s."""
-    known = _rules.get(model)
-    if known is None:
-        known = _rules[model] = _rule(model)
-    lam, log_weights = known
+    rule = _rules.get(model)
+    if rule is None:
+        rule = _rules[model] = _rule(model)
+    lam, log_weights = rule
     logs = np.log(lam + s[:, None] ** -2.0)
     terms = 2 * logs.sum(axis=1, keepdims=True) - logs - log_weights
     largest = terms.real.max(axis=1, keepdims=True)
@@ -244,13 +244,13 @@ def truncation_error(
         next_omega = checks.positive("next_omega", next_omega, "rad/s")
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
-    known = _checked(run(model, tol))
-    changed = differences(known, _checked(run(softest_model(model, next_omega), tol)))
+    raw = _checked_run(run(model, tol))
+    change = differences(raw, _checked_run(run(softest_model(model, next_omega), tol)))
     ritz = next_omega is None and _unconverged(model)
     safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
-    errors = {name: safety * max(change - tol, 0.0) for name, change in changed.items()}
+    errors = {name: safety * max(change - tol, 0.0) for name, change in change.items()}
     if ritz:  # both runs may agree by chance
-        errors["peak_force"] = max(errors["peak_force"], truncation_share(model, known.assembly))
+        errors["peak_force"] = max(errors["peak_force"], truncation_share(model, raw.assembly))
     return TruncationError(model.n, **with_floor(errors))
 
 
@@ -267,15 +267,15 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice
     """
     _check(model, run)
     tol = checks.tolerance(tol)
-    known: dict[int, TruncationError] = {}
+    errors: dict[int, TruncationError] = {}
 
     def error(n: int) -> TruncationError:
-        if n not in known:
-            following = float(model.omega[n]) if n < model.n else None
-            known[n] = truncation_error(
-                model.truncated(n), run, next_omega=following, tol=min(0.1 * tol, 1e-3)
+        if n not in errors:
+            next_omega = float(model.omega[n]) if n < model.n else None
+            errors[n] = truncation_error(
+                model.truncated(n), run, next_omega=next_omega, tol=min(0.1 * tol, 1e-3)
             )
-        return known[n]
+        return errors[n]
 
     # double until it is enough, then bisect between the last two
     low = 0
@@ -284,7 +284,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> CountChoice
         low = high
         high = min(2 * high, model.n)
     if error(high).worst > tol:
-        return CountChoice(model.n, error(high), _missing(known, tol))
+        return CountChoice(model.n, error(high), _missing_count(errors, tol))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if error(middle).worst <= tol else (middle, high)
@@ -385,11 +385,11 @@ def _check(model: AntiOscillators, run: Run) -> None:
     checks.function("run", run, "a function run(model, tol) that returns a History", 2)
 
 
-def _checked(hit: History) -> History:
+def _checked_run(hit: History) -> History:
     return checks.instance("what run returns", hit, History, "a History")
 
 
-def _missing(known: dict[int, TruncationError], tol: float) -> int:
+def _missing_count(known: dict[int, TruncationError], tol: float) -> int:
     """Estimated number of missing anti-oscillators, if the error decreases as a power of n."""
     n = max(known)
     worst = known[n].worst

@@ -431,11 +431,11 @@ class _Workspace:
 
         With the same number of modes the march reuses its responses.
         """
-        at = library.address(self.memory), self.memory.nbytes, byref(self.batch)
+        arguments = library.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
         if size != self.size:
             room = int(library.library.aom_batch_nodes(size)) <= self.time.size
-            created = room and library.library.aom_batch_create(size, *at) == library.DONE
+            created = room and library.library.aom_batch_create(size, *arguments) == library.DONE
             self.size = size if created else -1
         return size == self.size
 
@@ -444,8 +444,8 @@ class _Workspace:
         time, force = (array[: self.nodes.n_nodes].copy() for array in (self.time, self.force))
         self.nodes.n_nodes = 0
         ends = np.cumsum(counts).tolist()
-        begins = [0, *ends[:-1]]
-        return [(time[a:b], force[a:b]) for a, b in zip(begins, ends, strict=True)]
+        starts = [0, *ends[:-1]]
+        return [(time[a:b], force[a:b]) for a, b in zip(starts, ends, strict=True)]
 
 
 _idle_workspaces: list[_Workspace] = []

@@ -91,48 +91,48 @@ class NodeTable:
             x[row >= 0] = np.vstack(self._placed)[row[row >= 0]]
         node = self._pairs.find(flat)
         # a new node lies at its given place, otherwise halfway
-        known = (node >= 0) & (node < len(self.points))
-        x[known] = self.points[node[known]]
+        exists = (node >= 0) & (node < len(self.points))
+        x[exists] = self.points[node[exists]]
         return x.reshape(*ends.shape[:-1], 3)
 
     def between(self, ends: IntArray) -> IntArray:
         """Middle nodes (…,) of `ends` (…, 2), created if they do not exist."""
         flat = ends.reshape(-1, 2)
-        missing = flat[self._pairs.find(flat) < 0]
-        if len(missing):
-            once = np.unique(np.sort(missing, axis=1), axis=0)
-            self._pairs.add(once, self.new(self.points_between(once), self._among(once)))
+        absent = flat[self._pairs.find(flat) < 0]
+        if len(absent):
+            pairs = np.unique(np.sort(absent, axis=1), axis=0)
+            self._pairs.add(pairs, self.new(self.points_between(pairs), self._among(pairs)))
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
     def _among(self, ends: IntArray) -> IntArray:
-        around = _padded(ends)
+        padded_ends = _padded(ends)
         row = self._places.find(ends)
         if (row >= 0).any():
-            around[row >= 0] = np.vstack(self._around)[row[row >= 0]]
-        return around
+            padded_ends[row >= 0] = np.vstack(self._around)[row[row >= 0]]
+        return padded_ends
 
     def of_face(self, corners: IntArray, points: Array, around: IntArray) -> IntArray:
         """Nodes (n,) inside faces with corners (n, 4); new ones get the coordinates `points`."""
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
-        _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
+        _, first, face_index = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
         missing = np.array([key not in self._faces for key in keys], dtype=bool)
         new_nodes = self.new(points[first[missing]], _padded(around[first[missing]]))
         for k, node in zip(np.flatnonzero(missing), new_nodes, strict=True):
             self._faces[keys[k]] = int(node)
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
-        return nodes[np.ravel(which)]
+        return nodes[np.ravel(face_index)]
 
     def grown(self, nodes: IntArray) -> IntArray:
         """The `nodes` of the file, and the new nodes whose parents are all among them."""
-        inside = np.zeros(self.count + 1, dtype=bool)
-        inside[nodes] = True
-        inside[-1] = True  # the entry of index -1, which stands for no node
+        selected = np.zeros(self.count + 1, dtype=bool)
+        selected[nodes] = True
+        selected[-1] = True  # the entry of index -1, which stands for no node
         start = len(self.points)
         for parents in self._parents:
-            inside[start : start + len(parents)] = inside[parents].all(axis=1)
+            selected[start : start + len(parents)] = selected[parents].all(axis=1)
             start += len(parents)
-        return np.flatnonzero(inside[:-1])
+        return np.flatnonzero(selected[:-1])
 
     def near(self, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
         """New nodes among some of the file, each with its nodes of the file and their weights.
@@ -481,11 +481,11 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
     corners = [block.corners[:0, :4]]
     rows = [NO_CELLS]
     for face in FACES[block.shape]:
-        around = block.corners[:, list(face)]
-        across = np.flatnonzero((around != apex[:, None]).all(axis=1))
-        base, faces = _triangles(around[across])
-        corners.append(np.column_stack([base, apex[across[faces]]]))
-        rows.append(across[faces])
+        face_corners = block.corners[:, list(face)]
+        opposite = np.flatnonzero((face_corners != apex[:, None]).all(axis=1))
+        base, faces = _triangles(face_corners[opposite])
+        corners.append(np.column_stack([base, apex[opposite[faces]]]))
+        rows.append(opposite[faces])
     return np.vstack(corners), np.concatenate(rows)
 
 

@@ -88,8 +88,8 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
     """The rows of {node: "all" or names of dofs}."""
     if rows is None:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
-    what = "a dict of node -> 'all' or names of dofs"
-    supports_of = checks.instance("supports", supports, Mapping, what)
+    expected = "a dict of node -> 'all' or names of dofs"
+    supports_of = checks.instance("supports", supports, Mapping, expected)
     chosen: list[int] = []
     for node, dofs in supports_of.items():
         number = checks.whole("a node of supports", node)

@@ -188,8 +188,8 @@ def _add_sides(deck: Deck, name: str, cells: list[tuple[Block, int]], sides: lis
     for width, members in by_width.items():
         table = np.array(members)
         start = deck.n_elements
-        none = table[:, :0]
-        deck.blocks.append(Block(FACE[width], "side", table, none, none))
+        no_middles = table[:, :0]
+        deck.blocks.append(Block(FACE[width], "side", table, no_middles, no_middles))
         rows.append(np.arange(start, deck.n_elements))
     if rows:
         deck.element_sets[name] = np.concatenate(rows)

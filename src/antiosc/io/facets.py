@@ -151,14 +151,14 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
     if flipped:
         notes.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
     sound = ~_flat(points, triangles)
-    once = np.zeros(len(triangles), dtype=bool)
-    once[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
-    for removed, what in ((~sound, "without area"), (sound & ~once, "that repeat another")):
+    is_first = np.zeros(len(triangles), dtype=bool)
+    is_first[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
+    for removed, reason in ((~sound, "without area"), (sound & ~is_first, "that repeat another")):
         if removed.any():
             notes.append(
-                f"{name}: {removed.sum()} of {len(removed)} triangles {what} are left out."
+                f"{name}: {removed.sum()} of {len(removed)} triangles {reason} are left out."
             )
-    triangles = triangles[sound & once]
+    triangles = triangles[sound & is_first]
     if not len(triangles):
         raise MeshError(f"{name} holds no triangles with an area.")
     triangles, piece = oriented(points, triangles)

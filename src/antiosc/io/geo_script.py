@@ -87,10 +87,10 @@ def harmless(text: str, name: str, read_beside: Callable[[str], str]) -> Script:
         It runs programs, reads or writes files, or gmsh may divide it into other tokens.
     """
     tokens = list(_included(text, name, read_beside))
-    meant = _meant(tokens)
-    merged = [_check(meant, k, name) for k in range(len(meant))]
-    if any(_END_OF_SKIPPED.search(t.text) for t in meant if t.kind == "string"):
-        for token in meant:
+    significant = _significant_tokens(tokens)
+    merged = [_check(significant, k, name) for k in range(len(significant))]
+    if any(_END_OF_SKIPPED.search(t.text) for t in significant if t.kind == "string"):
+        for token in significant:
             if token.kind == "string" and (refused := _REFUSED_NAMES.search(token.text)):
                 raise _refusal(
                     name, token, f"{refused[0]} in a string beside one that ends a block"
@@ -99,7 +99,7 @@ def harmless(text: str, name: str, read_beside: Callable[[str], str]) -> Script:
     return Script(text, [m for m in merged if m])
 
 
-def _meant(tokens: list[Token]) -> list[Token]:
+def _significant_tokens(tokens: list[Token]) -> list[Token]:
     """Tokens without blanks and comments."""
     return [t for t in tokens if t.kind not in ("blank", "comment")]
 
@@ -150,28 +150,28 @@ def _tokens(text: str, name: str) -> Iterator[Token]:
 def _check(tokens: list[Token], k: int, name: str) -> str | None:
     """Check the command at token k; returns the name of the file if it merges a permitted one."""
     token = tokens[k]
-    after, second, before = (_at(tokens, j) for j in (k + 1, k + 2, k - 1))
+    ahead, second, previous_token = (_at(tokens, j) for j in (k + 1, k + 2, k - 1))
     if token.kind != "name":
         return None
     word = token.text
     if word in WORDS:
         raise _refusal(name, token, word)
-    if word in FILE_COMMANDS and after.kind in ("string", "name"):
-        if word == "Merge" and second.text == ";" and _is_beside(after, CAD):
-            return after.text[1:-1]
-        if word in INCLUDING and _is_beside(after, MESHES):
+    if word in FILE_COMMANDS and ahead.kind in ("string", "name"):
+        if word == "Merge" and second.text == ";" and _is_beside(ahead, CAD):
+            return ahead.text[1:-1]
+        if word in INCLUDING and _is_beside(ahead, MESHES):
             raise MeshError(
-                f"{name} merges the mesh {after.text[1:-1]} (line {token.line}), which is refused "
+                f"{name} merges the mesh {ahead.text[1:-1]} (line {token.line}), which is refused "
                 "in a geometry: read that file in its place."
             )
-        raise _refusal(name, token, f"{word} {after.text[:60]}")
-    if word in FILE_FIELDS and before.text == "=":
+        raise _refusal(name, token, f"{word} {ahead.text[:60]}")
+    if word in FILE_FIELDS and previous_token.text == "=":
         raise _refusal(name, token, f"a field of type {word}")
-    if word in OPTIONS and after.text in (".", "["):
-        raise _refusal(name, token, f"{word}{after.text}{second.text}")
-    if before.text == "." and OPTION.fullmatch(word):
+    if word in OPTIONS and ahead.text in (".", "["):
+        raise _refusal(name, token, f"{word}{ahead.text}{second.text}")
+    if previous_token.text == "." and OPTION.fullmatch(word):
         raise _refusal(name, token, f"the option {word}")
-    if word in _PRINTING and after.text in ("(", "[") and _behind(tokens, k + 1).startswith(">"):
+    if word in _PRINTING and ahead.text in ("(", "[") and _behind(tokens, k + 1).startswith(">"):
         raise _refusal(name, token, f"{word} into a file")
     return None
 
@@ -209,9 +209,9 @@ def _written(token: Token) -> str:
 
 
 def _refusal(name: str, token: Token, what: str) -> MeshError:
-    shown = " ".join(what.split())
+    quoted = " ".join(what.split())
     return MeshError(
-        f"{name} is refused for line {token.line} ({shown}): a geometry may run no program and "
+        f"{name} is refused for line {token.line} ({quoted}): a geometry may run no program and "
         "read no other file but CAD and scripts beside it; if you know who wrote it, read it with "
         "trust=True."
     )

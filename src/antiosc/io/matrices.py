@@ -29,13 +29,13 @@ class MatrixFile:
     """The content of one matrix file."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        checked = Path(checks.path("path", path))
-        self.name = checked.name
+        file = Path(checks.path("path", path))
+        self.name = file.name
         try:
-            if not checked.is_file():
-                what = "is a folder" if checked.is_dir() else "does not exist"
-                raise InputError(f"the matrix file {os.fspath(path)!r} {what}.")
-            self.content = checked.read_bytes()
+            if not file.is_file():
+                fault = "is a folder" if file.is_dir() else "does not exist"
+                raise InputError(f"the matrix file {os.fspath(path)!r} {fault}.")
+            self.content = file.read_bytes()
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(f"cannot read matrices from {os.fspath(path)!r}: {reason}.") from error
@@ -74,11 +74,11 @@ class MatrixFile:
         return values.reshape(-1, columns)
 
     def _check(self, row: bytes, line: bytes, number: int, columns: int) -> None:
-        shown = line.decode("ascii", "replace").strip()[:60]
+        line_text = line.decode("ascii", "replace").strip()[:60]
         if len(row.split()) != columns:
-            raise self.error(number, f"{columns} numbers are expected; got {shown!r}.")
+            raise self.error(number, f"{columns} numbers are expected; got {line_text!r}.")
         if _floats(row) is None:
-            raise self.error(number, f"{shown!r} is not {columns} numbers.")
+            raise self.error(number, f"{line_text!r} is not {columns} numbers.")
 
 
 def _floats(text: bytes) -> Array | None:
@@ -198,10 +198,10 @@ def checked(entries: Entries) -> Entries:
             f"{entries.column[k] + 1}: entries must be finite numbers."
         )
     for name, index in (("row", entries.row), ("column", entries.column)):
-        out = (index < 0) | (index >= size)
-        if out.any():
+        bad = (index < 0) | (index >= size)
+        if bad.any():
             raise InputError(
-                f"{source} has an entry in {name} {index[int(np.argmax(out))] + 1} of a matrix of "
+                f"{source} has an entry in {name} {index[int(np.argmax(bad))] + 1} of a matrix of "
                 f"{size} rows."
             )
     return entries
@@ -355,8 +355,8 @@ def read_pair(
     K = _one(stiffness, "K", pair[0])
     M = _one(mass, "M", pair[1])
     labels = None
-    most = max(K.size, M.size)
-    K, M = (matrix if matrix.counted else replace(matrix, size=most) for matrix in (K, M))
+    largest_size = max(K.size, M.size)
+    K, M = (matrix if matrix.counted else replace(matrix, size=largest_size) for matrix in (K, M))
     if K.labels is not None and M.labels is not None:
         labels = K.labels
         M = _on(K, M)

@@ -94,8 +94,8 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
 
 def _is_mixed(mesh: FileMesh) -> bool:
     """Whether some cells of a dimension differ in kind from the rest, or are not supported."""
-    present = {label for label, block in mesh.cells.items() if len(block)}
-    top = max((DIMENSION[CELLS[label][0]] for label in present), default=0)
+    labels = {label for label, block in mesh.cells.items() if len(block)}
+    top = max((DIMENSION[CELLS[label][0]] for label in labels), default=0)
     if mesh.aids:  # where some cells are in groups, those in none are construction aids
         grouped = {
             label
@@ -103,11 +103,11 @@ def _is_mixed(mesh: FileMesh) -> bool:
             for label, rows in parts.items()
             if len(rows) and DIMENSION[CELLS[label][0]] == top
         }
-        lower = {label for label in present if DIMENSION[CELLS[label][0]] < top}
-        present = grouped | lower if grouped else present
-    if any(label not in KINDS and label not in SERENDIPITY for label in present):
+        lower = {label for label in labels if DIMENSION[CELLS[label][0]] < top}
+        labels = grouped | lower if grouped else labels
+    if any(label not in KINDS and label not in SERENDIPITY for label in labels):
         return True
-    tops = {label for label in present if DIMENSION[CELLS[label][0]] == top}
+    tops = {label for label in labels if DIMENSION[CELLS[label][0]] == top}
     return len(tops) > 1 or any(label in SERENDIPITY for label in tops)
 
 
@@ -262,7 +262,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
     """Yield (group name, block, rows) from every way in which meshio's formats store cell
     groups.
     """
-    physical = dict(_named(mesh))
+    physical = dict(_group_names(mesh))
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
     for key, blocks in mesh.cell_data.items():
         for index, values in enumerate(blocks):
@@ -286,7 +286,7 @@ def _cell_sets(mesh: meshio.Mesh) -> Iterator[tuple[str, int, IntArray]]:
                 yield str(name), index, np.asarray(rows, dtype=np.int64)
 
 
-def _named(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
+def _group_names(mesh: meshio.Mesh) -> Iterator[tuple[tuple[int, int], str]]:
     """Yield ((tag, dimension), name) of groups; fields of MED and VTK with other values are
     skipped.
     """

@@ -300,10 +300,10 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "model": mesh.model,
         "cad": mesh.cad is not None,
     }
-    none = np.zeros(0, dtype=np.int64)
+    empty = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
-    rows = [none, *rows]
-    nodes = [none, *nodes]
+    rows = [empty, *rows]
+    nodes = [empty, *nodes]
     arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
     cad = [] if mesh.cad is None else list(vars(mesh.cad).values())
     return head, [*cad, *arrays, *mesh.cells.values()]

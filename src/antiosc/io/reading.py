@@ -311,7 +311,7 @@ def read(
         "sizes": None if sizes is None else vars(sizes),
     }
 
-    def once(attempt: int) -> RawMesh:
+    def read_attempt(attempt: int) -> RawMesh:
         content = _content(path, timeout, unit, merge, attempt=attempt, **options)
         raw = selected(content, cells, order, path.name)
         if piece is None or (one_solid and raw.kind.dim == 3):
@@ -320,8 +320,8 @@ def read(
 
     geometry = path.suffix.lower() in GEOMETRY
     if geometry or options.get("solid"):
-        return _meshed(once, path.name, geometry)
-    return once(0)
+        return _meshed(read_attempt, path.name, geometry)
+    return read_attempt(0)
 
 
 def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> RawMesh:
@@ -360,18 +360,18 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
     ends = (first.ravel(), raw.cells[:, 1:].ravel())
     graph = coo_matrix((np.ones(first.size, dtype=np.int8), ends), shape=(len(raw.points),) * 2)
     label = connected_components(graph, directed=False)[1][raw.cells[:, 0]]
-    _, which, count = np.unique(label, return_inverse=True, return_counts=True)
+    _, piece_index, count = np.unique(label, return_inverse=True, return_counts=True)
     if len(count) == 1:
-        return which.ravel()
+        return piece_index.ravel()
     low = np.full((len(count), raw.points.shape[1]), np.inf)
     high = -low
     nodes = raw.points[raw.cells]
-    np.minimum.at(low, which.ravel(), nodes.min(axis=1))
-    np.maximum.at(high, which.ravel(), nodes.max(axis=1))
+    np.minimum.at(low, piece_index.ravel(), nodes.min(axis=1))
+    np.maximum.at(high, piece_index.ravel(), nodes.max(axis=1))
     wide = np.linalg.norm(high - low, axis=1)
     rank = np.empty(len(count), dtype=np.int64)
     rank[np.lexsort((-wide, -count))] = np.arange(len(count))
-    return rank[which.ravel()]
+    return rank[piece_index.ravel()]
 
 
 def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:

@@ -81,10 +81,10 @@ class Request:
 
     def limit_memory(self) -> None:
         """Limit the address space to `memory` bytes, and disable core files."""
-        for what, most in ((resource.RLIMIT_AS, self.memory), (resource.RLIMIT_CORE, 0)):
-            hard = resource.getrlimit(what)[1]
+        for resource_kind, most in ((resource.RLIMIT_AS, self.memory), (resource.RLIMIT_CORE, 0)):
+            hard = resource.getrlimit(resource_kind)[1]
             most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-            resource.setrlimit(what, (most, hard))
+            resource.setrlimit(resource_kind, (most, hard))
 
     def allow(self, seconds: float) -> None:
         """End this process after `seconds` of processor time, or at the caller's timeout.

@@ -145,8 +145,8 @@ class AntiOscillators(ReprMixin, Parameters):
 
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
-        more = ", …" if self.n > 3 else ""
-        counted = f"{self.n}, {lowest}{more} Hz" if self.n else "0"
+        ellipsis = ", …" if self.n > 3 else ""
+        counted = f"{self.n}, {lowest}{ellipsis} Hz" if self.n else "0"
         if self.sites:
             sites = ", ".join(self.sites)
             stiffest = engineering(np.max(self.k0.diagonal()), "N/m", 4)
@@ -202,9 +202,9 @@ class AntiOscillators(ReprMixin, Parameters):
         E = self.strain_error
         misfit = self.strain_misfit
         if p is not None:
-            added = 0.0 if self.sites else p[left_out].sum()
+            lumped_mass = 0.0 if self.sites else p[left_out].sum()
             p = np.delete(p, left_out, axis=0)
-            p[0] += added
+            p[0] += lumped_mass
         return replace(
             self,
             m0=self.m0 + self.m[n:].sum(axis=0),
@@ -272,8 +272,8 @@ class AntiOscillators(ReprMixin, Parameters):
         if not checks.is_infinite(radius):
             bent = 1 / checks.positive("radius", radius, "m")
             surface = Surface(matter, (bent, bent), kind=CURVED)
-        known = dict.fromkeys(self.sites or ("",), surface.as_dict())
-        return replace(self, info=replace(self.info, surfaces=known))
+        surfaces = dict.fromkeys(self.sites or ("",), surface.as_dict())
+        return replace(self, info=replace(self.info, surfaces=surfaces))
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Dynamic stiffness and masses as a matplotlib figure; see `plotting.plot_model`.
@@ -380,6 +380,6 @@ def _with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     if not slide.any():
         return Z
     moving = slide[:, slide.any(axis=0)]
-    pushed = Z @ moving
-    small = x * np.eye(moving.shape[1]) - moving.T @ pushed
-    return np.asarray(Z + pushed @ np.linalg.solve(small, np.swapaxes(pushed, -1, -2)))
+    rigid_forces = Z @ moving
+    small = x * np.eye(moving.shape[1]) - moving.T @ rigid_forces
+    return np.asarray(Z + rigid_forces @ np.linalg.solve(small, np.swapaxes(rigid_forces, -1, -2)))

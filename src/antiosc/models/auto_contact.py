@@ -47,11 +47,11 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
         part, striker = surfaces[k], surfaces[1 - k]
         if part is None or striker is None or info_of(bodies[1 - k]).surfaces is not None:
             continue
-        meets = met_by(part, striker)
-        if meets:
+        touched = met_by(part, striker)
+        if touched:
             return (
                 f"The striker, round with a radius of {engineering(1 / striker.curvatures[0], 'm')}"
-                f", pierces the part at {point_text(meets)} as it touches the site: the largest"
+                f", pierces the part at {point_text(touched)} as it touches the site: the largest"
                 f" that touches there alone has {engineering(part.largest_ball, 'm')}; take a"
                 " smaller radius or another site."
             )
@@ -69,10 +69,10 @@ def met_by(part: Surface, striker: Surface) -> tuple[float, float, float] | None
 
 def _surface(body: object, site: str) -> Surface:
     """The surface of a body at a site; InputError if it is unknown."""
-    known = body if isinstance(body, Body) else checked_body("a body in contact", body)
-    surface = known.surface(site)
+    linear_body = body if isinstance(body, Body) else checked_body("a body in contact", body)
+    surface = linear_body.surface(site)
     if surface is None:
-        reason = info_of(known).unknown_surface(site)
+        reason = info_of(linear_body).unknown_surface(site)
         if reason:
             raise InputError(
                 'contact="auto" finds no law, give one as Hertz(stiffness): nothing is known of '

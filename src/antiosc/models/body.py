@@ -174,20 +174,20 @@ class ModelInfo(ReprMixin):
         if isinstance(record, ModelInfo):
             return record
         checks.instance("info", record, Mapping, "a ModelInfo, or a dict of facts")
-        known = {name: value for name, value in record.items() if name in _NAMES}
+        attributes = {name: value for name, value in record.items() if name in _NAMES}
         notes = {name: value for name, value in record.items() if name not in _NAMES}
-        return cls(**known, notes=notes)
+        return cls(**attributes, notes=notes)
 
     def __post_init__(self) -> None:
         for name in ("dofs", "converged", "modes_computed", "rigid_modes"):
             if getattr(self, name) is not None:
                 count = checks.whole(f"info.{name}", getattr(self, name), least=0)
                 checks.store(self, **{name: count})
-        for name, (kinds, what) in _KINDS.items():
+        for name, (kinds, expected) in _KINDS.items():
             value = getattr(self, name)
             if value is None:
                 continue
-            checks.instance(f"info.{name}", value, kinds, what)
+            checks.instance(f"info.{name}", value, kinds, expected)
             if name == "second_order":
                 for site, share in value.items():
                     checks.number(f"info.second_order[{site!r}]", share, "1/m")
@@ -197,8 +197,8 @@ class ModelInfo(ReprMixin):
             record = _RECORDS.get(name)
             if record is None or isinstance(value, str):
                 continue
-            if missing := sorted(record.__required_keys__ - set(value)):
-                raise InputError(f"info.{name} lacks {', '.join(missing)}.")
+            if missing_keys := sorted(record.__required_keys__ - set(value)):
+                raise InputError(f"info.{name} lacks {', '.join(missing_keys)}.")
             for key in record.__annotations__.keys() & value.keys():
                 check = checks.text if key == "note" else partial(checks.floats, shape=None)
                 check(f"info.{name}, {key},", value[key])
@@ -215,8 +215,8 @@ class ModelInfo(ReprMixin):
 
     def as_dict(self) -> dict[str, object]:
         """The known data as JSON values."""
-        known = {name: getattr(self, name) for name in _NAMES}
-        return {n: value for n, value in known.items() if value is not None} | dict(self.notes)
+        attributes = {name: getattr(self, name) for name in _NAMES}
+        return {n: value for n, value in attributes.items() if value is not None} | dict(self.notes)
 
     def __getitem__(self, name: str) -> object:
         return self.as_dict()[name]
@@ -244,7 +244,7 @@ _RECORDS: dict[str, Any] = {
     "geometry": FacetGaps, "model": BeamSection, "patch": PatchData,
     "measured": MeasuredBand,
 }  # fmt: skip
-_NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
+_NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
 #: The record of a body without known data.
 UNKNOWN = ModelInfo()
 
@@ -287,8 +287,8 @@ def resolved_frequency(source: Any) -> float:
         For a model without these data: built by hand, or read from a file that lacks them.
     """
     model = getattr(source, "model", source)
-    placed = getattr(source, "placed", None)
-    model = model if placed is None else placed.body
+    scene_body = getattr(source, "placed", None)
+    model = model if scene_body is None else scene_body.body
     info = info_of(model)
     if info.converged is None:
         raise InputError(
@@ -423,10 +423,10 @@ def checked_body(name: str, body: object) -> Body:
 def site_points(body: object) -> dict[str, tuple[float, ...]]:
     """Coordinates [m] of the sites of an extracted body, by name; "" for a single site."""
     info = info_of(body)
-    named = {"": info.point} if info.points is None else info.points
+    points = {"": info.point} if info.points is None else info.points
     return {
         str(name): tuple(point)
-        for name, point in named.items()
+        for name, point in points.items()
         if isinstance(point, list | tuple) and all(isinstance(c, int | float) for c in point)
     }
 
@@ -463,10 +463,10 @@ class Coarse(NamedTuple):
 
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
-    known = (info_of(model).cells or {}).get(site)
-    if known is None or getattr(model, "strain_error", None) is not None:  # its budget tells it
+    cell = (info_of(model).cells or {}).get(site)
+    if cell is None or getattr(model, "strain_error", None) is not None:  # its budget tells it
         return None
-    size, bending, speed = known
+    size, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
     if size > LARGE_CELL * wave:
@@ -479,9 +479,9 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
     cell = coarse_at(model, site, contact_time)
     if cell is None:
         return ""
-    at = f" {site!r}" if site else ""
+    suffix = f" {site!r}" if site else ""
     return (
-        f"The cell at the site{at} measures {engineering(cell.size, 'm')}, and the wave that a"
+        f"The cell at the site{suffix} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
         f" {engineering(cell.allowed, 'm')} there (refine=)."

@@ -73,6 +73,6 @@ def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: flo
     Z, reference : dynamic stiffness [N/m] of complex circular frequencies. The band is sampled down
     to a quarter of `lowest` [rad/s].
     """
-    at = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
-    exact = reference(at)
-    return float(np.max(np.abs(Z(at) - exact) / np.abs(exact)))
+    s = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
+    exact = reference(s)
+    return float(np.max(np.abs(Z(s) - exact) / np.abs(exact)))

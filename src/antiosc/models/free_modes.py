@@ -157,8 +157,8 @@ def site_models(
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual(omega, b, C, G, shift)
     # the rigid-body modes as one that moves the site by `along`
-    along = np.sqrt(np.sum(b[:, omega == 0] ** 2, axis=1))
-    share = along**2 / shift / C if shift else np.zeros(len(b))
+    a = np.sqrt(np.sum(b[:, omega == 0] ** 2, axis=1))
+    share = a**2 / shift / C if shift else np.zeros(len(b))
     elastic = np.where(omega == 0, 0.0, b)
     result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
     result.omega[:] = np.inf
@@ -169,14 +169,16 @@ def site_models(
     ):
         sites = np.flatnonzero(group)
         for first in range(0, len(sites), SITES_AT_ONCE):
-            at = sites[first : first + SITES_AT_ONCE]
+            block = sites[first : first + SITES_AT_ONCE]
             arrays: tuple[Array, ...] = parameters(
-                omega, part[at], r[at], s[at], group_size, shift, method
+                omega, part[block], r[block], s[block], group_size, shift, method
             )
             if group_size < count:
-                arrays = _with_rigid_modes(arrays, along[at])
-            result.k0[at], result.m0[at], result.m_st[at] = arrays[:3]
-            result.omega[at, : arrays[3].shape[1]], result.m[at, : arrays[4].shape[1]] = arrays[3:]
+                arrays = _with_rigid_modes(arrays, a[block])
+            result.k0[block], result.m0[block], result.m_st[block] = arrays[:3]
+            result.omega[block, : arrays[3].shape[1]], result.m[block, : arrays[4].shape[1]] = (
+                arrays[3:]
+            )
     return result
 
 
@@ -248,7 +250,7 @@ def error_bound(
         )
     r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
     # what `residual` took for rounding
-    missing = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
+    missing_compliance = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
@@ -265,7 +267,9 @@ def error_bound(
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + response
         Z = models.dynamic_stiffness(at, part)
-        change = np.abs(chord - response) + (missing[part] + slow[part] * np.abs(z)) / far
+        change = (
+            np.abs(chord - response) + (missing_compliance[part] + slow[part] * np.abs(z)) / far
+        )
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
     return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
@@ -280,8 +284,8 @@ def bodies(
         if not s:
             yield ModalBody(omega, columns, r)
             continue
-        above = r / s
-        remainder = np.sqrt(above - shift), np.sqrt(r * above)
+        truncated_pole = r / s
+        remainder = np.sqrt(truncated_pole - shift), np.sqrt(r * truncated_pole)
         yield ModalBody(np.append(omega, remainder[0]), np.append(columns, remainder[1]))
 
 
@@ -303,18 +307,18 @@ def parameters(
     `from_free_modes`.
     """
     heavy = s > 0
-    above = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
-    A = np.column_stack([np.broadcast_to(omega**2 + shift, b.shape), above])
-    b = np.column_stack([b, np.sqrt(np.where(heavy, r * above, 0.0))])
+    truncated_pole = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
+    A = np.column_stack([np.broadcast_to(omega**2 + shift, b.shape), truncated_pole])
+    b = np.column_stack([b, np.sqrt(np.where(heavy, r * truncated_pole, 0.0))])
     massless = np.where(heavy, 0.0, r)
     bAb = np.sum(b**2 / A, axis=1) + massless
     rigid = np.append(omega == 0, False)
     deflection = np.where(rigid, 0.0, b / np.where(rigid, 1.0, A - shift))
     C = np.sum(b * deflection, axis=1) + massless
     # the static mode, or the rigid-body mode in its place
-    along = np.sum(b[:, rigid] ** 2, axis=1)
-    free = along > 0
-    swing = np.where(rigid, b, 0.0) / np.where(free, along, 1.0)[:, None]
+    rigid_mobility = np.sum(b[:, rigid] ** 2, axis=1)
+    free = rigid_mobility > 0
+    swing = np.where(rigid, b, 0.0) / np.where(free, rigid_mobility, 1.0)[:, None]
     phi = np.where(free[:, None], swing, deflection / C[:, None])
     m_st = np.sum(phi**2, axis=1)
     solve = _lanczos if method == "krylov" else _eigenpairs
@@ -326,14 +330,14 @@ def parameters(
     real = np.isfinite(x) & (x > 0)
     rest = left + np.sum(np.where(real, 0.0, m), axis=1)
     share = driving_point.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0))
-    seen = share > driving_point.UNOBSERVABLE
-    order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")
-    x, m, seen = (np.take_along_axis(a, order, axis=1) for a in (x, m, seen))
-    seen[:, n:] = False
-    m0 = left + np.sum(np.where(seen, 0.0, m), axis=1)  # what is not kept, no difference
+    observable = share > driving_point.UNOBSERVABLE
+    order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
+    x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
+    observable[:, n:] = False
+    m0 = left + np.sum(np.where(observable, 0.0, m), axis=1)  # what is not kept, no difference
     m0 = np.where(m0 <= MASSLESS**2 * m_st, 0.0, m0)
-    frequency = np.sqrt(np.where(seen, x, np.inf))[:, :n]
-    return k0, m0, m_st, frequency, np.where(seen, m, 0.0)[:, :n]
+    frequency = np.sqrt(np.where(observable, x, np.inf))[:, :n]
+    return k0, m0, m_st, frequency, np.where(observable, m, 0.0)[:, :n]
 
 
 def _eigenpairs(
@@ -377,15 +381,15 @@ def _lanczos(
     H = np.zeros((sites, n, n))
     w = flexed(phi)
     for k in range(n):
-        before = np.sum(w * force(w), axis=1)
+        initial_energy = np.sum(w * force(w), axis=1)
         for _ in range(2):  # twice is enough (Kahan)
             h = np.einsum("skj,sj->sk", F[:, :k], w)
             w = w - np.einsum("skj,sk->sj", V[:, :k], h)
             w = w - y * (pin * np.sum(b * w, axis=1))[:, None]
         f = force(w)
-        left = np.sum(w * f, axis=1)
-        real = left > EXHAUSTED**2 * before
-        beta = np.sqrt(np.where(real, left, 0.0))
+        energy = np.sum(w * f, axis=1)
+        real = energy > EXHAUSTED**2 * initial_energy
+        beta = np.sqrt(np.where(real, energy, 0.0))
         scale = np.where(real, 1 / np.where(real, beta, 1.0), 0.0)[:, None]
         V[:, k] = w * scale
         F[:, k] = f * scale
@@ -395,10 +399,10 @@ def _lanczos(
     theta = np.where(theta > 0, theta, 0.0)
     scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
     shapes = np.einsum("skj,ski->sji", V, turn) * scale[:, None]
-    left = phi
+    energy = phi
     c = np.zeros_like(theta)
     for _ in range(2):  # twice is enough (Kahan)
-        part = np.einsum("sji,sj->si", shapes, left)
+        part = np.einsum("sji,sj->si", shapes, energy)
         c = c + part
-        left = left - np.einsum("sji,si->sj", shapes, part)
-    return theta, c, np.sum(left**2, axis=1)
+        energy = energy - np.einsum("sji,si->sj", shapes, part)
+    return theta, c, np.sum(energy**2, axis=1)

@@ -147,8 +147,8 @@ class FreeModes(ReprMixin):
         coordinate_count = self._size
         if self.residual is not None:
             rows = coordinate_count if points or self.shape is not None else None
-            rest = checks.floats("residual", self.residual, (rows, *self.b.shape[1:]))
-            checks.store(self, residual=rest)
+            residual = checks.floats("residual", self.residual, (rows, *self.b.shape[1:]))
+            checks.store(self, residual=residual)
         if self.basis is not None:
             checks.store(self, basis=checked_basis(self.basis))
         if self.amplitude is not None:
@@ -210,10 +210,10 @@ class FreeModes(ReprMixin):
         q = checks.floats("q", q, None)
         force = checks.floats("force", force, None)
         size, points = self.B.shape
-        wanted = (*q.shape[:-1], points)
+        expected_shape = (*q.shape[:-1], points)
         if self.b.ndim == 1 and force.shape in ((), q.shape[:-1]) and q.ndim:
             force = np.broadcast_to(force, q.shape[:-1])[..., None]
-        if q.ndim == 0 or q.shape[-1] != size or force.shape != wanted:
+        if q.ndim == 0 or q.shape[-1] != size or force.shape != expected_shape:
             raise InputError(
                 f"q must have shape (..., {size}) and force shape (..., {points}); got {q.shape}"
                 f" and {force.shape}."
@@ -253,8 +253,8 @@ class FreeModes(ReprMixin):
     @cached_property
     def _rigid_mobility(self) -> tuple[Array, float]:
         """(displacements (J,) of the only column in rigid-body modes, mobility [1/kg])."""
-        along = np.where(self.omega == 0, self.B[:, 0], 0.0)
-        return along, float(along @ along)
+        rigid_b = np.where(self.omega == 0, self.B[:, 0], 0.0)
+        return rigid_b, float(rigid_b @ rigid_b)
 
     def rigid_motion(self, velocity: float | Motion) -> Array:
         """Modal velocities (J,) of a rigid-body motion.
@@ -282,7 +282,7 @@ class FreeModes(ReprMixin):
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
                 " a Motion(velocity=(...), spin=(...))."
             )
-        along, mobility = self._rigid_mobility
+        rigid_b, mobility = self._rigid_mobility
         if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
@@ -290,10 +290,10 @@ class FreeModes(ReprMixin):
             )
         if self.inertia is not None and self.axes is not None:
             translation = np.concatenate((velocity * self.axes[0], np.zeros(3)))
-            start, left = self._rigid_projection(self.inertia, translation)
-            if left <= MISSED_ENERGY:
+            start, lost_share = self._rigid_projection(self.inertia, translation)
+            if lost_share <= MISSED_ENERGY:
                 return start
-        return np.asarray(velocity * along / mobility)
+        return np.asarray(velocity * rigid_b / mobility)
 
     def _rigid_start(self, motion: Motion) -> Array:
         if self.inertia is None:
@@ -302,10 +302,10 @@ class FreeModes(ReprMixin):
                 "model was made by hand or from matrices): give its velocity as a number, along "
                 "the direction of impact."
             )
-        start, left = self._rigid_projection(self.inertia, motion.at(self.inertia))
-        if left > MISSED_ENERGY:
+        start, lost = self._rigid_projection(self.inertia, motion.at(self.inertia))
+        if lost > MISSED_ENERGY:
             raise InputError(
-                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
+                f"the supports restrain the body: the share {lost:.2g} of the kinetic energy of "
                 f"{motion} lies outside the rigid-body motions that the supports permit; give a "
                 "motion that they permit."
             )
@@ -400,12 +400,12 @@ def unchecked_body(**known: object) -> ModalBody:
 
 def superposed(basis: tuple[Array, ...], amplitudes: Array) -> Array:
     """Displacements (..., n) of shapes in blocks (n, .) with amplitudes (..., B)."""
-    rest = amplitudes
-    total = np.zeros((*rest.shape[:-1], len(basis[0])))
+    remaining = amplitudes
+    total = np.zeros((*remaining.shape[:-1], len(basis[0])))
     for block in basis:
         size = block.shape[1]
-        total += rest[..., :size] @ block.T
-        rest = rest[..., size:]
+        total += remaining[..., :size] @ block.T
+        remaining = remaining[..., size:]
     return total
 
 

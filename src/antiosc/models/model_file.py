@@ -79,26 +79,26 @@ def read(
     """
     source = checks.path("path", path)
     _check_regular(source)
-    what = f"an {expected} file"
-    arrays = archives.read_arrays(source, largest, what)
+    file_text = f"an {expected} file"
+    arrays = archives.read_arrays(source, largest, file_text)
     try:
         text = str(arrays.pop("header"))
         if checks.nests_deeper(text, _DEEPEST):
-            raise InputError(f"{path} is not {what}, or it is damaged.")
+            raise InputError(f"{path} is not {file_text}, or it is damaged.")
         header = json.loads(text)
         version = header["version"] if header.get("format") == expected else VERSION
         newer = bool(version > VERSION)
     except (KeyError, TypeError, ValueError, RecursionError, AttributeError):
-        raise InputError(f"{path} is not {what}, or it is damaged.") from None
+        raise InputError(f"{path} is not {file_text}, or it is damaged.") from None
     if header.get("format") != expected:
         raise InputError(
             f"{path} has format {checks.shown(header.get('format'))}, expected {expected!r}."
         )
     if newer:
         raise InputError(f"{path} has version {version}; this antiosc reads up to {VERSION}.")
-    missing = needed - arrays.keys()
-    if missing:
-        raise InputError(f"{path} lacks {', '.join(sorted(missing))}; write it again.")
+    missing_names = needed - arrays.keys()
+    if missing_names:
+        raise InputError(f"{path} lacks {', '.join(sorted(missing_names))}; write it again.")
     return header, arrays
 
 
@@ -328,8 +328,8 @@ class ReducedMatrices(FieldsRepr):
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):
             file = target.with_name(f"{target.stem}_{letter}.mtx")
-            with files.atomic_file(file, "the matrices") as part, part.open("w") as out:
-                write_matrix_market(out, matrix)
+            with files.atomic_file(file, "the matrices") as part, part.open("w") as file_stream:
+                write_matrix_market(file_stream, matrix)
             written.append(file)
         return [*written, self._map(target)]
 

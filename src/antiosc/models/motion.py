@@ -251,7 +251,7 @@ def with_rigid_mode(
     """
     x, v = arrow_modes(a**2 * k0, 1 + a**2 * m0, a**2 * m, omega**2)
     masses = (v[0] / a) ** 2
-    moved = 1 + a**2 * m0
-    residual = np.concatenate([[a * m0], [1.0], -np.ones(len(m))]) / moved
+    mass_factor = 1 + a**2 * m0
+    residual = np.concatenate([[a * m0], [1.0], -np.ones(len(m))]) / mass_factor
     psi = v[0] * np.vstack([v[0] / a, -v[0], v[0] - v[1:]])
-    return m0 / moved, masses, np.sqrt(x), residual, psi
+    return m0 / mass_factor, masses, np.sqrt(x), residual, psi

@@ -125,14 +125,14 @@ class Parameters(Body):
             return ()
         labels = [""] * self.dependence.shape[1]
         for name, columns in self.columns.items():
-            for which, column in enumerate(columns):
+            for k, column in enumerate(columns):
                 sites = np.flatnonzero(self.dependence[column])
                 if (
                     sites.size == 1
                     and self.dependence[column, sites[0]] == 1
                     and not labels[sites[0]]
                 ):
-                    labels[sites[0]] = name if which == 0 else f"{name} across {which}"
+                    labels[sites[0]] = name if k == 0 else f"{name} across {k}"
         return tuple(labels)
 
 
@@ -166,7 +166,7 @@ def checked_at_one_site(model: Parameters) -> Stored:
             "stiffness; give it one."
         )
     columns = np.concatenate(([0], 1 + order))
-    checked: Stored = {
+    stored: Stored = {
         "m0": m0,
         "k0": k0,
         "m": checks.read_only(m[order]),
@@ -174,17 +174,17 @@ def checked_at_one_site(model: Parameters) -> Stored:
         "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
     }
     if model.radius is not None:
-        checked["radius"] = checks.positive("radius", model.radius, "m")
+        stored["radius"] = checks.positive("radius", model.radius, "m")
     if model.strain_error is not None:
         energies = checked_energies("strain_error", model.strain_error, columns.size)
-        checked["strain_error"] = checks.read_only(energies[np.ix_(columns, columns)])
+        stored["strain_error"] = checks.read_only(energies[np.ix_(columns, columns)])
     if model.strain_misfit is not None:
         if model.strain_error is None:
             raise InputError("strain_misfit belongs to a strain_error, which is missing.")
         work = checked_energies("strain_misfit", model.strain_misfit, columns.size, False)
-        checked["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
+        stored["strain_misfit"] = checks.read_only(work[np.ix_(columns, columns)])
     return (
-        checked | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
+        stored | _direction_parameters(model, columns, (), ()) | spatial_parameters(model, columns)
     )
 
 
@@ -193,8 +193,8 @@ def checked_energies(name: str, energies: Array, size: int, semidefinite: bool =
     E = checks.floats(name, energies, (size, size))
     if semidefinite:
         unit, uneven = checks.scaled_symmetric(E, np.sqrt(np.maximum(np.diag(E), 0.0)))
-        least = np.linalg.eigvalsh(unit).min(initial=0.0)
-        if uneven > ENERGY_ROUNDING or least < -ENERGY_ROUNDING * size:
+        smallest_eigenvalue = np.linalg.eigvalsh(unit).min(initial=0.0)
+        if uneven > ENERGY_ROUNDING or smallest_eigenvalue < -ENERGY_ROUNDING * size:
             raise InputError(
                 f"{name} must be symmetric and positive semidefinite: it holds energies."
             )

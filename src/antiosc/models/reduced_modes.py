@@ -94,11 +94,11 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
     amplitude = _relative(model.n)
     hidden = model.hidden_count
     if hidden:
-        none = np.zeros(hidden)
+        zeros = np.zeros(hidden)
         identity = np.eye(hidden)
-        omega = np.concatenate((none, omega))
-        b = np.concatenate((none, b))
-        residual = np.concatenate((residual, none))
+        omega = np.concatenate((zeros, omega))
+        b = np.concatenate((zeros, b))
+        residual = np.concatenate((residual, zeros))
         shape = np.roll(block_diag(shape, identity), hidden, axis=1)
         amplitude = block_diag(amplitude, identity)
     inertia = model.inertia
@@ -126,9 +126,9 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
 def _basis(model: Parameters) -> tuple[Array, ...] | None:
     """The shapes, then the hidden motions; None if any is unknown."""
     blocks = (model.shapes, model.hidden) if model.hidden_count else (model.shapes,)
-    known = tuple(block for block in blocks if block is not None)
-    if len(known) == len(blocks):
-        return known
+    known_blocks = tuple(block for block in blocks if block is not None)
+    if len(known_blocks) == len(blocks):
+        return known_blocks
     return None
 
 
@@ -152,8 +152,8 @@ def site_modes(model: Parameters) -> SiteModes:
     damped = damped_modes(model, model.k0, model.m0, model.P, model.rigid)
     omega = np.concatenate((np.zeros(hidden), damped.omega))
     shape = np.roll(block_diag(damped.shape, np.eye(hidden)), hidden, axis=1)
-    seen = shape[:p] + np.hstack([model.slide, np.zeros((p, damped.omega.size))])
-    b = seen.T @ model.dependence.T
+    site_shapes = shape[:p] + np.hstack([model.slide, np.zeros((p, damped.omega.size))])
+    b = site_shapes.T @ model.dependence.T
     residual = np.vstack((damped.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
     inertia = weight = None
@@ -184,12 +184,12 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
     """As `reduced_modes`; a damped massless site gets a little mass."""
     if isinstance(model.damping, DampingMatrix):
         p = len(k0)
-        least = LEAST_MASS * (m0 + P @ P.T).diagonal()
+        floor = LEAST_MASS * (m0 + P @ P.T).diagonal()
         acted = sum(
             (np.sum(L[:, :p] ** 2, axis=0) for L, _ in model.damping.factors),
             np.sum(model.damping.factor[:, :p] ** 2, axis=0),
         )
-        m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < least), least, 0.0))
+        m0 = m0 + np.diag(np.where((acted > 0) & (m0.diagonal() < floor), floor, 0.0))
     return reduced_modes(k0, m0, P, model.omega, rigid)
 
 

@@ -62,8 +62,8 @@ class Stretch(ReprMixin):
             raise InputError("the modes of a Stretch must be orthonormal.")
         for name, rank in (("quadratic", 3), ("cubic", 4)):
             tensor = checks.floats(name, getattr(self, name), (m,) * rank)
-            turned = np.moveaxis(tensor, 0, -1)
-            if np.abs(tensor - turned).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
+            permuted = np.moveaxis(tensor, 0, -1)
+            if np.abs(tensor - permuted).max() > ASYMMETRY * np.abs(tensor).max(initial=0.0):
                 raise InputError(f"{name} must be symmetric in all its indices.")
             checks.store(self, **{name: checks.read_only(tensor)})
         if self.count != "auto":
@@ -97,8 +97,8 @@ class Stretch(ReprMixin):
         """
         i, j = np.triu_indices(self.size)
         b = a if b is None else b
-        both = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
-        return np.asarray(np.where(i == j, 1, 2) * both)
+        products = (a[:, i] * b[:, j] + a[:, j] * b[:, i]) / 2
+        return np.asarray(np.where(i == j, 1, 2) * products)
 
     def pair_motion(self, a: Array, v: Array, w: Array, derivative: int) -> Array:
         """Amplitudes of pairs in motions a with rates v and w (n, m): values, first or second
@@ -116,8 +116,8 @@ class Stretch(ReprMixin):
         The result has no `shapes`; `shapes_in` gives them.
         """
         k = turn.shape[1]
-        quadratic = _turned(self.quadratic, turn).reshape((k,) * 3)
-        cubic = _turned(self.cubic, turn).reshape((k,) * 4)
+        quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
+        cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
         return Stretch(self.modes @ turn, quadratic, cubic, k)
 
     def shapes_in(self, modes: Array) -> Array | None:
@@ -134,7 +134,7 @@ class Stretch(ReprMixin):
         return np.asarray(self.shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None]))
 
 
-def _turned(tensor: Array, turn: Array) -> Array:
+def _transformed(tensor: Array, turn: Array) -> Array:
     """A tensor transformed along each axis; the first axis becomes the last at each step."""
     for _ in range(tensor.ndim):
         tensor = tensor.reshape(len(turn), -1).T @ turn

@@ -59,11 +59,11 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], **options: object)
 
     InputError if `path` does not have the extension of a picture, or cannot be written.
     """
-    known = figure.canvas.get_supported_filetypes()
+    formats = figure.canvas.get_supported_filetypes()
     path = checks.path("path", path)
-    if path.suffix.lower().removeprefix(".") not in known:
+    if path.suffix.lower().removeprefix(".") not in formats:
         raise InputError(
-            f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
+            f"a picture's name ends with one of .{', .'.join(sorted(formats))}; got {path!s}."
         )
     with files.atomic_file(path, "the picture") as part:
         render(figure, part, **options)
@@ -173,13 +173,13 @@ def axes_or_new(ax: Axes | None) -> Axes:
 
 def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D]:
     """Name -> object; a single object gets the name ""."""
-    named = items if isinstance(items, Mapping) else {"": items}
-    if not named:
+    objects = items if isinstance(items, Mapping) else {"": items}
+    if not objects:
         raise InputError(f"nothing to draw: give at least one {noun}.")
-    for name, item in named.items():
-        which = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
-        check_drawn(which, item, kind, f"a {noun}")
-    return named
+    for name, item in objects.items():
+        drawn_text = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
+        check_drawn(drawn_text, item, kind, f"a {noun}")
+    return objects
 
 
 def check_drawn(name: str, drawn: object, kind: type, noun: str) -> None:
@@ -265,17 +265,17 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
     peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
     """
-    named = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
-    spans = [_contact_span(hit) for hit in named.values()]
+    spans = [_contact_span(hit) for hit in runs.values()]
     start = min(s for s, _ in spans)
     end = max(e for _, e in spans)
     factor, unit = prefixed(end, "s")
-    for (name, hit), width in zip(named.items(), widths(named), strict=True):
-        many = len(hit.contacts) >= MANY_CONTACTS
-        label = None if many else name or None
-        (line,) = ax.plot(factor * hit.time, hit.force, label=label, lw=0.6 if many else width)
-        if many:
+    for (name, hit), width in zip(runs.items(), widths(runs), strict=True):
+        busy = len(hit.contacts) >= MANY_CONTACTS
+        label = None if busy else name or None
+        (line,) = ax.plot(factor * hit.time, hit.force, label=label, lw=0.6 if busy else width)
+        if busy:
             distinct = len(hit.contacts) <= DISTINCT_CONTACTS
             line.set(alpha=0.8 if distinct else 0.35, lw=1.0 if distinct else 0.6)
             window = (end - start) / WINDOWS
@@ -295,16 +295,16 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
     room = 0.06 * (end - start)
     ax.set_xlim(factor * (start - room), factor * (end + room))
-    means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())
+    means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in runs.values())
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
-    ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
-    if len(named) == 1:
-        hit = next(iter(named.values()))
+    ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in runs.values())], 0.05, above))
+    if len(runs) == 1:
+        hit = next(iter(runs.values()))
         _mark_peak(ax, hit, 0.5 * (start + end), factor)
         _mark_yield(ax, hit)
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel("contact force (N)")
-    if len(named) > 1 or means:
+    if len(runs) > 1 or means:
         return legend(ax)
     return legend_above(ax)
 
@@ -323,30 +323,30 @@ def plot_motion(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None =
     The dashed curve begins at the gap, so that the curves meet at the touch. The displacement axis
     covers the motion of the site, that of the other body during contact, and a stop at rest.
     """
-    named = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
-    factor, unit = prefixed(max(float(hit.time[-1]) for hit in named.values()), "s")
-    besides = [hit.displacement + hit.indentation for hit in named.values()]
-    seen = [hit.displacement for hit in named.values()]
-    for hit, neighbour in zip(named.values(), besides, strict=True):
+    factor, unit = prefixed(max(float(hit.time[-1]) for hit in runs.values()), "s")
+    besides = [hit.displacement + hit.indentation for hit in runs.values()]
+    curves = [hit.displacement for hit in runs.values()]
+    for hit, neighbour in zip(runs.values(), besides, strict=True):
         first, last = _contact_span(hit)
         during = (hit.time >= first) & (hit.time <= last) | (not hit.impactor_displacement.any())
-        seen.append(neighbour[during])
-    shown = np.concatenate(seen)
-    long, length = prefixed(float(np.abs(shown).max(initial=0.0)) or 1e-3, "m")
-    for (name, hit), neighbour, width in zip(named.items(), besides, widths(named), strict=True):
+        curves.append(neighbour[during])
+    values = np.concatenate(curves)
+    long, length = prefixed(float(np.abs(values).max(initial=0.0)) or 1e-3, "m")
+    for (name, hit), neighbour, width in zip(runs.items(), besides, widths(runs), strict=True):
         label, other_label = (name, None) if name else _names(hit)
         (line,) = ax.plot(factor * hit.time, long * hit.displacement, lw=width, label=label)
         dashes = {"ls": "--", "lw": width, "color": line.get_color() if name else "C1"}
         ax.plot(factor * hit.time, long * neighbour, label=other_label, **dashes)
-        if len(named) == 1 and hit.contacts:
+        if len(runs) == 1 and hit.contacts:
             spans = [(factor * start, factor * (end - start)) for start, end in hit.contacts]
             full_height = {"transform": ax.get_xaxis_transform(), "zorder": 0}
             ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **full_height)
-    if all(named):
+    if all(runs):
         ax.set_title("dashed: what strikes", loc="right", fontsize="small")
-    ax.set_ylim(*padded_range(long * shown, 0.08, 0.08))
-    ends = [factor * hit.time[-1] for hit in named.values()]
+    ax.set_ylim(*padded_range(long * values, 0.08, 0.08))
+    ends = [factor * hit.time[-1] for hit in runs.values()]
     ax.set_xlim(*padded_range([0.0, *ends], 0.02, 0.02))
     ax.set_xlabel(f"time ({unit})")
     ax.set_ylabel(f"displacement ({length})")
@@ -368,10 +368,10 @@ def plot_history(
     -------
     matplotlib Figure, or `path` where it was given.
     """
-    named = by_name(hits, HistoryLike, "History")
+    runs = by_name(hits, HistoryLike, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
-    plot_force(named, axes[0, 0])
-    plot_motion(named, axes[1, 0])
+    plot_force(runs, axes[0, 0])
+    plot_motion(runs, axes[1, 0])
     return figure_or_path(figure, path)
 
 
@@ -383,16 +383,18 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
         raise InputError("time must ascend, with one value for each of at least two times.")
     window = checks.positive("window", window, "s")
     area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)))
-    at = np.linspace(t[0], t[-1], 400)
-    low = np.maximum(at - window / 2, t[0])
-    high = np.minimum(at + window / 2, t[-1])
+    instants = np.linspace(t[0], t[-1], 400)
+    low = np.maximum(instants - window / 2, t[0])
+    high = np.minimum(instants + window / 2, t[-1])
 
     def until(x: Array) -> Array:
         k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
         return np.asarray(area[k] + (x - t[k]) * (y[k] + np.interp(x, t, y)) / 2)
 
     length = np.maximum(high - low, np.finfo(float).tiny)
-    return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
+    return instants, np.where(
+        high > low, (until(high) - until(low)) / length, np.interp(instants, t, y)
+    )
 
 
 def _names(hit: HistoryLike) -> tuple[str, str]:
@@ -418,11 +420,11 @@ def _mark_peak(ax: Axes, hit: HistoryLike, middle: float, factor: float) -> None
     """Write the largest force beside its mark, on the side with more space."""
     if hit.peak_force <= 0:
         return
-    at = float(hit.time[int(np.argmax(hit.force))])
-    text = f"{engineering(hit.peak_force, 'N', 4)} at {engineering(at, 's')}"
-    side, align = (9, "left") if at <= middle else (-9, "right")
+    peak_time = float(hit.time[int(np.argmax(hit.force))])
+    text = f"{engineering(hit.peak_force, 'N', 4)} at {engineering(peak_time, 's')}"
+    side, align = (9, "left") if peak_time <= middle else (-9, "right")
     ax.annotate(
-        text, (factor * at, hit.peak_force), (side, 4), textcoords="offset points", ha=align
+        text, (factor * peak_time, hit.peak_force), (side, 4), textcoords="offset points", ha=align
     )
 
 
@@ -457,10 +459,10 @@ def plot_dynamic_stiffness(
     `omega` [rad/s], (n,). A model of several sites has one curve for each entry of the matrix on
     and above its diagonal.
     """
-    named = by_name(models, ModelLike, "AntiOscillators")
+    models_by_name = by_name(models, ModelLike, "AntiOscillators")
     ax = axes_or_new(ax)
     w = checks.floats("omega", omega, (None,))
-    for (name, model), width in zip(named.items(), widths(named), strict=True):
+    for (name, model), width in zip(models_by_name.items(), widths(models_by_name), strict=True):
         for entry, stiffness in _entries(model, w):
             label = ": ".join(filter(None, (name, entry)))
             ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)
@@ -549,10 +551,10 @@ def plot_errors(
             raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")
         cost = checks.floats("cost", pair[0], (None,))
         error = checks.floats("error", pair[1], cost.shape)
-        known = (cost > 0) & (error > 0)
+        plottable = (cost > 0) & (error > 0)
         # large open markers below small ones: equal errors of two methods remain visible
         size = 8 - 4 * k / max(len(series) - 1, 1)
         style = checks.text("a format", styles.get(name, "o-"))
-        ax.loglog(cost[known], error[known], style, ms=size, mfc="none", lw=1.2, label=name)
+        ax.loglog(cost[plottable], error[plottable], style, ms=size, mfc="none", lw=1.2, label=name)
     ax.grid(alpha=0.3)
     return few_log_ticks(ax)

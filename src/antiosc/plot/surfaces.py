@@ -120,9 +120,9 @@ def _extent_seen(axes: Axes3D, x: Array) -> float:
     from mpl_toolkits.mplot3d import proj3d
 
     axes.apply_aspect()
-    seen = proj3d.proj_transform(*x.T, axes.get_proj())[:2]
+    projected = proj3d.proj_transform(*x.T, axes.get_proj())[:2]
     (left, bottom), (right, top) = axes.transAxes.transform([(0, 0), (1, 1)])
-    pixels = axes.transData.transform(np.column_stack(seen))
+    pixels = axes.transData.transform(np.column_stack(projected))
     share = 2 * (pixels - (left, bottom)) / (right - left, top - bottom) - 1
     return float(np.abs(share).max(initial=LARGEST_EXTENT))
 
@@ -154,9 +154,9 @@ class Deformed:
     @classmethod
     def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
         """The surface with displacements (P, 3) [m], magnified according to the largest one [m]."""
-        shown = largest or 1.0
+        reference = largest or 1.0
         factor = magnification(points, largest)
-        micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
+        micro, unit = (1e6, "µm") if reference < 1e-3 else (1e3, "mm")
         size = np.linalg.norm(moved, axis=1)
         label = f"displacement ({unit}), drawn × {factor:g}"
         return cls(points, points + factor * moved, faces, micro * size, label, micro * largest)
@@ -197,8 +197,8 @@ def deformed_figure(
         draw_faces(figure, axes, corners, values, surface.label, colours)
     else:
         draw_lines(figure, axes, corners, values, surface.label, colours)
-    rest = scale * surface.points[np.unique(surface.faces)]
-    framed = [rest if whole_scale else corners.reshape(-1, 3)]
+    undeformed = scale * surface.points[np.unique(surface.faces)]
+    framed = [undeformed if whole_scale else corners.reshape(-1, 3)]
     if arrow is not None:
         tail, tip = scale * surface.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)

@@ -69,9 +69,9 @@ def tensors_of_part(
     shapes = compat.with_ghosts(part.form.space, shapes)
     evaluate = evaluator(part, quantity, place)
     material = part.part_of_cells()[: compat.cell_map(mesh.dolfinx).size_local]
-    chosen = np.flatnonzero(np.isin(material, materials))
-    nodes = compat.geometry_nodes(mesh.dolfinx)[chosen]
-    material = material[chosen]
+    selected = np.flatnonzero(np.isin(material, materials))
+    nodes = compat.geometry_nodes(mesh.dolfinx)[selected]
+    material = material[selected]
     X = mesh.geometry.reference_nodes
     solid = part.kind.name == "solid"
     if solid:  # a slot for each node and material
@@ -86,11 +86,11 @@ def tensors_of_part(
     count = np.zeros(len(slots))
     step = max(1, AT_ONCE // len(X))
     error = None
-    for first in range(0, len(chosen), step):
-        cells = chosen[first : first + step]
-        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+    for first in range(0, len(selected), step):
+        cells = selected[first : first + step]
+        points = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
         try:
-            tensors = evaluate(at)
+            tensors = evaluate(points)
         except InputError as caught:  # on this rank perhaps alone
             error = caught
             break
@@ -128,8 +128,8 @@ def jumps(
     step = max(1, AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
-        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
-        columns = with_branches(evaluate(at), shares, material[at.cells])
+        points = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        columns = with_branches(evaluate(points), shares, material[points.cells])
         jumps = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
         six[cells] = np.stack([jumps[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
     keys = nodes * len(part.parts) + material[:cells_of_rank, None]
@@ -141,8 +141,8 @@ def jumps(
     np.add.at(count, slot_of, 1.0)
     _join_ranks(part, slots, total, count, np.add)
     different = equivalent(six - total[slot_of, :, 0] / count[slot_of][..., None])
-    alone = count[slot_of] == 1
-    different = np.where(alone, different.max(axis=1, keepdims=True), different)
+    in_one_cell = count[slot_of] == 1
+    different = np.where(in_one_cell, different.max(axis=1, keepdims=True), different)
     largest = np.zeros((len(slots), 1, 1))
     np.maximum.at(largest[:, 0, 0], slot_of, different)
     _join_ranks(part, slots, largest, count, np.maximum)
@@ -165,9 +165,9 @@ def _join_ranks(
     names = number[slots // parts] * parts + slots % parts
     names_of_all = np.concatenate(comm.allgather(names))
     common, times = np.unique(names_of_all, return_counts=True)
-    shared = np.flatnonzero(np.isin(names, common[times > 1]))
-    pieces = comm.allgather((names[shared], total[shared], count[shared]))
-    slot_of = {name: i for i, name in zip(shared, names[shared], strict=True)}
+    shared_slots = np.flatnonzero(np.isin(names, common[times > 1]))
+    pieces = comm.allgather((names[shared_slots], total[shared_slots], count[shared_slots]))
+    slot_of = {name: i for i, name in zip(shared_slots, names[shared_slots], strict=True)}
     for rank, (names_there, sums, numbers) in enumerate(pieces):
         if rank == comm.rank:
             continue
@@ -275,7 +275,7 @@ def _recovered(
     values = np.asarray(mesh.comm.allreduce(values))
     if place.local:
         return values
-    return _turned(member.at.rotation, values, quantity)
+    return _rotated(member.at.rotation, values, quantity)
 
 
 def _nearest(
@@ -294,7 +294,7 @@ def _nearest(
     return number, closest
 
 
-def _turned(R: Array, values: Array, quantity: str) -> Array:
+def _rotated(R: Array, values: Array, quantity: str) -> Array:
     """Vectors and tensors of a part in the axes of the assembly."""
     if (np.eye(3) == R).all() or quantity == "section_forces":
         return values
@@ -394,10 +394,10 @@ def tensors_at_nodes(
                 tensors.append(columns)
             start += size
     if not node:
-        none = np.zeros(0, dtype=int)
-        return points, cells, NodeTensors(none, np.zeros((0, 6, 0)), none, origins)
-    joined = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
-    return points, cells, NodeTensors(*joined, origins)
+        empty = np.zeros(0, dtype=int)
+        return points, cells, NodeTensors(empty, np.zeros((0, 6, 0)), empty, origins)
+    arrays = np.concatenate(node), np.concatenate(tensors), np.concatenate(origin)
+    return points, cells, NodeTensors(*arrays, origins)
 
 
 def materials_of(
@@ -542,16 +542,16 @@ def interior_angle(part: MeshedStructure, x: Array) -> float:
     0 for a point within the solid. To be called on all ranks.
     """
     mesh = part.mesh
-    owned = compat.cell_map(mesh.dolfinx).size_local
-    cells = mesh.geometry.nodes[:owned, : len(mesh.geometry.corners)]
+    owned_cells = compat.cell_map(mesh.dolfinx).size_local
+    cells = mesh.geometry.nodes[:owned_cells, : len(mesh.geometry.corners)]
     distance = np.linalg.norm(cells - x, axis=-1)
-    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned else None
+    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned_cells else None
     nearest_cell = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
     vertex = min(chain(*mesh.comm.allgather(nearest_cell)), key=lambda pair: pair[0])[1]
     tolerance = SAME * mesh.extent()
     angles_of_rank: list[tuple[Array, float]] = []
-    for cell, at in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
-        angles_of_rank += _angles(mesh.cell, cells[cell], int(at))
+    for cell, local_vertex in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
+        angles_of_rank += _angles(mesh.cell, cells[cell], int(local_vertex))
     angles_of_all: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(angles_of_rank)))
     keys = np.round(np.array([end for end, _ in angles_of_all]) / tolerance)
     _, edge = np.unique(keys, axis=0, return_inverse=True)

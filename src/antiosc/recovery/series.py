@@ -132,10 +132,10 @@ def write_frames(
         staging = files.part_name(target)
         staging.mkdir(mode=0o700)
         with files.claimed(staging):
-            old = _replaced(target, staging, frames, times, fields)
+            old_frames = _replaced(target, staging, frames, times, fields)
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error
-    for folder in {(target.parent / name).parent for name in old} - {target.parent}:
+    for folder in {(target.parent / name).parent for name in old_frames} - {target.parent}:
         shutil.rmtree(folder, ignore_errors=True)
 
 
@@ -149,11 +149,11 @@ def _replaced(
         for number, field in enumerate(fields):
             names.append(f"{target.stem}_{number:04d}.vtu")
             files.write_through(staging / names[-1], frames.content({"displacement": field}))
-        old = _listed(target)
+        old_frames = _listed_frames(target)
         staged = [f"{staging.name}/{name}" for name in names]
         files.write_text(target, _collection(times, staged), "the series")
         listed = True
-        for name in old:
+        for name in old_frames:
             (target.parent / name).unlink(missing_ok=True)
         for name in names:
             (staging / name).chmod(stat.S_IMODE(target.stat().st_mode))
@@ -163,7 +163,7 @@ def _replaced(
     finally:
         if not listed:
             shutil.rmtree(staging, ignore_errors=True)
-    return old
+    return old_frames
 
 
 def _second_name(frame: Path, name: Path) -> None:
@@ -186,7 +186,7 @@ def _collection(times: Array, names: list[str]) -> str:
     )
 
 
-def _listed(target: Path) -> list[str]:
+def _listed_frames(target: Path) -> list[str]:
     """The frames beside `target` that it lists and that bear its name."""
     try:
         text = target.read_text(encoding="utf-8") if target.is_file() else ""
@@ -237,7 +237,7 @@ def write_vtx(
         fields = displacements_of_rank(part, shapes)
         mesh = part.mesh.dolfinx
         compat.write_vtx(mesh, staged, "displacement", times, (fields @ a for a in factors))
-        on_root(comm, lambda: _moved(staged, target))
+        on_root(comm, lambda: _move_series(staged, target))
     finally:
         on_root(comm, lambda: shutil.rmtree(staged, ignore_errors=True))
 
@@ -258,7 +258,7 @@ def _staged(target: Path) -> Path:
     return files.part_name(target, ".bp")
 
 
-def _moved(staged: Path, target: Path) -> None:
+def _move_series(staged: Path, target: Path) -> None:
     try:
         files.replace_folder(staged, target)
         files.clear_parts(target)

@@ -55,8 +55,8 @@ class PointsInCells:
 
     def moved(self, X: Array) -> PointsInCells:
         """The same cells at other reference points X (P, tdim) or (tdim,)."""
-        where = np.broadcast_to(X, self.X.shape)
-        return PointsInCells(self.part, self._shapes, self.cells, where)
+        reference_points = np.broadcast_to(X, self.X.shape)
+        return PointsInCells(self.part, self._shapes, self.cells, reference_points)
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
         """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
@@ -121,9 +121,9 @@ def solid_strain(at: PointsInCells, place: Place) -> Array:
     for k, (material, _) in enumerate(at.part.parts):
         if getattr(material, "plane", None) == "stress":  # it contracts freely across the plane
             of_part = result[number == k]
-            across = -material.nu / (1 - material.nu) * (of_part[:, 0, 0] + of_part[:, 1, 1])
-            result[number == k, 2, 2] = across
-    return _turned(at, result, place)
+            e33 = -material.nu / (1 - material.nu) * (of_part[:, 0, 0] + of_part[:, 1, 1])
+            result[number == k, 2, 2] = e33
+    return _in_material_axes(at, result, place)
 
 
 def solid_stress(at: PointsInCells, place: Place) -> Array:
@@ -135,7 +135,7 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     for k, (material, _) in enumerate(at.part.parts):
         of_part = number == k
         result[of_part] = np.einsum("ij,pjk->pik", material.voigt, engineering[of_part])
-    return _turned(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
+    return _in_material_axes(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
 
 
 def solid_rotation(at: PointsInCells, place: Place) -> Array:
@@ -162,7 +162,7 @@ def _gradient(at: PointsInCells) -> Array:
     return result
 
 
-def _turned(at: PointsInCells, tensors: Array, place: Place) -> Array:
+def _in_material_axes(at: PointsInCells, tensors: Array, place: Place) -> Array:
     """The tensors, in the axes of an anisotropic material if local ones are requested."""
     if not place.local:
         return tensors
@@ -200,8 +200,8 @@ def _axial(at: PointsInCells) -> Array:
     """Axial strain (P, columns)."""
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
     slope = at.slopes(at.dofs("xyz"))[:, :, 0] / length[:, :, None]
-    along = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
-    return np.asarray(along + _lengthening(at, slope))
+    axial_strain = np.einsum("pck,pc->pk", slope, at.J[:, :, 0] / length)
+    return np.asarray(axial_strain + _lengthening(at, slope))
 
 
 def _lengthening(at: PointsInCells, slope: Array) -> Array:
@@ -214,11 +214,11 @@ def _lengthening(at: PointsInCells, slope: Array) -> Array:
 def _bar_tensors(at: PointsInCells, place: Place, sizes: Array) -> Array:
     """Tensors (P, 3, 3, columns): axial strain times `sizes` (P, 2), along and across the bar."""
     if place.local:
-        along = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
+        axial_tensor = np.broadcast_to(np.diag([1.0, 0, 0]), (len(at.cells), 3, 3))
     else:
         t = at.J[:, :, 0] / np.linalg.norm(at.J[:, :, 0], axis=1)[:, None]
-        along = np.einsum("pi,pj->pij", t, t)
-    shape = sizes[:, :1, None] * along + sizes[:, 1:, None] * (np.eye(3) - along)
+        axial_tensor = np.einsum("pi,pj->pij", t, t)
+    shape = sizes[:, :1, None] * axial_tensor + sizes[:, 1:, None] * (np.eye(3) - axial_tensor)
     return np.asarray(shape[..., None] * _axial(at)[:, None, None])
 
 
@@ -260,11 +260,11 @@ def beam_strain(at: PointsInCells, place: Place) -> Array:
     """Strain tensors (P, 3, 3, columns) of a fibre: along it, and transverse contraction."""
     strains, frame = section_strains(at)
     y, z = at.each(lambda beam: _fibre(beam, place)).T[:, :, None]
-    along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
+    fibre_strain = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
     nu = at.each(lambda beam: [beam.nu])
-    local = np.zeros((len(at.cells), 3, 3, along.shape[1]))
-    local[:, 0, 0] = along
-    local[:, 1, 1] = local[:, 2, 2] = -nu * along
+    local = np.zeros((len(at.cells), 3, 3, fibre_strain.shape[1]))
+    local[:, 0, 0] = fibre_strain
+    local[:, 1, 1] = local[:, 2, 2] = -nu * fibre_strain
     if place.local:
         return local
     return in_frame(local, frame)
@@ -303,18 +303,18 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     turn = at.values(rotations)
     offset = at.each(lambda beam: [beam.offset])
 
-    def along(vectors: Array, axis: Array) -> Array:
+    def component(vectors: Array, axis: Array) -> Array:
         return np.einsum("pck,pc->pk", vectors, axis)
 
-    stretch = -offset * along(bend, frame.z)
-    sideways = offset * along(bend, frame.t) if at.part.form.twist_shifts else 0.0
+    stretch = -offset * component(bend, frame.z)
+    sideways = offset * component(bend, frame.t) if at.part.form.twist_shifts else 0.0
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
-        along(slope, frame.t) + stretch + _lengthening(at, slope),
-        along(slope, frame.y) - along(turn, frame.z),
-        along(slope, frame.z) + along(turn, frame.y) + sideways,
+        component(slope, frame.t) + stretch + _lengthening(at, slope),
+        component(slope, frame.y) - component(turn, frame.z),
+        component(slope, frame.z) + component(turn, frame.y) + sideways,
     ]
-    return np.stack([*forces, *(along(bend, axis) for axis in frame)], axis=1)
+    return np.stack([*forces, *(component(bend, axis) for axis in frame)], axis=1)
 
 
 def _frame(at: PointsInCells) -> BeamFrame:
@@ -446,22 +446,22 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
             plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
             # stresses of the shear forces in equilibrium, and the strains that they cause
             f = shear_stresses(_layers(sheet), which, z)
-            across = _times(f @ sheet.section.S, strains.shear[of_part])
+            shear_forces = _times(f @ sheet.section.S, strains.shear[of_part])
             if of_stress:
                 plane = _times(layer.plane_stress(), plane)
                 half = 1.0
                 result[of_part, 2, 2] = 0.0
             else:
                 thin = _times(layer.contraction(), plane)
-                across = _times(np.linalg.inv(layer.transverse_shear()), across)
+                shear_forces = _times(np.linalg.inv(layer.transverse_shear()), shear_forces)
                 half = 0.5
                 result[of_part, 2, 2] = thin[:, 0]
             result[of_part, 0, 0] = plane[:, 0]
             result[of_part, 1, 1] = plane[:, 1]
             for (i, j), value in (
                 ((0, 1), plane[:, 2]),
-                ((0, 2), across[:, 0]),
-                ((1, 2), across[:, 1]),
+                ((0, 2), shear_forces[:, 0]),
+                ((1, 2), shear_forces[:, 1]),
             ):
                 result[of_part, i, j] = result[of_part, j, i] = half * value
     if not place.local:
@@ -478,14 +478,14 @@ def _toward(place: Place, frame: SheetFrame) -> Array:
     """±1 (P,): whether `place.surface` points along the normal of the sheet; 1 for a named side."""
     if isinstance(place.surface, str):
         return np.ones(len(frame.n))
-    along = frame.n @ np.asarray(place.surface)
+    cosines = frame.n @ np.asarray(place.surface)
     size = float(np.linalg.norm(place.surface))
-    if np.any(np.abs(along) < 0.05 * size):
+    if np.any(np.abs(cosines) < 0.05 * size):
         raise InputError(
             "the direction of surface lies along the sheet there: give one that points away from "
             "its surface, or surface='top' or 'bottom'."
         )
-    return np.where(along > 0, 1.0, -1.0)
+    return np.where(cosines > 0, 1.0, -1.0)
 
 
 def _layers(sheet: Sheet) -> list[Layer]:
@@ -548,8 +548,8 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
         membrane += np.stack(second, axis=1)
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     bending = np.stack([dr2[:, 0], -dr1[:, 1], dr2[:, 1] - dr1[:, 0]], axis=1)
-    lean = _leaning(at, rotations, frame)
-    return Strains(membrane, bending, dotted(du, n) + lean)
+    leaning = _leaning(at, rotations, frame)
+    return Strains(membrane, bending, dotted(du, n) + leaning)
 
 
 def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
@@ -565,11 +565,11 @@ def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
     path = at.part.form.components["rx"]
     table = compat.tabulate(space, path, compat.edge_points())
     # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
-    across = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
-    covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, across, optimize=True)
-    near = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
+    rotated_tangents = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
+    covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, rotated_tangents, optimize=True)
+    shear = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
     to_axes = np.einsum("pac,pdc->pad", tangents, np.linalg.pinv(at.J))
-    return np.einsum("pad,pdk->pak", to_axes, near)
+    return np.einsum("pad,pdk->pak", to_axes, shear)
 
 
 def _times(matrix: Array, columns: Array) -> Array:

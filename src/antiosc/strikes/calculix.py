@@ -86,8 +86,8 @@ def _check(blow: Blow) -> None:
         "the contact law has memory or damping, and a spring has none": blow.law.has_memory
         or blow.law.rate_dependent,
     }
-    for reason, holds in reasons.items():
-        if holds:
+    for reason, applies in reasons.items():
+        if applies:
             raise InputError(reason)
 
 

@@ -64,7 +64,7 @@ def free_sites(
     least: int = FREE_MODES,
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     map_sites = sites_of(matrices, where, direction, radius)
     structure.factorize(math.inf)
     located = time.perf_counter()
@@ -76,7 +76,7 @@ def free_sites(
     C, G = deflections(structure, map_sites.sites.loads, omega, b)
     step_start = time.perf_counter()
     seconds = {
-        "sites": located - started,
+        "sites": located - start_time,
         "free_modes": solved - located,
         "deflections": step_start - solved,
     }
@@ -87,9 +87,9 @@ def _free_modes(
     structure: Structure, count: int | None, band: float | None, most: float, least: int
 ) -> Modes:
     """The lowest elastic modes: `count`, or `least` to `most` so that they exceed the band."""
-    wanted = min(least, structure.dofs - 1) if count is None else whole("modes", count)
+    mode_count = min(least, structure.dofs - 1) if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
-    modes = ModeSolver(structure).lowest(wanted, reach, most)
-    sufficient = int(min(max(wanted, int(np.sum(modes.omega < reach)) + 1), most))
+    modes = ModeSolver(structure).lowest(mode_count, reach, most)
+    sufficient = int(min(max(mode_count, int(np.sum(modes.omega < reach)) + 1), most))
     log.info("%d free modes up to %.4g rad/s", sufficient, modes.omega[sufficient - 1])
     return Modes(modes.omega[:sufficient], modes.phi[:, :sufficient], modes.complete)

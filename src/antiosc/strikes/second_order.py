@@ -24,14 +24,14 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
 
     Warnings are those of the run that is returned.
     """
-    with _held() as warnings:
+    with _collected_warnings() as warnings:
         linear = run(model)
     if model.stretch is None and may_stretch(linear):
-        with _held() as other:
+        with _collected_warnings() as stretched_warnings:
             stretched = _stretched(structure, model, run)
         if stretched is not None and stretched.assembly.stretched:
             linear = stretched
-            warnings = other
+            warnings = stretched_warnings
     for sentence in warnings:
         warn(sentence, AccuracyWarning)
     return linear
@@ -56,7 +56,7 @@ def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H |
 
 
 @contextmanager
-def _held() -> Iterator[list[str]]:
+def _collected_warnings() -> Iterator[list[str]]:
     """Context that collects warnings; after an error they are issued, since they may explain it."""
     warnings: list[str] = []
     try:

@@ -174,8 +174,8 @@ def strike(
         No material, or one of a family without an error estimate; arguments that `extract` and
         `simulate` refuse.
     """
-    shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
-    run = partial(simulated, impactor, contact, duration, shared)
+    impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+    run = partial(simulated, impactor, contact, duration, impact_options)
     return struck(
         source, site, impactor, run, tol, material, supports, order, limit, prestress=prestress
     )
@@ -211,7 +211,7 @@ def struck(
 
     `asked`: the tolerance of the user, which status and message name; default: tol.
     """
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     tol = checks.tolerance(tol)
     asked = tol if asked is None else asked
     order = checks.whole("order", order, least=1, most=2)
@@ -220,43 +220,43 @@ def struck(
     checks.instance("site", site, Site, "a Site(point, direction)")
     material = _material_of(source, material, supports, prestress)
     if isinstance(source, Structure):
-        answer = answered(source, site, run, tol, FIRST_N)
+        result = answered(source, site, run, tol, FIRST_N)
         if report is not None:
-            report(answer, site)
+            report(result, site)
         reason = (
             ""
-            if answer.budget.numerical <= tol
+            if result.budget.numerical <= tol
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        return _finished(answer, tol, asked, [record(answer)], reason)
+        return _finished(result, tol, asked, [record(result)], reason)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
-    site, mesh = _begin(place, site, impactor, material, order)
+    site, mesh = _first_mesh(place, site, impactor, material, order)
     before: Answer | None = None
     n = FIRST_N
     records = []
     while True:
         structure = Structure(mesh, material, supports, order=order, prestress=prestress)
-        answer = answered(structure, site, run, tol, n)
-        answer = changed_since(answer, before) if mesh.tdim == 1 else compared(answer, before)
-        before = answer
+        result = answered(structure, site, run, tol, n)
+        result = changed_since(result, before) if mesh.tdim == 1 else compared(result, before)
+        before = result
         if report is not None:
-            report(answer, site)
-        records.append(record(answer))
+            report(result, site)
+        records.append(record(result))
         log.info("strike: %s", records[-1])
         reason = ""
         ratio = np.ones(0)
-        met = answer.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
+        met = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
         if not met:
             reason = place.fixed or (
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
             )
             if not reason:
-                ratio, reason = _next(answer, mesh, order, tol, limit, started, len(records))
+                ratio, reason = _next(result, mesh, order, tol, limit, start_time, len(records))
         if reason or met:
             structure.drop_factor()
-            return _finished(answer, tol, asked, records, reason)
-        n = next_n(answer, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
+            return _finished(result, tol, asked, records, reason)
+        n = next_n(result, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
         mesh = place.finer(mesh, ratio)
 
 
@@ -283,7 +283,7 @@ def _material_of(
     return material
 
 
-def _begin(
+def _first_mesh(
     place: MeshSource, site: Site, impactor: LinearBody, material: Material, order: int
 ) -> tuple[Site, Mesh]:
     """(site with a radius, first mesh): the coarsest mesh with a reliable error budget."""
@@ -296,8 +296,8 @@ def _begin(
         half = thickness / 2
         site = replace(site, radius=min(math.sqrt(contact * half), half) if contact else half / 1.5)
     refine: list[tuple[Sequence[float], float]] = []
-    struck = site.radius is not None or isinstance(solids[0], Beam)
-    if struck and site.point is not None and not isinstance(site.point, str):
+    has_patch = site.radius is not None or isinstance(solids[0], Beam)
+    if has_patch and site.point is not None and not isinstance(site.point, str):
         refine.append((site.point, site.radius or 0.0))
     return site, place.first(FIRST_SIZE * order * thickness, refine)
 
@@ -341,19 +341,19 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     """The answer on one mesh: extraction and run, repeated with more anti-oscillators where
     needed.
     """
-    started = clock()
+    start_time = clock()
     accuracy = accuracy_of_steps(tol)
-    most = min(MOST_N, structure.dofs - 1)
-    n = min(n, most)
+    limit = min(MOST_N, structure.dofs - 1)
+    n = min(n, limit)
     while True:
         model = extract(structure, site, n=n, error="estimate")
         hit = second_order.simulated(structure, model, partial(run, error=accuracy))
         budget = hit.error_budget
         truncation = max(bar.truncation for bar in budget.values())
-        if truncation <= _truncation_goal(budget, tol) or n >= most or model.n < n:
+        if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
             break
-        n = int(np.clip(_enough(model, run, truncation, tol), n + n // 2, min(3 * n, most)))
-    return corrected(structure, hit, run, accuracy, n, started)
+        n = int(np.clip(_count(model, run, truncation, tol), n + n // 2, min(3 * n, limit)))
+    return corrected(structure, hit, run, accuracy, n, start_time)
 
 
 def accuracy_of_steps(tol: float) -> float:
@@ -387,11 +387,11 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     """
     if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
         return answer
-    old, new = (max(bar.mesh for bar in result.budget.values()) for result in (before, answer))
-    if new > CLOSER * old or answer.structure.dofs < FINER * before.structure.dofs:
+    last_bar, bar = (max(bar.mesh for bar in result.budget.values()) for result in (before, answer))
+    if bar > CLOSER * last_bar or answer.structure.dofs < FINER * before.structure.dofs:
         return answer
-    changed = max(differences(before.hit, answer.hit).values())
-    share = float(np.clip(2 * changed / (old - new), LEAST_SHARE, 1.0))
+    mesh_change = max(differences(before.hit, answer.hit).values())
+    share = float(np.clip(2 * mesh_change / (last_bar - bar), LEAST_SHARE, 1.0))
     bars = {name: replace(bar, mesh=share * bar.mesh) for name, bar in answer.budget.items()}
     return replace(answer, budget=replace(answer.budget, bars=bars))
 
@@ -404,9 +404,9 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """
     if before is None:
         return answer
-    changed = with_floor(differences(before.hit, answer.hit))
+    change = with_floor(differences(before.hit, answer.hit))
     bars = {
-        name: replace(bar, mesh=max(bar.mesh, changed[name])) for name, bar in answer.budget.items()
+        name: replace(bar, mesh=max(bar.mesh, change[name])) for name, bar in answer.budget.items()
     }
     return replace(answer, budget=replace(answer.budget, bars=bars))
 
@@ -419,10 +419,10 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     """
     share = TRUNCATION_SHARE * tol
     remaining = 1 - 1 / budget.safety
-    meets = all(
+    meets_tolerance = all(
         remaining * bar.mesh + bar.time + bar.patch + share <= tol for bar in budget.values()
     )
-    if meets:
+    if meets_tolerance:
         return share
     return max(share, remaining * max(bar.mesh for bar in budget.values()))
 
@@ -430,11 +430,11 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
 def next_n(answer: Answer, run: RunFunction, tol: float, growth: float) -> int:
     """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
     error = max(bar.truncation for bar in answer.budget.values())
-    needed = _enough(answer.raw.model, run, error, tol)
-    return int(np.clip(needed, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
+    required = _count(answer.raw.model, run, error, tol)
+    return int(np.clip(required, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
 
 
-def _enough(model: AntiOscillators, run: RunFunction, error: float, tol: float) -> int:
+def _count(model: AntiOscillators, run: RunFunction, error: float, tol: float) -> int:
     """Number of anti-oscillators whose truncation error is the allowed share of the tolerance.
 
     It is extrapolated from the errors of `model` and of a model with half as many.
@@ -514,13 +514,13 @@ def _next(
     seconds = answer.seconds * max(full_growth, 1.0) ** SECONDS_POWER[dim]
     spent = time.perf_counter() - start_time
     expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
-    needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
+    required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()
     message = ""
     cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
     if limit is not None and expected > limit:
         message = f"Stopped before the limit of {limit:g} s: {cost}."
-    elif needed > MEMORY_SHARE * free:
+    elif required_bytes > MEMORY_SHARE * free:
         message = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
     return ratio, on_root(structure.comm, lambda: message)
 
@@ -538,8 +538,8 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
     if mesh.tdim == 1:  # all lines are divided alike
         return np.ones(compat.cell_map(mesh.dolfinx).size_local)
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
-    chosen = values > NEGLIGIBLE * values[-1]
-    shapes = answer.raw.model.shapes @ (vectors[:, chosen] * np.sqrt(values[chosen]))
+    significant = values > NEGLIGIBLE * values[-1]
+    shapes = answer.raw.model.shapes @ (vectors[:, significant] * np.sqrt(values[significant]))
     return estimator(answer.structure).of_cells(shapes)
 
 
@@ -586,7 +586,7 @@ def _finished(
         with_model(hit, model),
         status=1 if reason and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, reason))),
-        budget=partial(_known, budget),
+        budget=partial(_return_budget, budget),
         structure=answer.structure,
     )
 
@@ -604,6 +604,6 @@ def _missed_by_law(budget: ErrorBudget, tol: float) -> str:
     )
 
 
-def _known(budget: ErrorBudget, _hit: History) -> ErrorBudget:
+def _return_budget(budget: ErrorBudget, _hit: History) -> ErrorBudget:
     """The budget itself: a history takes this function in place of a new computation."""
     return budget

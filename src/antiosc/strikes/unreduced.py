@@ -132,12 +132,12 @@ def forecast(blow: Blow) -> float:
 def newmark(blow: Blow) -> Outcome:
     """Newmark's average acceleration of all dofs, the contact force implicit."""
     structure = blow.structure
-    began = clock() - structure.seconds["assembly"]
+    start_time = clock() - structure.seconds["assembly"]
     process.require(BYTES * entries_of(structure), "a factor of K + 4 M/h²", "take a longer step")
     h = blow.step
     A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
     curve = _integrated(blow, A)
-    return Outcome(curve, clock() - began, BYTES * A.entries)
+    return Outcome(curve, clock() - start_time, BYTES * A.entries)
 
 
 def _integrated(blow: Blow, A: Factorization) -> Curve:
@@ -160,13 +160,13 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
         F = contact.step(float(ball.beta @ ball_new) - float(dot(comm, blow.b, new)))
         new += F * flexibility
         ball_new = ball_new - F * inverse * ball.beta
-        v, a = _moved(h, new, inertia_terms, v, a)
-        w, c = _moved(h, ball_new, ball_rest, w, c)
+        v, a = _rates(h, new, inertia_terms, v, a)
+        w, c = _rates(h, ball_new, ball_rest, w, c)
         u, q = new, ball_new
     return Curve(*np.array(contact.nodes).T)
 
 
-def _moved(h: float, new: Array, inertia_terms: Array, v: Array, a: Array) -> tuple[Array, Array]:
+def _rates(h: float, new: Array, inertia_terms: Array, v: Array, a: Array) -> tuple[Array, Array]:
     """Velocity and acceleration at the end of a step."""
     after = 4 / h**2 * new - inertia_terms
     return v + h / 2 * (a + after), after
@@ -235,8 +235,8 @@ def figures(curve: Curve) -> Figures:
     impulses = np.append(0.0, np.cumsum(np.diff(time) * (force[1:] + force[:-1]) / 2))
     impacts = _impacts(_contacts(curve))
     gains = [np.diff(np.interp(impact, time, impulses))[0] for impact in impacts]
-    begin, end = impacts[int(np.argmax(gains))] if impacts else (0.0, 0.0)
-    return Figures(_peak(force), float(impulses[-1]), end - begin)
+    start, end = impacts[int(np.argmax(gains))] if impacts else (0.0, 0.0)
+    return Figures(_peak(force), float(impulses[-1]), end - start)
 
 
 def _peak(force: Array) -> float:
@@ -253,9 +253,9 @@ def _peak(force: Array) -> float:
 def _contacts(curve: Curve) -> list[tuple[float, float]]:
     """(start, end) of each contact, interpolated."""
     time, _, depth = curve
-    inside = np.concatenate([[False], depth[1:] > 0, [False]])
-    begins = np.flatnonzero(~inside[:-1] & inside[1:])
-    ends = np.flatnonzero(inside[:-1] & ~inside[1:])
+    in_contact = np.concatenate([[False], depth[1:] > 0, [False]])
+    starts = np.flatnonzero(~in_contact[:-1] & in_contact[1:])
+    ends = np.flatnonzero(in_contact[:-1] & ~in_contact[1:])
 
     def crossing(k: int) -> float:
         """When the depth is zero between nodes k and k + 1; the end of the curve at the last."""
@@ -264,16 +264,16 @@ def _contacts(curve: Curve) -> list[tuple[float, float]]:
         share = np.clip(depth[k] / (depth[k] - depth[k + 1]), 0.0, 1.0)
         return float(time[k] + share * (time[k + 1] - time[k]))
 
-    return [(crossing(k), crossing(m)) for k, m in zip(begins, ends, strict=True)]
+    return [(crossing(k), crossing(m)) for k, m in zip(starts, ends, strict=True)]
 
 
 def _impacts(contacts: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Contacts joined where the flight between them is shorter than the impact up to then."""
     impacts = contacts[:1]
-    for begin, end in contacts[1:]:
+    for start, end in contacts[1:]:
         first, last = impacts[-1]
-        if begin - last < last - first:
+        if start - last < last - first:
             impacts[-1] = first, end
         else:
-            impacts.append((begin, end))
+            impacts.append((start, end))
     return impacts

@@ -77,10 +77,12 @@ class Call:
 
     def refused(self, error: Exception) -> tuple[Place, str]:
         """Place and sentence for an error of this call; at the argument that the error names."""
-        what = str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
-        name = what.removeprefix("every ").partition(" ")[0]
-        within = (name,) if name in self.arguments else ()
-        return (*self.place, *within), f"{label(self.place)}: {what.rstrip('.')}."
+        fault = (
+            str(error) if isinstance(error, AntioscError) else f"{type(error).__name__}: {error}"
+        )
+        name = fault.removeprefix("every ").partition(" ")[0]
+        argument_place = (name,) if name in self.arguments else ()
+        return (*self.place, *argument_place), f"{label(self.place)}: {fault.rstrip('.')}."
 
 
 #: Laws that bodies make: "ball.hertz" -> (its class and method, the ball; None if that is wrong).
@@ -138,15 +140,15 @@ class Evaluation:
 
 def with_named_materials(data: Table) -> Table:
     """The scene with each name of a material, also in parts and groups, replaced by a table."""
-    named = dict(data)
+    filled_data = dict(data)
     if "material" in data:
-        named["material"] = _material_table(data["material"])
+        filled_data["material"] = _material_table(data["material"])
     if isinstance(data.get("parts"), dict):
-        named["parts"] = {
+        filled_data["parts"] = {
             name: with_named_materials(part) if isinstance(part, dict) else part
             for name, part in data["parts"].items()
         }
-    return named
+    return filled_data
 
 
 def _material_table(value: object) -> object:
@@ -181,17 +183,20 @@ class Builder:
     ) -> None:
         """Note sections that do not exist and sections of the wrong form."""
         for name, value in data.items():
-            at = (*place, name)
+            entry_place = (*place, name)
             if name not in known:
                 close = nearest(name, known)
                 hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
-                what = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
+                fault = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
                 known_names = f"There is {listed(known)}."
-                self.note(at, f"{what} {checks.shown(name)}{hint} {known_names}")
+                self.note(entry_place, f"{fault} {checks.shown(name)}{hint} {known_names}")
                 continue
-            form, what, heading = FORMS[known[name].form]
+            form, fault, heading = FORMS[known[name].form]
             if not isinstance(value, form):
-                self.note(at, f"{label(at)} must be {what}{heading.format(label(at))}.")
+                self.note(
+                    entry_place,
+                    f"{label(entry_place)} must be {fault}{heading.format(label(entry_place))}.",
+                )
 
     def part(self, name: str, form: type = dict, data: Table | None = None) -> Any:
         """The section `name`; an empty `form` if it is missing or of another form."""
@@ -246,7 +251,7 @@ class Builder:
         given : arguments from other sections; None for one with a mistake.
         methods : laws of bodies, which `kind` may name, too.
         """
-        makes = section.makes if isinstance(section, SceneSection) else section
+        callables = section.makes if isinstance(section, SceneSection) else section
         given = dict(given or {})
         withheld = {
             *given,
@@ -254,18 +259,18 @@ class Builder:
         }
         try:
             if not isinstance(table, dict):
-                got = checks.shown(table)
-                self._wrong(place, f"{label(place)} must be a table of keys; got {got}.")
-            function = self._function([*makes, *(methods or ())], table, place)
+                shown_table = checks.shown(table)
+                self._wrong(place, f"{label(place)} must be a table of keys; got {shown_table}.")
+            function = self._function([*callables, *(methods or ())], table, place)
             if methods and function in methods:
                 function, given["self"] = methods[function]
-            known = {n: p for n, p in parameters(function).items() if n not in withheld}
+            allowed = {n: p for n, p in parameters(function).items() if n not in withheld}
         except MissingDependencyError as error:
             self.note(place, f"{label(place)} cannot be used here: {error}")
             return None
         except Mistake:
             return None
-        arguments, complete = self._values(known, table, place, function)
+        arguments, complete = self._values(allowed, table, place, function)
         arguments = {**given, **arguments}
         if not complete or None in arguments.values():
             return None
@@ -282,8 +287,8 @@ class Builder:
         if kind is None:
             self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
         if not isinstance(kind, str) or kind not in kinds:
-            what = f"{label(place)} has no {KIND} {checks.shown(kind)}{meant(kind, kinds)}"
-            self._wrong((*place, KIND), f"{what} It may be {listed(kinds)}.")
+            fault = f"{label(place)} has no {KIND} {checks.shown(kind)}{meant(kind, kinds)}"
+            self._wrong((*place, KIND), f"{fault} It may be {listed(kinds)}.")
         return kind
 
     def _values(
@@ -301,30 +306,30 @@ class Builder:
                 values[key] = self.value(known[key], value, (*place, key))
             except Mistake:
                 complete = False
-        missing = [
+        missing_keys = [
             parameter
             for parameter in known.values()
             if parameter.needed and parameter.name not in table
         ]
-        named = {nearest(key, known) for key in table if missing and key not in known}
-        for parameter in missing:
-            if parameter.name not in named:  # a key that does not exist means it
-                what = f"{parameter.name!r}, {words(parameter.kinds)}{_about(parameter.about)}"
-                self.note(place, f"{label(place)} lacks {what}.")
-        return values, complete and not missing
+        meant_keys = {nearest(key, known) for key in table if missing_keys and key not in known}
+        for parameter in missing_keys:
+            if parameter.name not in meant_keys:  # a key that does not exist means it
+                key_text = f"{parameter.name!r}, {words(parameter.kinds)}{_about(parameter.about)}"
+                self.note(place, f"{label(place)} lacks {key_text}.")
+        return values, complete and not missing_keys
 
     def _no_key(
         self, place: Place, key: str, known: Mapping[str, Parameter], function: str
     ) -> NoReturn:
         """Note an unknown key, with the most similar known key and its meaning."""
-        at = (*place, key)
+        key_place = (*place, key)
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
-            self._wrong(at, f"{label(at)} has no place in a file: {WITHHELD[key]}.")
+            self._wrong(key_place, f"{label(key_place)} has no place in a file: {WITHHELD[key]}.")
         close = nearest(key, known)
         meaning = f": {known[close].about}" if close and known[close].about else ""
         hint = f"; did you mean {close!r} ({words(known[close].kinds)}{meaning})?" if close else "."
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
-        self._wrong(at, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
+        self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
     def _tried(self, call: Call) -> Call | None:
         """The call with its object; None if the constructor raises an error, which is noted."""
@@ -368,10 +373,10 @@ class Builder:
             hint = meant(value, choices) if choices else hint
         if isinstance(value, list) and any(kind.each for kind in kinds):
             hint = f"; the list has {len(value)} entries."
-        got = str(value).lower() if isinstance(value, bool) else checks.shown(value)
-        got = "a table" if isinstance(value, dict) else got
-        what = f"{label(place)} must be {words(kinds)}{_about(about)}"
-        self._wrong(place, f"{what}; got {got}{hint}")
+        shown_value = str(value).lower() if isinstance(value, bool) else checks.shown(value)
+        shown_value = "a table" if isinstance(value, dict) else shown_value
+        rule = f"{label(place)} must be {words(kinds)}{_about(about)}"
+        self._wrong(place, f"{rule}; got {shown_value}{hint}")
 
     def _of_kind(self, kind: ValueKind, value: Any, place: Place, about: str) -> object:
         if isinstance(value, list) and len(value) > LONGEST_LIST:
@@ -406,21 +411,21 @@ class Builder:
 
     def _path(self, value: str, place: Place) -> str:
         """The path of a file that the scene names; the file must exist."""
-        what = "which does not exist"
+        fault = "which does not exist"
         try:
             path = Path(os.path.normpath(self.document.path.parent / checks.path("it", value)))
             if path.is_file():
                 return str(path)
             if path.exists():
-                what = "which is no regular file"
+                fault = "which is no regular file"
             elif path.parent.is_dir():
                 siblings = [sibling.name for sibling in islice(path.parent.iterdir(), 1000)]
                 close = nearest(path.name, siblings, 0.7)
-                what += f" (there is {close!r} in that folder)" if close else ""
+                fault += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes
             pass
-        named = f"{label(place)} names the file {checks.shown(value)}, {what}"
-        self._wrong(place, f"{named}; paths begin at the folder of the scene file.")
+        sentence = f"{label(place)} names the file {checks.shown(value)}, {fault}"
+        self._wrong(place, f"{sentence}; paths begin at the folder of the scene file.")
 
     def names(self, what: str, name: str, known: Iterable[str], place: Place) -> bool:
         """Return whether a name is known; note it otherwise."""

@@ -60,37 +60,39 @@ EXCLUDES = (
 
 def _check_together(build: Builder) -> None:
     """Note sections that exclude each other, and sections without others that they need."""
-    present = {name for name, value in build.data.items() if value or name != "sensors"}
-    for names, others in NEEDS:
+    sections = {name for name, value in build.data.items() if value or name != "sensors"}
+    for names, alternatives in NEEDS:
         for name in names.split():
-            if name in build.data and not present & set(others.split()):
-                build.note((name,), f"{headed(name)} needs {_one_of(others)}.")
-    for names, others, remedy in EXCLUDES:
-        for name, other in product(names.split(), others.split()):
-            if name in build.data and other in present:
-                what = f"{headed(name)} has no place beside {_one_of(other)}"
-                build.note((name,), f"{what}; {remedy}.")
-    sources = [name for name in SOURCES if name in present]
+            if name in build.data and not sections & set(alternatives.split()):
+                build.note((name,), f"{headed(name)} needs {_one_of(alternatives)}.")
+    for names, alternatives, remedy in EXCLUDES:
+        for name, excluded in product(names.split(), alternatives.split()):
+            if name in build.data and excluded in sections:
+                fault = f"{headed(name)} has no place beside {_one_of(excluded)}"
+                build.note((name,), f"{fault}; {remedy}.")
+    sources = [name for name in SOURCES if name in sections]
     if len(sources) > 1:
-        both = f"[{sources[0]}] and [{sources[1]}]"
-        build.note((sources[1],), f"{both} both say what is struck; {_KEEP}.")
+        section_names = f"[{sources[0]}] and [{sources[1]}]"
+        build.note((sources[1],), f"{section_names} both say what is struck; {_KEEP}.")
     if not sources and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
         build.note((), f"the scene does not say what is struck: give one of {names}.")
-    alone = [n for n in ("impactor", "contact", *_ONE.split()) if n in present]
-    many = [n for n in _MANY.split() if n in present]
-    if alone and many:
-        sentence = f"[{alone[0]}] describes one impact and [{many[0]}] a scene of several contacts"
-        build.note((many[0],), f"{sentence}; {_KEEP}.")
+    singles = [n for n in ("impactor", "contact", *_ONE.split()) if n in sections]
+    scenes = [n for n in _MANY.split() if n in sections]
+    if singles and scenes:
+        sentence = (
+            f"[{singles[0]}] describes one impact and [{scenes[0]}] a scene of several contacts"
+        )
+        build.note((scenes[0],), f"{sentence}; {_KEEP}.")
     if "ensemble" in build.part("drop"):
-        for name in present.intersection(("accelerometers", "worst")):
+        for name in sections.intersection(("accelerometers", "worst")):
             build.note((name,), f"[{name}] is of one fall; [drop] has an ensemble: {_KEEP}.")
 
 
 def _one_of(names: str) -> str:
     """Text of one section with its description, or of a choice of several."""
-    first, *rest = names.split()
-    if rest:
+    first, *other_names = names.split()
+    if other_names:
         return f"one of {', '.join(map(headed, names.split()))}"
     return f"{headed(first)}, {SECTIONS[first].about}"
 

@@ -86,11 +86,11 @@ class Problems:
             return
         lines = lines_of(self.text, [place for place, _ in self.found])
         sentences = sorted({(n, text) for n, (_, text) in zip(lines, self.found, strict=True)})
-        shown = [f"{self.name}:{line}: {text}" for line, text in sentences[:MOST_SHOWN]]
+        sentences_shown = [f"{self.name}:{line}: {text}" for line, text in sentences[:MOST_SHOWN]]
         if len(sentences) > MOST_SHOWN:
             or_more = ", or still more" if len(self.found) >= MOST_FOUND else ""
-            shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more{or_more}.")
-        raise SceneFileError("\n".join(shown))
+            sentences_shown.append(f"{self.name}: and {len(sentences) - MOST_SHOWN} more{or_more}.")
+        raise SceneFileError("\n".join(sentences_shown))
 
 
 @dataclass(frozen=True)
@@ -147,8 +147,8 @@ def _text(source: Path) -> str:
 
 def _syntax(name: str, text: str, error: str) -> str:
     """Message with the line of a syntax error, which ends tomllib's message `error`."""
-    message, _, where = error.rpartition(" (at ")
-    words = where.rstrip(")").replace(",", "").split()
+    message, _, position_text = error.rpartition(" (at ")
+    words = position_text.rstrip(")").replace(",", "").split()
     line = words[1] if words[:1] == ["line"] else str(text.count("\n") + 1)
     return (
         f"{name}:{line}: this is not TOML: {message or error}; a line is `key = value`, where a"
@@ -286,8 +286,8 @@ def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
     `least`: smallest similarity, from 0 to 1 (difflib).
     """
     lowered = {entry.lower(): entry for entry in known}
-    meant = SYNONYMS.get(name.lower(), "").lower()
-    close = [meant] if meant in lowered else []
+    synonym = SYNONYMS.get(name.lower(), "").lower()
+    close = [synonym] if synonym in lowered else []
     close = close or difflib.get_close_matches(name.lower(), lowered, 1, least)
     if close:
         return lowered[close[0]]

@@ -98,11 +98,11 @@ def check(compiled: CompiledScene) -> list[str]:
     """
     problems = compiled.document.problems
     sentences = []
-    known: dict[str, Outline] = {}
+    outlines_by_name: dict[str, Outline] = {}
     calls = list(dict.fromkeys(calls_in(list(vars(compiled).values()))))
     for part, call in _meshes(compiled):
         try:
-            known[part] = shape = outline(call)
+            outlines_by_name[part] = shape = outline(call)
         except InputError as error:
             message = f"{_path(call).name} cannot be read: {error}"
             problems.add(call.place, message + _picture(compiled, error))
@@ -111,12 +111,12 @@ def check(compiled: CompiledScene) -> list[str]:
             sentences.append(f"{_path(call).name} was not looked at: {error}")
             continue
         sentences.append(f"{shape.name} reaches {shape.text()}.")
-        for place, group in _named(calls, part):
+        for place, group in _group_references(calls, part):
             if group not in shape.groups and group not in SIDES:
-                what = f"{label(place)}: in {shape.name} the group"
-                problems.add(place, unknown(what, group, shape.groups))
-    if known and len(known) == sum(1 for _ in _meshes(compiled)):
-        _check_points(compiled, calls, known)
+                place_text = f"{label(place)}: in {shape.name} the group"
+                problems.add(place, unknown(place_text, group, shape.groups))
+    if outlines_by_name and len(outlines_by_name) == sum(1 for _ in _meshes(compiled)):
+        _check_points(compiled, calls, outlines_by_name)
     problems.raise_if_any()
     return sentences
 
@@ -248,7 +248,7 @@ def _largest(cells: Array) -> float:
     return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
 
 
-def _named(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
+def _group_references(calls: list[Call], part: str) -> Iterator[tuple[Place, str]]:
     """Yields (place, name) where a scene names a group of its mesh or of the mesh of a part."""
     for call in calls:
         of_part = not part or call.place[:2] == ("parts", part)

@@ -75,13 +75,13 @@ def collected_warnings(sentences: list[str]) -> Iterator[None]:
     explain it.
     """
 
-    def keep(message: str) -> None:
+    def collect(message: str) -> None:
         text = " ".join(message.split())
         if text not in sentences:
             sentences.append(text)
 
     try:
-        with warnings_to(keep):
+        with warnings_to(collect):
             yield
     except AntioscError:
         for sentence in sentences:
@@ -166,22 +166,22 @@ def varied(build: Builder | CompiledScene) -> dict[Place, list[object]]:
 def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of the batch; None without [sweep], or after a mistake in it."""
     lists = varied(build)
-    known = _known(build)
+    sections = _known(build)
     if "sweep" in build.data and not lists:
         sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         build.note(("sweep",), sentence)
     combinations: list[list[object]] = []
     for place, values in lists.items():
-        most = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
-        at = ("sweep", *place)
-        if place[0] not in known or len(place) < 2:
-            sentence = f"[sweep] has lists of {listed(known)}, as impactor.velocity = [1.0, 2.0]"
-            build.note(at, f"{sentence}; got {label(place)}.")
-        elif not isinstance(values, list) or not 0 < len(values) <= most:
-            build.note(at, f"{label(at)} must be a list of 1 to {most} values.")
+        limit = MOST_IMPACTS if place[0] in VARIED else MOST_MODELS
+        sweep_place = ("sweep", *place)
+        if place[0] not in sections or len(place) < 2:
+            sentence = f"[sweep] has lists of {listed(sections)}, as impactor.velocity = [1.0, 2.0]"
+            build.note(sweep_place, f"{sentence}; got {label(place)}.")
+        elif not isinstance(values, list) or not 0 < len(values) <= limit:
+            build.note(sweep_place, f"{label(sweep_place)} must be a list of 1 to {limit} values.")
         elif place[0] == "simulate" and place[1] not in _of_batch():
             sentence = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
-            build.note(at, f"{sentence}; got {place[1]!r}.")
+            build.note(sweep_place, f"{sentence}; got {place[1]!r}.")
         else:
             combinations.append(values)
     if len(combinations) < len(lists):
@@ -255,8 +255,8 @@ def _facts(arguments: Table) -> RowFacts:
 def _known(build: Builder) -> list[str]:
     """The sections that a sweep of this scene may vary."""
     reduced = source(build) not in MODELS
-    known = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
-    return [*VARIED, *known]
+    structural = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
+    return [*VARIED, *structural]
 
 
 def _of_batch() -> list[str]:
@@ -278,18 +278,18 @@ def _batch(
     for i in range(count):
         values = {place: entries[i] for place, entries in lists.items()}
         origins = {place: ("sweep", *place, i) for place in lists}
-        other = variant(build, values, origins, build.document.problems)
+        varied_scene = variant(build, values, origins, build.document.problems)
         # objects that the values do not change are shared
         objects = (compiled.impactor, compiled.contact)
-        part = stretches if swept <= {*VARIED} else _model(other)
-        rows.append((part, *(pair(other) if swept & {"impactor", "contact"} else objects)))
+        part = stretches if swept <= {*VARIED} else _model(varied_scene)
+        rows.append((part, *(pair(varied_scene) if swept & {"impactor", "contact"} else objects)))
         if times:
-            named = zip(("model", "impactor", "contact"), rows[-1], strict=True)
-            hit = other.table("simulate", given=dict(named))
+            last_scene = zip(("model", "impactor", "contact"), rows[-1], strict=True)
+            hit = varied_scene.table("simulate", given=dict(last_scene))
             for name, entries in times.items():
                 entries.append(None if hit is None else hit.arguments[name])
         build.warnings += [
-            sentence for sentence in other.warnings if sentence not in build.warnings
+            sentence for sentence in varied_scene.warnings if sentence not in build.warnings
         ]
     if None in chain(*rows, *times.values()):
         return None
@@ -318,14 +318,14 @@ def _model(build: Builder) -> Call | None:
     part = structure(build)
     model_call = _stretching(build, part, model(build, part))
 
-    def alone() -> object:
+    def model_without_shapes() -> object:
         reduced = Evaluation(build.document)(model_call)
         forces = None if reduced.stretch is None else replace(reduced.stretch, shapes=None)
         return replace(reduced, shapes=None, hidden=None, stretch=forces)
 
     if model_call is None:
         return None
-    return Call(alone, {})
+    return Call(model_without_shapes, {})
 
 
 # -- [monte_carlo]
@@ -336,19 +336,19 @@ def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     table = build.data.get("monte_carlo")
     if not isinstance(table, dict):
         return None
-    drawn = {name: value for name, value in table.items() if isinstance(value, dict)}
-    study_arguments = {name: value for name, value in table.items() if name not in drawn}
-    point = _surface(build, compiled.structure, drawn.pop(POINT)) if POINT in drawn else None
-    inputs = _inputs(build, drawn)
+    random = {name: value for name, value in table.items() if isinstance(value, dict)}
+    study_arguments = {name: value for name, value in table.items() if name not in random}
+    point = _surface(build, compiled.structure, random.pop(POINT)) if POINT in random else None
+    inputs = _inputs(build, random)
     if not inputs and POINT not in table:
-        like = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
-        build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {like}.")
-    shared = {place: law for place, law in inputs.items() if place[0] not in VARIED}
+        example = 'impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}'
+        build.note(("monte_carlo",), f"[monte_carlo] draws nothing, as {example}.")
+    structural_inputs = {place: law for place, law in inputs.items() if place[0] not in VARIED}
     models = point if POINT in table else _stretching(build, compiled.structure, compiled.model)
-    if shared and POINT in table:
+    if structural_inputs and POINT in table:
         build.note(("monte_carlo",), "[monte_carlo] draws points, or values of the structure.")
-    elif shared:
-        models = _nearby(build, compiled, shared)
+    elif structural_inputs:
+        models = _nearby(build, compiled, structural_inputs)
     if models is None or compiled.history is None or None in inputs.values():
         return None
     names = {label(place): place for place in inputs}
@@ -372,8 +372,8 @@ def _inputs(build: Builder, inputs: Table) -> dict[Place, Call | None]:
         law = calls[place] = build.call(DISTRIBUTIONS.split(), value, at)
         if law is not None:  # a scene with the median has to be sound
             middle = {place: float(law.made.median())}
-            other = variant(build, middle, {place: at}, build.document.problems)
-            pair(other) if place[0] in VARIED else structure(other)
+            varied_scene = variant(build, middle, {place: at}, build.document.problems)
+            pair(varied_scene) if place[0] in VARIED else structure(varied_scene)
     return calls
 
 
@@ -397,10 +397,10 @@ def _nearby(
     names = {label(place): place for place in inputs}
 
     def made(**values: float) -> object:
-        other = _drawn(build, {names[name]: value for name, value in values.items()})
-        call = structure(other)
-        other.document.problems.raise_if_any()
-        return Evaluation(other.document)(call)
+        scene = _drawn(build, {names[name]: value for name, value in values.items()})
+        call = structure(scene)
+        scene.document.problems.raise_if_any()
+        return Evaluation(scene.document)(call)
 
     arguments = {"build": made, "site": next(iter(sites.values()))}
     arguments["ranges"] = {label(place): law for place, law in inputs.items()}
@@ -411,26 +411,32 @@ def _nearby(
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:
     """The scene with random values; its mistakes are collected separately."""
-    known = build.document.problems
+    problems = build.document.problems
     origins = {place: ("monte_carlo", *place) for place in values}
-    return variant(build, values, origins, Problems(known.name, known.text))
+    return variant(build, values, origins, Problems(problems.name, problems.text))
 
 
 def _run(
     build: Builder, places: Mapping[str, Place], duration: float, models: Any
 ) -> Callable[..., tuple[object, ...]]:
     """The function that `monte_carlo` calls with values by name, such as impactor.velocity."""
-    shared = [name for name, place in places.items() if place[0] not in VARIED]
+    structural_names = [name for name, place in places.items() if place[0] not in VARIED]
 
     def run(**values: Any) -> tuple[object, ...]:
-        variation = {place: values[name] for name, place in places.items() if name not in shared}
-        other = _drawn(build, variation)
-        both = pair(other)
-        other.document.problems.raise_if_any()
-        for sentence in other.warnings:
+        variation = {
+            place: values[name] for name, place in places.items() if name not in structural_names
+        }
+        scene = _drawn(build, variation)
+        calls = pair(scene)
+        scene.document.problems.raise_if_any()
+        for sentence in scene.warnings:
             warn(sentence)
-        arguments = (None if call is None else call.made for call in both)
-        model = models(**{n: values[n] for n in shared}) if shared else values.get(POINT, models)
+        arguments = (None if call is None else call.made for call in calls)
+        model = (
+            models(**{n: values[n] for n in structural_names})
+            if structural_names
+            else values.get(POINT, models)
+        )
         return (model, *arguments, duration)
 
     return run

@@ -189,11 +189,11 @@ def _part(build: Builder, data: Table, place: Place) -> Call | None:
         return build.table("deck", data, place, given=supported)
     arguments = {"mesh": build.table("geometry", data, place), **supported}
     arguments["material"] = _material(build, data, place)
-    at = "structure" if "structure" in data else "material"  # the section that is there
+    section = "structure" if "structure" in data else "material"  # the section that is there
     if not place and "prestress" in data:
         arguments["prestress"] = build.table("prestress")
     options = build.part("structure", dict, data)
-    return build.call(SECTIONS["structure"], options, (*place, at), arguments)
+    return build.call(SECTIONS["structure"], options, (*place, section), arguments)
 
 
 def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
@@ -205,26 +205,26 @@ def _supported(build: Builder, data: Table, place: Place) -> dict[str, object]:
 def _material(build: Builder, data: Table, place: Place) -> Call | dict[str, Call] | None:
     """The call of a material, or group of cells -> call; None after a mistake."""
     table = data.get("material")
-    at = (*place, "material")
+    material_place = (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
-        sentence = f"there is no [{label(at)}]; it takes kind and the constants"
+        sentence = f"there is no [{label(material_place)}]; it takes kind and the constants"
         build.note(
             place,
-            f'{sentence}, as in `[{label(at)}]` `kind = "Solid"`, '
-            f'or a name, as `{label(at)} = "steel S235"`.',
+            f'{sentence}, as in `[{label(material_place)}]` `kind = "Solid"`, '
+            f'or a name, as `{label(material_place)} = "steel S235"`.',
         )
         return None
     if table and all(isinstance(group_table, dict) for group_table in table.values()):
         materials = {
-            group: build.call(section, group_table, (*at, group))
+            group: build.call(section, group_table, (*material_place, group))
             for group, group_table in table.items()
         }
         sound = {group: call for group, call in materials.items() if call is not None}
         if len(sound) == len(materials):
             return sound
         return None
-    return build.call(section, table, at)
+    return build.call(section, table, material_place)
 
 
 def _assembly(build: Builder) -> Call | None:
@@ -244,17 +244,17 @@ def _assembly(build: Builder) -> Call | None:
         rule = parameters("assemble")["points"]
         points = build.value(rule, build.part("points"), ("points",))
     joints = build.listed("joints")
-    placed = build.named("at")
+    placements = build.named("at")
     for call in joints:
         for key in ("a", "b", "group", "point"):  # "part:group", ("part", point) or a point
             end = call.arguments.get(key)
             end = end[0] if isinstance(end, tuple) and end else end
             if isinstance(end, str) and parts:
-                known = [*parts, *build.part("points")]
-                build.names("part", end.partition(":")[0], known, (*call.place, key))
-    for name in placed:
+                end_names = [*parts, *build.part("points")]
+                build.names("part", end.partition(":")[0], end_names, (*call.place, key))
+    for name in placements:
         build.names("part", name, parts, ("at", name))
-    extra_arguments = {"at": placed, "points": points, **_supported(build, build.data, ())}
+    extra_arguments = {"at": placements, "points": points, **_supported(build, build.data, ())}
     arguments: dict[str, object] = {"parts": parts if None not in parts.values() else None}
     arguments |= {"joints": joints} | {
         name: value for name, value in extra_arguments.items() if value
@@ -279,8 +279,8 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
         return build.table("model")
     if name == "frf":
         return build.table("from_frf", always=True, given={"frf": build.table("frf")})
-    needed = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
-    if not name or "strike" in build.data or not (needed or sites):
+    model_sections = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
+    if not name or "strike" in build.data or not (model_sections or sites):
         return None
     if not build.data.get("sites"):
         build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
@@ -312,11 +312,11 @@ def _law(build: Builder, table: object, place: Place, methods: Methods) -> Call 
 
 
 def single(build: Builder, compiled: CompiledScene) -> None:
-    both: dict[str, object] = {"impactor": compiled.impactor, "contact": compiled.contact}
+    calls: dict[str, object] = {"impactor": compiled.impactor, "contact": compiled.contact}
     if "impactor" not in build.data:
         build.note((), f"the scene has no [impactor], {SECTIONS['impactor'].about}: give its kind.")
     if "strike" not in build.data:
-        call = build.table("simulate", given={"model": compiled.model, **both})
+        call = build.table("simulate", given={"model": compiled.model, **calls})
         compiled.history = _with_second_order(build, compiled, call)
         _warn_of_opening(build, compiled)
         return
@@ -324,16 +324,16 @@ def single(build: Builder, compiled: CompiledScene) -> None:
     if len(build.part("sites")) != 1:
         build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
         return
-    both["source"] = compiled.structure
+    calls["source"] = compiled.structure
     if refined(build):  # a file or mesh with material and supports
         read = build.table("geometry")
-        alone = read is not None and set(read.arguments) == {"source"}
-        both["source"] = read.arguments["source"] if alone and read is not None else read
-        both["material"] = _material(build, build.data, ())
-        both |= _supported(build, build.data, ())
+        only_source = read is not None and set(read.arguments) == {"source"}
+        calls["source"] = read.arguments["source"] if only_source and read is not None else read
+        calls["material"] = _material(build, build.data, ())
+        calls |= _supported(build, build.data, ())
         if "prestress" in build.data:
-            both["prestress"] = build.table("prestress")
-    compiled.history = build.table("strike", given={"site": next(iter(sites), None), **both})
+            calls["prestress"] = build.table("prestress")
+    compiled.history = build.table("strike", given={"site": next(iter(sites), None), **calls})
 
 
 def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | None) -> Call | None:
@@ -359,8 +359,8 @@ def _struck_by(
     scene = arguments.get("self")
     if scene is None:
         return run(model=model, **arguments)
-    other = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
-    return run(**{**arguments, "self": other})
+    changed_scene = replace(scene, bodies={**scene.bodies, STRUCTURE: model})
+    return run(**{**arguments, "self": changed_scene})
 
 
 #: Keys of [simulate] that may close a gap which the impactor opens.
@@ -380,8 +380,8 @@ def _warn_of_opening(build: Builder, compiled: CompiledScene) -> None:
 def search(build: Builder, compiled: CompiledScene) -> None:
     sensors = list(build.named("sensors").values())
     arguments: dict[str, object] = {"structure": compiled.structure, "sensors": sensors}
-    both = zip(("impactor", "contact"), pair(build), strict=True)
-    arguments |= {name: call for name, call in both if name in build.data}
+    calls = zip(("impactor", "contact"), pair(build), strict=True)
+    arguments |= {name: call for name, call in calls if name in build.data}
     compiled.found = build.table("find", given=arguments)
 
 
@@ -409,8 +409,8 @@ def _laws_of(body: type) -> list[str]:
     """The methods of a class that return a contact law."""
     methods = inspect.getmembers(body, inspect.isfunction)
     results = {n: m.__annotations__.get("return") for n, m in methods if not n.startswith("_")}
-    known = (*LAWS.split(), ContactLaw.__name__)
-    return [name for name, law in results.items() if law in known]
+    law_names = (*LAWS.split(), ContactLaw.__name__)
+    return [name for name, law in results.items() if law in law_names]
 
 
 #: The bodies of a scene by name; None: one that is wrong.
@@ -421,15 +421,15 @@ STRUCTURE = "structure"
 
 def several(build: Builder, compiled: CompiledScene) -> None:
     structure = {STRUCTURE: compiled.model} if source(build) else {}
-    named = build.named("bodies")
+    body_calls = build.named("bodies")
     tables = build.part("bodies")
     if STRUCTURE in tables and structure:
         build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
     methods: dict[str, tuple[str, Call | None]] = {}
     for name, table in tables.items():
-        methods |= own_laws(name, table, named.get(name))
-    bodies_by_name = {**structure, **dict.fromkeys(tables), **named, **structure}
-    bodies = {**structure, **named}
+        methods |= own_laws(name, table, body_calls.get(name))
+    bodies_by_name = {**structure, **dict.fromkeys(tables), **body_calls, **structure}
+    bodies = {**structure, **body_calls}
     arguments: dict[str, object] = {"bodies": bodies if None not in bodies.values() else None}
     arguments["contacts"] = _contacts(build, methods, bodies_by_name)
     for i, table in enumerate(build.part("loads", list)):
@@ -445,8 +445,8 @@ def several(build: Builder, compiled: CompiledScene) -> None:
     compiled.scene = build.table("scene", always=True, given=arguments)
     if "run" not in build.data and "map" not in build.data:
         build.note((), "a scene of several contacts needs [run] with its duration.")
-    made = build.table("run", given={"self": compiled.scene})
-    compiled.history = _with_second_order(build, compiled, made) if structure else made
+    run_call = build.table("run", given={"self": compiled.scene})
+    compiled.history = _with_second_order(build, compiled, run_call) if structure else run_call
 
 
 def _contacts(build: Builder, methods: Methods, bodies: Bodies) -> list[Call | None]:
@@ -475,12 +475,12 @@ def _check_end(build: Builder, bodies: Bodies, table: object, key: str, place: P
     body, _, site = end.partition(":")
     if not build.names("body", body, bodies, (*place, key)):
         return
-    made = bodies[body]
+    body_call = bodies[body]
     sites = list(build.part("sites"))
     if body != STRUCTURE or not source(build):
-        if made is None or made.name == "AntiOscillators.load":
+        if body_call is None or body_call.name == "AntiOscillators.load":
             return  # of bodies that are wrong or not read yet nobody knows the sites
-        sites = list(made.arguments.get("sites", ()))
+        sites = list(body_call.arguments.get("sites", ()))
     elif source(build) in MODELS:
         return
     if site or sites:

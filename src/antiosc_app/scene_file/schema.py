@@ -127,8 +127,8 @@ class _Names(dict[str, object]):
     """Names in annotations -> objects; Unknown for names imported only for type checkers."""
 
     def __missing__(self, name: str) -> object:
-        known = (vars(module).get(name) for module in (builtins, typing, collections.abc))
-        return next((value for value in known if value is not None), Unknown)
+        definitions = (vars(module).get(name) for module in (builtins, typing, collections.abc))
+        return next((value for value in definitions if value is not None), Unknown)
 
 
 _PLAIN: dict[object, ValueKind] = {
@@ -165,13 +165,13 @@ def kinds_of(annotation: object) -> tuple[ValueKind, ...]:
         return (ValueKind("list", items=kinds_of(arguments[0]) or (DATA,)),)
     if origin in (collections.abc.Mapping, dict):
         return (ValueKind("table", kind=arguments[0], items=kinds_of(arguments[1])),)
-    known = _PLAIN.get(origin or annotation)
+    plain_kind = _PLAIN.get(origin or annotation)
     module = getattr(annotation, "__module__", "")
-    if known is None and isinstance(annotation, type) and module.startswith("antiosc"):
-        known = ValueKind("object", kind=annotation)
-    if known is None:
+    if plain_kind is None and isinstance(annotation, type) and module.startswith("antiosc"):
+        plain_kind = ValueKind("object", kind=annotation)
+    if plain_kind is None:
         return ()
-    return (known,)
+    return (plain_kind,)
 
 
 # -- parameters of what the sections make
@@ -216,10 +216,10 @@ def parameters(function: str) -> Mapping[str, Parameter]:
     inner = inspect.unwrap(call.__init__ if inspect.isclass(call) else call)
     names = _Names(getattr(inner, "__func__", inner).__globals__)
     # fields of dataclasses have checks; the values of a batch are lists
-    checked = CHECKS if not only_checks(function) and function != "simulate_many" else {}
+    field_checks = CHECKS if not only_checks(function) and function != "simulate_many" else {}
     if dataclasses.is_dataclass(call):
         metadata = {entry.name: entry.metadata for entry in dataclasses.fields(call)}
-        checked = {key: data["check"] for key, data in metadata.items() if "check" in data}
+        field_checks = {key: data["check"] for key, data in metadata.items() if "check" in data}
     by_name = {}
     for name, parameter in inspect.signature(
         call, globals=names, locals=names, eval_str=True
@@ -231,10 +231,12 @@ def parameters(function: str) -> Mapping[str, Parameter]:
         if full in FILES or PATH in kinds:
             kinds = (PATH, *(kind for kind in kinds if kind not in (PATH, TEXT, DATA)))
         if kinds and name not in WITHHELD and parameter.kind is not parameter.VAR_KEYWORD:
-            needed = parameter.default in (parameter.empty, checks.REQUIRED)
-            default = None if needed else parameter.default
-            check = CHECKS.get(full, checked.get(name))
-            by_name[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
+            required = parameter.default in (parameter.empty, checks.REQUIRED)
+            default = None if required else parameter.default
+            check = CHECKS.get(full, field_checks.get(name))
+            by_name[name] = Parameter(
+                name, kinds, required, default, described.get(name, ""), check
+            )
     return by_name
 
 
@@ -318,7 +320,7 @@ CHECKS: dict[str, Check] = {
     "read_model.yield_strength": _of("Pa"),
     "Sphere.radius": _of("m"),
     "Support.fix": lambda _, value: [
-        checks.choice("fix", each, COMPONENTS) for each in np.ravel(value).tolist()
+        checks.choice("fix", component, COMPONENTS) for component in np.ravel(value).tolist()
     ],
     "Sphere.E": _of("Pa"),
     "Sphere.nu": lambda _, value: checks.poisson(value),
@@ -574,11 +576,11 @@ def _one_of(
     """JSON schema of a table of several kinds; `methods`: whether laws of bodies are kinds too."""
     tables = []
     for name in makes:
-        known = {n: p for n, p in parameters(name).items() if n not in set(passed)}
+        keys = {n: p for n, p in parameters(name).items() if n not in set(passed)}
         kind: dict[str, object] = {KIND: {"const": name}} if len(makes) > 1 else {}
-        needed = [*kind, *(n for n, p in known.items() if p.needed)]
-        table = _closed(kind | {n: _parameter(p) for n, p in known.items()})
-        tables.append(table | ({"required": needed} if needed else {}))
+        required_keys = [*kind, *(n for n, p in keys.items() if p.needed)]
+        table = _closed(kind | {n: _parameter(p) for n, p in keys.items()})
+        tables.append(table | ({"required": required_keys} if required_keys else {}))
     if methods:  # as "impactor.hertz"
         kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
         tables.append({"type": "object", "required": [KIND], "properties": kind})

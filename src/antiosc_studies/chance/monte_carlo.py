@@ -347,25 +347,25 @@ def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
     if not os.path.lexists(path):
         return {}
     check_readable(path, "a campaign")
-    shown = checks.shown(str(path))
+    file = checks.shown(str(path))
     rows = dict[int, Row]()
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
     except OSError as error:
-        raise InputError(f"{shown} cannot be read ({error.strerror}): name a new file.") from error
+        raise InputError(f"{file} cannot be read ({error.strerror}): name a new file.") from error
     complete_lines = [line for line in lines if line.endswith("\n")]  # the last may be cut
     table = csv.DictReader(complete_lines, strict=True)
     try:
         lacking = {NUMBER, *drawn, ERROR} - set(table.fieldnames or ())
         if lines and lacking:
             raise InputError(
-                f"{shown} is no stored campaign (it has no column {min(lacking)}): name a new file."
+                f"{file} is no stored campaign (it has no column {min(lacking)}): name a new file."
             )
         for line in table:
             rows.update([_run_of(line, drawn)])
     except (ValueError, csv.Error) as error:
         raise InputError(
-            f"line {table.line_num} of {shown} is no run of this campaign ({error}): remove the"
+            f"line {table.line_num} of {file} is no run of this campaign ({error}): remove the"
             " line, and its run is computed again, or name a new file."
         ) from error
     return rows

@@ -82,8 +82,8 @@ class StructureFamily:
             )
         fixed = isinstance(self.site, Site) or not callable(self.site)
         site = self.site if fixed else self.site(**arguments)
-        what = "a Site, or a function that returns one"
-        return structure, checks.instance("site", site, Site, what)
+        expected = "a Site, or a function that returns one"
+        return structure, checks.instance("site", site, Site, expected)
 
     def extend(self, structure: Structure, model: AntiOscillators) -> None:
         """Add the shapes of a structure's model to the space."""
@@ -208,7 +208,7 @@ def nearby(
         If the error is larger than `tol`.
     """
     checks.function("build", build, "a function of the parameters")
-    limits = {name: _range(name, range_of) for name, range_of in _named(ranges).items()}
+    limits = {name: _range(name, range_of) for name, range_of in _checked_ranges(ranges).items()}
     check_signature("build", build, limits)
     tol = checks.tolerance(tol)
     n = checks.whole("n", n)
@@ -256,7 +256,7 @@ def nearby(
     )
 
 
-def _named(ranges: object) -> dict[str, Any]:
+def _checked_ranges(ranges: object) -> dict[str, Any]:
     """The ranges by name; InputError if it is not a dict of names."""
     by_name = dict(checks.instance("ranges", ranges, Mapping, 'a dict, as {"E": (60e9, 80e9)}'))
     if not by_name or not all(map(is_name, by_name)):
@@ -282,7 +282,7 @@ def _trials(d: int) -> list[Array]:
     """
     signs = [np.where(np.arange(d) // period % 2, -1.0, 1.0) for period in (1, d, 2)]
     pairs = [share * sign for share, sign in zip(TRIED, signs, strict=True)]
-    return [*(way * place for place in pairs for way in (1, -1)), *np.eye(d), *-np.eye(d)]
+    return [*(sign * place for place in pairs for sign in (1, -1)), *np.eye(d), *-np.eye(d)]
 
 
 def _terms(d: int, degree: int) -> list[tuple[int, ...]]:

@@ -222,8 +222,8 @@ class Sample(Result):
         for name in list(self.values)[:3]:
             q = [self.quantile(name, s).value for s in (0.05, 0.5, 0.95)]
             lacking = len(self) - len(self.finite(name))
-            without = f", without {lacking} runs" if lacking else ""
-            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + without))
+            note = f", without {lacking} runs" if lacking else ""
+            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + note))
         return facts
 
 
@@ -287,9 +287,9 @@ def _share_of_variance(groups: Array, y: Array) -> float:
     total = np.bincount(groups, weights=y)
     k = int(np.sum(count > 0))
     mean = y.mean()
-    between = np.sum((total[count > 0] / count[count > 0] - mean) ** 2 * count[count > 0])
+    between_groups = np.sum((total[count > 0] / count[count > 0] - mean) ** 2 * count[count > 0])
     total_squares = np.sum((y - mean) ** 2)
-    within = (total_squares - between) / max(len(y) - k, 1)
+    within_groups = (total_squares - between_groups) / max(len(y) - k, 1)
     if total_squares > 0:
-        return float((between - (k - 1) * within) / (total_squares + within))
+        return float((between_groups - (k - 1) * within_groups) / (total_squares + within_groups))
     return 0.0

@@ -126,7 +126,7 @@ def _elastic(
     nodes_of_hull = cKDTree(points).query(skin.points[hull_points])[1]
     balls = skin.balls_within(hull_points)
     notes = []
-    rounded = min(CORNER, _least(structure, skin) / 4) if corner is None else corner
+    rounded = min(CORNER, _least_dimension(structure, skin) / 4) if corner is None else corner
     if corner is None and (skin.sharp[hull_points] & (skin.half[hull_points] == 0)).any():
         notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
     if model_damping is None:
@@ -180,7 +180,7 @@ def _matters(structure: Structure) -> Iterator[Matter]:
                         yield matter
 
 
-def _least(structure: Structure, skin: Skin) -> float:
+def _least_dimension(structure: Structure, skin: Skin) -> float:
     """Least dimension of a part [m]; for nodes alone, the least nonzero side of their box."""
     matrices: Any = structure.matrices
     if not matrices.located:
@@ -205,17 +205,17 @@ def _residual(
     """
     from antiosc.reduce.site import functionals
 
-    chosen = hull_points[which]
-    sites = [_site(skin, k, corner) for k in chosen.tolist()]
+    skin_points = hull_points[which]
+    sites = [_site(skin, k, corner) for k in skin_points.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)
     B = np.column_stack([columns(load) for load in loads])
     Y = structure.factorize().solve_block(B)
-    missing = _lacking(structure, corners, skin, chosen, sites)
+    missing_compliance = _missing_compliances(structure, corners, skin, skin_points, sites)
     x = omega**2 + structure.shift
     shapes = []
     residual = []
-    for n, (k, load) in enumerate(zip(chosen, loads, strict=True)):
+    for n, (k, load) in enumerate(zip(skin_points, loads, strict=True)):
         b, y = (block[:, 3 * n : 3 * n + 3] for block in (B, Y))
         axes = np.array([load.direction, *(side.direction for side in load.across)])
         displacements = b.T @ phi
@@ -224,14 +224,14 @@ def _residual(
             b.T @ y
             - (displacements / x) @ displacements.T
             - rigid @ rigid.T / structure.shift
-            + missing[n]
+            + missing_compliance[n]
         )
         nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
         tangential = (2 - nu) / (2 * (1 - nu))
         r = r - load.local_compliance * np.diag([1.0, tangential, tangential])
         residual.append(axes.T @ _positive(r) @ axes)
         shapes.append((axes.T @ displacements).T)
-    radii = [_radii(structure, skin, k, corner) for k in chosen.tolist()]
+    radii = [_radii(structure, skin, k, corner) for k in skin_points.tolist()]
     return np.array(shapes), np.array(residual), np.array(radii)
 
 
@@ -262,7 +262,7 @@ def _site(skin: Skin, which: int, corner: float) -> Site:
     return Site(place, tuple(inward.tolist()), radius if solid else None, tangential=True)
 
 
-def _lacking(
+def _missing_compliances(
     structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
 ) -> Array:
     """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
@@ -277,17 +277,17 @@ def _lacking(
     for number, member in enumerate(members):
         indices = sharp[nearest == number]
         sites_of_part = [_in_part(sites[i], member) for i in indices]
-        missing = corners.missing(member.part, sites_of_part) if len(indices) else None
-        if missing is not None:
-            compliance[indices] = missing
+        missing_compliance = corners.missing(member.part, sites_of_part) if len(indices) else None
+        if missing_compliance is not None:
+            compliance[indices] = missing_compliance
     return compliance
 
 
 def _in_part(site: Site, member: Any) -> Site:
     """A site in the axes of its part."""
     place = member.at.own(np.array([site.point]))[0]
-    along = np.array(site.direction) @ member.at.rotation
-    return replace(site, point=tuple(place.tolist()), direction=tuple(along.tolist()))
+    local_direction = np.array(site.direction) @ member.at.rotation
+    return replace(site, point=tuple(place.tolist()), direction=tuple(local_direction.tolist()))
 
 
 def _positive(matrix: Array) -> Array:

@@ -88,8 +88,8 @@ def tetrahedra(mesh: Mesh) -> Mesh:
     points = np.concatenate((pieces.points, at_sides, middles))
     edges = np.stack((corners[:, SIDES], np.roll(corners[:, SIDES], -1, axis=2)), axis=3)
     top = np.broadcast_to((first + side)[:, :, None, None], (*edges.shape[:3], 1))
-    inside = (first + len(at_sides) + np.arange(len(corners)))[:, None, None, None]
-    cells = np.concatenate((edges, top, np.broadcast_to(inside, top.shape)), axis=3)
+    centre_nodes = (first + len(at_sides) + np.arange(len(corners)))[:, None, None, None]
+    cells = np.concatenate((edges, top, np.broadcast_to(centre_nodes, top.shape)), axis=3)
     cells = cells.reshape(len(corners), 24, 4)
     number = {tuple(row): k for k, row in enumerate(np.sort(corners, axis=1).tolist())}
     groups: Any = {}

@@ -53,8 +53,8 @@ class Cylinder:
     def lands(self, up: Array) -> BoolArray:
         """Whether a body lands along this line; up (..., 3): the vertical in its axes."""
         level = np.abs(up @ self.axis) <= LEVEL
-        inside = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
-        return np.asarray(level & (inside | (self.spread >= pi)))
+        faces_down = -up @ self.down >= np.cos(max(self.spread - LEVEL, 0.0))
+        return np.asarray(level & (faces_down | (self.spread >= pi)))
 
     def shapes_at(self, up: Array) -> Array:
         """Mode shapes (STATIONS, J, 3) at the stations of the line for a vertical up (3,)."""

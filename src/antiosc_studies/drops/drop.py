@@ -29,7 +29,7 @@ from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.fall import Fall, fall_of
-from antiosc_studies.drops.flight import turned
+from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer import with_layer_contact
@@ -54,12 +54,14 @@ def orientation(
 ) -> Array:
     """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
     options = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    stated = {name: value for name, value in options.items() if value is not None}
-    if len(stated) > 1:
-        raise InputError(f"give one of face, edge, corner and toward; got {', '.join(stated)}.")
+    given_options = {name: value for name, value in options.items() if value is not None}
+    if len(given_options) > 1:
+        raise InputError(
+            f"give one of face, edge, corner and toward; got {', '.join(given_options)}."
+        )
     R = np.eye(3)
-    for name, value in stated.items():
-        down = unit_vector(name, value) if name == "toward" else _named(body, name, value)
+    for name, value in given_options.items():
+        down = unit_vector(name, value) if name == "toward" else _downward(body, name, value)
         R = onto(down, DOWN)
     angles = checks.floats("tilt", tilt, None)
     if angles.shape != (3,):
@@ -87,7 +89,7 @@ def onto(direction: Array, other: Array) -> Array:
     return np.asarray(np.eye(3) + rotation)
 
 
-def _named(body: FreeBody, kind: str, argument: object) -> Array:
+def _downward(body: FreeBody, kind: str, argument: object) -> Array:
     """Unit vector (3,) in the body that points down when the named face, edge or corner is
     lowest.
     """
@@ -195,8 +197,8 @@ class Drops(Result):
     def message(self) -> str:
         """How many falls failed, and how many do not reach `tol`."""
         failed = len(self.failed)
-        missed = int(self.missed.sum())
-        return f"Of {len(self)} falls {failed} failed and {missed} do not reach tol."
+        missed_count = int(self.missed.sum())
+        return f"Of {len(self)} falls {failed} failed and {missed_count} do not reach tol."
 
     def numbers(self) -> dict[str, object]:
         """Quantiles of the largest values of the falls: name -> JSON value."""
@@ -221,8 +223,8 @@ class Drops(Result):
         checks.choice("quantity", quantity, tuple(self.values))
         table = self.values[quantity]
         if impact is not None:
-            most = table.shape[1] - 1
-            return table[:, checks.whole("impact", impact, least=0, most=most)]
+            last_impact = table.shape[1] - 1
+            return table[:, checks.whole("impact", impact, least=0, most=last_impact)]
         return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
 
     def quantile(
@@ -297,7 +299,10 @@ def _drawn(
     if np.isinf(tilts.sigma):
         R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
     else:
-        R = turned(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)) @ start.R
+        R = (
+            rotation_matrices(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0))
+            @ start.R
+        )
     height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
     friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
     spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
@@ -469,11 +474,11 @@ def end_of(until: str | int | float) -> tuple[int, float]:
 def _check_ground(body: FreeBody, floor: Floor) -> None:
     """InputError for a floor model that is too light, for which each impact would take minutes."""
     inverse_mass = 0.0 if floor.model is None else float(np.sum(floor.model.modal().b ** 2))
-    least = LIGHTEST * body.mass
-    if inverse_mass * least > 1:
+    limit = LIGHTEST * body.mass
+    if inverse_mass * limit > 1:
         raise InputError(
             f"the floor's model has {1 / inverse_mass:.3g} kg at its site, and must have at least "
-            f"{LIGHTEST:g} of the part's mass, {least:.3g} kg: it follows each force at once, in "
+            f"{LIGHTEST:g} of the part's mass, {limit:.3g} kg: it follows each force at once, in "
             f"steps too small to compute. Give it more, as with soil_cone(...).model(mass)."
         )
 

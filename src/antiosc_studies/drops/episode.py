@@ -25,7 +25,7 @@ from antiosc.engine.system import ContactState, System
 from antiosc.extension import check_range, impulses, integrate_exact, set_initial_forces as begin
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
-from antiosc_studies.drops.flight import turned
+from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting, law_at
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer import layer_energy, with_layer_laws
@@ -267,11 +267,11 @@ def _jam(system: System) -> AccuracyError:
     friction = 0.0
     wedge = 0.0
     for k, sides in enumerate(system.sides):
-        across = float(np.linalg.norm(system.R[k, sides]))
-        across /= max(float(system.R[k, k]), TINY)
-        if system.slip[k, 0] * across > friction * wedge:
+        tangential = float(np.linalg.norm(system.R[k, sides]))
+        tangential /= max(float(system.R[k, k]), TINY)
+        if system.slip[k, 0] * tangential > friction * wedge:
             friction = float(system.slip[k, 0])
-            wedge = across
+            wedge = tangential
     if friction == 0:
         return AccuracyError(
             "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
@@ -290,7 +290,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     The spin is linear in time between them.
     """
     displacements, speeds = history.states(t)
-    q, v = (each[:, history.assembly.spans[BODY]] for each in (displacements, speeds))
+    q, v = (motion[:, history.assembly.spans[BODY]] for motion in (displacements, speeds))
     body, start, W, momentum = touch
     L = v[:, :6] @ momentum[:, 3:]
     frozen = v[:, :6] @ W[:, 3:]
@@ -300,7 +300,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     for _ in range(SWEEPS):
         spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
         turns = linear + half * (spin_change[:-1] + spin_change[1:])
-        R = np.concatenate((start.R[None], turned(turns)))
+        R = np.concatenate((start.R[None], rotation_matrices(turns)))
         span = 1
         while span < len(R):  # products of the last 1, 2, 4, ... rotations
             R[span:] = R[span:] @ R[:-span]
@@ -441,16 +441,16 @@ def handed_over(
     force = run.force[node]
     contacts = run.contact_states(a.system, t)
     heights = -(run.depth[node] + a.system.R @ force)
-    held = {}
+    continuing = {}
     contacts_data = zip(which.tolist(), contacts, a.laws, a.system.sides, strict=True)
     for k, (i, contact, law, sides) in enumerate(contacts_data):
         if contact is not None and (contact.closed or law.has_memory):
             rows = [k, *range(sides.start, sides.stop)]
             slip = float(a.system.slip[k, 1])
             forces = contact.closed * force[rows]
-            held[i] = OngoingContact(float(heights[k]), forces, slip, contact)
-    if any(ongoing.contact.closed for ongoing in held.values()):
-        return state, held
+            continuing[i] = OngoingContact(float(heights[k]), forces, slip, contact)
+    if any(ongoing.contact.closed for ongoing in continuing.values()):
+        return state, continuing
     return state, {}
 
 
@@ -576,8 +576,8 @@ class Episode:
         """
         largest = max(self.history.error.values())
         last = float(self.history.time[-1])
-        after = self.duration < last * (1 - 1e-12)
-        if largest == np.inf and after:
+        in_flight = self.duration < last * (1 - 1e-12)
+        if largest == np.inf and in_flight:
             return 0.0
         return largest
 
@@ -655,8 +655,8 @@ class Episode:
     def forces(self) -> tuple[Array, Array]:
         """Times (n,) [s] since the start, and normal forces (n, sites) [N], up to the end."""
         run = self.history.run
-        keep = run.time <= self.duration * (1 + 1e-12)
-        return run.time[keep], np.maximum(run.force[keep, : len(self.which)], 0.0)
+        in_episode = run.time <= self.duration * (1 + 1e-12)
+        return run.time[in_episode], np.maximum(run.force[in_episode, : len(self.which)], 0.0)
 
     def peak_force(self) -> float:
         """Largest sum of the normal forces [N], from the parabola of each step."""
@@ -666,8 +666,8 @@ class Episode:
         last = total[2::2]
         slope = 4 * middle - 3 * first - last
         bend = 2 * (first - 2 * middle + last)
-        inside = (slope > 0) & (slope < -2 * bend)
-        vertices = first[inside] - slope[inside] ** 2 / (4 * bend[inside])
+        peak_in_step = (slope > 0) & (slope < -2 * bend)
+        vertices = first[peak_in_step] - slope[peak_in_step] ** 2 / (4 * bend[peak_in_step])
         return float(max(total.max(initial=0.0), vertices.max(initial=0.0)))
 
     def impulses(self) -> Array:
@@ -716,26 +716,26 @@ def episode(
             duration = min(2 * duration, longest)
             continue
         arguments = touch, which, base, duration, turns, tol
-        ended = _followed(*arguments, history, share)
-        rough = ended.change > NEAR * tol and cuts < CUTS
-        if not (share or rough or len(_missed(touch, heights, ended.path, which))):
-            ended = _followed(*arguments, *run(ended.following, duration, tol))
-        if ended.change > NEAR * tol and cuts < CUTS:
+        converged = _followed(*arguments, history, share)
+        rough = converged.change > NEAR * tol and cuts < CUTS
+        if not (share or rough or len(_missed(touch, heights, converged.path, which))):
+            converged = _followed(*arguments, *run(converged.following, duration, tol))
+        if converged.change > NEAR * tol and cuts < CUTS:
             turns = turns / 2
             cuts = cuts + 1
-            duration = longest = ended.end / 2
+            duration = longest = converged.end / 2
             continue
-        sinking = _missed(touch, heights, ended.path, which)
+        sinking = _missed(touch, heights, converged.path, which)
         if not len(sinking):
             break
         touched = np.append(which, sinking)
-    history = ended.history
-    path = ended.path
-    end = ended.end
-    touching = ended.touching
-    state, below = handed_over(touch, history, path, which)
+    history = converged.history
+    path = converged.path
+    end = converged.end
+    touching = converged.touching
+    state, end_contacts = handed_over(touch, history, path, which)
     in_layer = layer_energy(body, state, setting) if touching else 0.0
-    return Episode(touch, state, history, which, below if touching else {}, in_layer)
+    return Episode(touch, state, history, which, end_contacts if touching else {}, in_layer)
 
 
 class Followed(NamedTuple):
@@ -814,15 +814,15 @@ def _candidates(touch: Touch, heights: Array, time: float, ongoing: list[int]) -
     arms = start.arms(body)
     speeds = np.linalg.norm(start.velocity + np.cross(start.spin(body), arms), axis=1)
     distance = REACH * float(speeds.max()) * time
-    chosen = [*ongoing]
-    covered = body.touching_as(chosen)
+    candidates = [*ongoing]
+    covered = body.touching_as(candidates)
     for i in np.argsort(heights, kind="stable").tolist():
-        if chosen and (heights[i] > distance or len(chosen) >= MOST + len(body.laws)):
+        if candidates and (heights[i] > distance or len(candidates) >= MOST + len(body.laws)):
             break
         if not covered[i]:
-            chosen.append(i)
+            candidates.append(i)
             covered |= body.touching_as([i])
-    return np.array(chosen)
+    return np.array(candidates)
 
 
 def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool]:
@@ -861,14 +861,16 @@ def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArr
     lowest = heights + (rises - rises[0]).min(axis=0)
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
-    pressed = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
-    lowest = lowest - np.where(pressed, deepest, 0.0)
+    has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))
+    lowest = lowest - np.where(has_contact, deepest, 0.0)
     lowest[which] = np.inf
     if body.layer_contact is not None:
         motion = path.R[:, 2], path.q[:, 6:], _heights(touch, path)
-        other = np.setdiff1d(list(body.laws), which)
-        volume, low, _ = body.layer_contact.pressed(other - body.layer_contact.first, *motion)
-        lowest[other] = np.where(volume > 0, low, 0.0).min(axis=0)
+        without_contact = np.setdiff1d(list(body.laws), which)
+        volume, low, _ = body.layer_contact.pressed(
+            without_contact - body.layer_contact.first, *motion
+        )
+        lowest[without_contact] = np.where(volume > 0, low, 0.0).min(axis=0)
     sinking = np.flatnonzero(lowest < -SINKS * body.extent)
     if body.layer_contact is not None:
         return sinking

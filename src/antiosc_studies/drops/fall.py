@@ -19,7 +19,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import Result, percent
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
-from antiosc_studies.drops.flight import Flight, ringing, turned
+from antiosc_studies.drops.flight import Flight, ringing, rotation_matrices
 from antiosc_studies.drops.floor import Setting, SoftLayer
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.lines import STATIONS
@@ -143,8 +143,8 @@ class Fall(Trajectory, Result):
 
     def numbers(self) -> dict[str, object]:
         """The impacts, and how and when the fall ended: name -> JSON value."""
-        ended = {"duration": float(self.end.time), "status": self.status, "message": self.message}
-        return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ended}
+        ending = {"duration": float(self.end.time), "status": self.status, "message": self.message}
+        return {"impacts": self.impacts.numbers(), "peak_force": self.peak_force, **ending}
 
     @property
     def peak_force(self) -> float:
@@ -216,12 +216,12 @@ class Fall(Trajectory, Result):
         for episode in self.episodes:
             starts += [episode.start.time, episode.end.time]
             parts += [episode, episode.end]
-        which = np.searchsorted(starts, t, side="right") - 1
+        interval = np.searchsorted(starts, t, side="right") - 1
         acceleration = np.zeros((t.size, 3))
         point = self._point(at)
-        for k in np.unique(which):
-            acceleration[which == k] = self._specific_force(
-                parts[k], t[which == k] - starts[k], *point
+        for k in np.unique(interval):
+            acceleration[interval == k] = self._specific_force(
+                parts[k], t[interval == k] - starts[k], *point
             )
         return acceleration
 
@@ -337,28 +337,30 @@ class Fall(Trajectory, Result):
         if self.body.structure is None:
             raise InputError("a rigid part has no stress: drop a Structure.")
         numbers = range(max(len(self.groups), 1))
-        chosen = list(numbers if impacts is None else map(int, checks.column("impacts", impacts)))
+        impact_numbers = list(
+            numbers if impacts is None else map(int, checks.column("impacts", impacts))
+        )
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
         parts = []
-        for episode in (episode for k in chosen for episode in self._episodes(k)):
+        for episode in (episode for k in impact_numbers for episode in self._episodes(k)):
             count = int(min(max(LOOKS * periods * episode.duration, FEW), MANY))
             motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
             parts.append(replace(motion, time=motion.time + episode.start.time))
-        joined = {
+        merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
-        forces = np.zeros((joined["time"].size, parts[0].forces.shape[1]))
+        forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            episodes = [episode for k in chosen for episode in self._episodes(k)]
+            episodes = [episode for k in impact_numbers for episode in self._episodes(k)]
             zones = yielding_zones(self.body, self.setting.floor, episodes)
             options = {"leave_out": zones} | options
-            joined_motion = replace(parts[0], forces=forces, **joined)
+            joined_motion = replace(parts[0], forces=forces, **merged)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
         impact = np.searchsorted(starts, field.times, side="right") - 1
         field = replace(field, error=None)
         if field._margin is not None and field._margin.criterion == "yield":
-            yields = self._contact_yield(chosen)
+            yields = self._contact_yield(impact_numbers)
             field = replace(field, _margin=replace(field._margin, contact=bool(yields)))
         return WorstField(**vars(field), impact=impact)
 
@@ -371,8 +373,8 @@ class Fall(Trajectory, Result):
     def notes(self) -> list[str]:
         """Assumptions that were made, and a sentence if the contact yields."""
         rigid = "the floor is taken as rigid (floor)" if self.setting.floor.rigid else ""
-        found = (rigid, self.contact_verdict, self._strained, self._lines)
-        return [*self.body.notes, *filter(None, found)]
+        sentences = (rigid, self.contact_verdict, self._strained, self._lines)
+        return [*self.body.notes, *filter(None, sentences)]
 
     @property
     def contact_verdict(self) -> str:
@@ -455,11 +457,11 @@ class Fall(Trajectory, Result):
         s = self.start
         for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
             nudged = initial_state(
-                body, setting, turned(angle * axis) @ s.R, s.spin(body), s.velocity
+                body, setting, rotation_matrices(angle * axis) @ s.R, s.spin(body), s.velocity
             )
-            other = fall_of(body, nudged, setting).impacts.column("peak_force")
-            count = min(len(peaks), len(other))
-            differs = np.abs(other[:count] / peaks[:count] - 1) > spread
+            peak_forces = fall_of(body, nudged, setting).impacts.column("peak_force")
+            count = min(len(peaks), len(peak_forces))
+            differs = np.abs(peak_forces[:count] / peaks[:count] - 1) > spread
             predictable = min(predictable, int(np.argmax(differs)) if differs.any() else count)
         return predictable
 
@@ -501,11 +503,11 @@ class Fall(Trajectory, Result):
             warn(f"the fall is ended {self.message}; give until=.", AccuracyWarning)
         if self.missed:
             tol = self.setting.tol
-            most = max(episode.error for episode in self.episodes)
-            reached = f"by up to {most:.2g}" if most < np.inf else f"within {LIMITS[1]} steps"
+            worst = max(episode.error for episode in self.episodes)
+            excess_text = f"by up to {worst:.2g}" if worst < np.inf else f"within {LIMITS[1]} steps"
             warn(
                 f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
-                f"reach tol = {tol:g} {reached}: give a larger tol, or fewer modes (modes=).",
+                f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes (modes=).",
                 AccuracyWarning,
             )
         if self._lines:

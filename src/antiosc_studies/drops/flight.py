@@ -27,7 +27,7 @@ SPINNING = 1e-12
 LARGEST_M = 1 - 2e-10
 
 
-def turned(angle: Array) -> Array:
+def rotation_matrices(angle: Array) -> Array:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad]."""
     from scipy.spatial.transform import Rotation
 
@@ -52,7 +52,7 @@ def free_rotation(
     if size == 0.0:
         return lambda t: np.broadcast_to(R, (len(t), 3, 3))
     if np.linalg.norm(np.cross(spin, momentum)) <= SPINNING * size:
-        return lambda t: turned(t[:, None] * spin) @ R
+        return lambda t: rotation_matrices(t[:, None] * spin) @ R
     # L circles the axis of the largest moment, or that of the smallest
     gain, loss = (abs(moments[i] - moments[1]) * body_momentum[i] ** 2 / moments[i] for i in (2, 0))
     order = [0, 1, 2] if gain >= loss else [2, 1, 0]
@@ -90,16 +90,16 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
         sn, cn, dn, am = ellipj(u, m)
         x = first * cn
         y = second * sn
-        across = np.hypot(x, y)
-        x = x / across
-        y = y / across
-        tilt = nutation * across
+        projected_length = np.hypot(x, y)
+        x = x / projected_length
+        y = y / projected_length
+        tilt = nutation * projected_length
         along = third * dn
         length = np.hypot(tilt, along)
         tilt = tilt / length
         along = along / length
-        none = 0.0 * x
-        rows = [[x * along, -y, x * tilt], [y * along, x, y * tilt], [-tilt, none, along]]
+        zeros = 0.0 * x
+        rows = [[x * along, -y, x * tilt], [y * along, x, y * tilt], [-tilt, zeros, along]]
         return np.moveaxis(np.array(rows), 2, 0), third_integral(am)
 
     first_frame, angle0 = frames_in_body(np.array([start]))
@@ -275,9 +275,11 @@ class Flight:
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
             rigid_heights = self._rigid(t, self.orientation(t)[:, 2], points)
-            near = np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._sizes(t[:-1]) + slack
-            for k in np.flatnonzero(near.any(axis=1)):
-                yield float(t[k]), float(t[k + 1]), np.flatnonzero(near[k])
+            may_touch = (
+                np.minimum(rigid_heights[:-1], rigid_heights[1:]) <= self._sizes(t[:-1]) + slack
+            )
+            for k in np.flatnonzero(may_touch.any(axis=1)):
+                yield float(t[k]), float(t[k + 1]), np.flatnonzero(may_touch[k])
 
     def _within(self, start: float, end: float, which: IntArray, parted: BoolArray) -> float | None:
         """Time [s] of the first touch of points in an interval; None if there is none.

@@ -132,9 +132,11 @@ class FreeBody:
         if not self.stations:
             return self.balls
         reach = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
-        for cylinder, which in zip(self.cylinders, self.stations, strict=True):
-            away = -np.linalg.norm(self.points[which], axis=1)
-            reach[..., which] = np.where(cylinder.lands(up)[..., None], self.balls[which], away)
+        for cylinder, stations in zip(self.cylinders, self.stations, strict=True):
+            centre_heights = -np.linalg.norm(self.points[stations], axis=1)
+            reach[..., stations] = np.where(
+                cylinder.lands(up)[..., None], self.balls[stations], centre_heights
+            )
         return reach
 
     def surface(self, which: int) -> Curvature:
@@ -169,8 +171,8 @@ class FreeBody:
                 self.shapes[new], r, self.radii[new] = self.residual(new)
             pairs = zip(self.shapes[new], r, self.radii[new].copy(), strict=True)
             self._known.update(zip(new.tolist(), pairs, strict=True))
-        known = [self._placed.get(i) or self._known[i] for i in which.tolist()]
-        phi, r, self.radii[which] = (np.array(column) for column in zip(*known, strict=True))
+        site_data = [self._placed.get(i) or self._known[i] for i in which.tolist()]
+        phi, r, self.radii[which] = (np.array(column) for column in zip(*site_data, strict=True))
         self.shapes[which] = phi
         return phi, r
 

@@ -134,11 +134,11 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
     while todo:
         piece = todo.pop()
         w = weights[piece, None]
-        for values, most in ((normals[piece], BENT), (centres[piece], size)):
+        for values, limit in ((normals[piece], BENT), (centres[piece], size)):
             deviations = values - (w * values).sum(axis=0) / w.sum()
-            along = deviations @ np.linalg.eigh((w * deviations).T @ deviations)[1][:, -1]
-            if np.ptp(along) > most:
-                todo += [piece[along < 0], piece[along >= 0]]
+            principal_axis = deviations @ np.linalg.eigh((w * deviations).T @ deviations)[1][:, -1]
+            if np.ptp(principal_axis) > limit:
+                todo += [piece[principal_axis < 0], piece[principal_axis >= 0]]
                 break
         else:
             number[piece] = count
@@ -169,8 +169,8 @@ def with_layer_laws(body: FreeBody, start: State, setting: Setting) -> FreeBody:
     speed = max(-float(speed), 0.0)
     deepest = max(float(np.interp(body.mass * speed**2 / 2, work, depths)), float(depths[1]))
     depth = np.maximum(deepest - lowest, SHALLOW * max(deepest - lowest.min(), float(depths[1])))
-    at = z - lowest - np.outer([1.0, 0.5], depth)
-    (volume, half), _, (place, _) = surface.pressed(numbers, vertical, start.q, at, LEAN)
+    test_heights = z - lowest - np.outer([1.0, 0.5], depth)
+    (volume, half), _, (place, _) = surface.pressed(numbers, vertical, start.q, test_heights, LEAN)
     n = np.clip(np.log2(volume / half), 1.0, STEEPEST)
     stiffness = modulus * volume / depth**n
     surface_with_laws = replace(

@@ -61,29 +61,29 @@ class LayerContact:
             none = np.zeros((len(z), 0))
             return none, none, np.zeros((len(z), 0, self.places.shape[1]))
         counts = np.diff(self.bounds)[pieces]
-        begins = np.cumsum(counts) - counts
-        rows_of_pieces = np.repeat(self.bounds[pieces] - begins, counts) + np.arange(counts.sum())
+        starts = np.cumsum(counts) - counts
+        rows_of_pieces = np.repeat(self.bounds[pieces] - starts, counts) + np.arange(counts.sum())
         triangles = self.triangles[rows_of_pieces]
-        which, position = np.unique(triangles, return_inverse=True)
+        vertices, position = np.unique(triangles, return_inverse=True)
         rows = (*np.broadcast_shapes(up.shape[:-1], q.shape[:-1]), -1)
         raised = np.concatenate((up, (q[..., None] * up[..., None, :]).reshape(rows)), axis=-1)
-        h = np.atleast_2d(raised @ self.places[which].T)[:, position.reshape(-1, 3)]
+        h = np.atleast_2d(raised @ self.places[vertices].T)[:, position.reshape(-1, 3)]
         piece_of = np.repeat(np.arange(len(pieces)), counts)
         h = h + (z[:, None] if z.ndim == 1 else z[:, piece_of])[..., None]
         areas = np.linalg.norm(self.areas[rows_of_pieces], axis=1)
         projected = np.maximum(-up @ self.areas[rows_of_pieces].T, lean * areas)
         parts = np.maximum(projected, 0.0)[..., None] * below(h)
-        volume = np.add.reduceat(parts.sum(axis=2), begins, axis=1)
+        volume = np.add.reduceat(parts.sum(axis=2), starts, axis=1)
         empty = volume <= 0
-        total_area = np.add.reduceat(areas, begins)
+        total_area = np.add.reduceat(areas, starts)
         parts = np.where(empty[:, piece_of, None], areas[:, None] / 3, parts)
         parts /= np.where(empty, total_area, volume)[:, piece_of, None]
         centres = [
             parts[:, i : i + count].reshape(len(z), -1)
             @ self.places[triangles[i : i + count].ravel()]
-            for i, count in zip(begins.tolist(), counts.tolist(), strict=True)
+            for i, count in zip(starts.tolist(), counts.tolist(), strict=True)
         ]
-        lowest = np.minimum.reduceat(h.min(axis=2), begins, axis=1)
+        lowest = np.minimum.reduceat(h.min(axis=2), starts, axis=1)
         return volume, lowest, np.stack(centres, axis=1)
 
     def depth(self, pieces: IntArray, volume: Array, low: Array) -> Array:
@@ -106,8 +106,8 @@ def below(h: Array) -> Array:
     p = -h.reshape(-1, 3)
     integrals = np.zeros_like(p)
     lowest = p.min(axis=1)
-    under = np.flatnonzero(lowest >= 0)
-    integrals[under] = (p[under].sum(axis=1, keepdims=True) + p[under]) / 12
+    submerged = np.flatnonzero(lowest >= 0)
+    integrals[submerged] = (p[submerged].sum(axis=1, keepdims=True) + p[submerged]) / 12
     cut = np.flatnonzero((lowest < 0) & (p.max(axis=1) > 0))
     order = np.argsort(-p[cut], axis=1)
     p = np.take_along_axis(p[cut], order, axis=1)  # descending

@@ -60,15 +60,15 @@ LEAST_SLOPE = 0.1
 def with_lines(body: FreeBody, floor: Floor) -> FreeBody:
     """The body with stations on its cylinders, if the floor's law applies to lines."""
     elastic_floor = not (floor.layer or floor.law or (floor.restitution or 1.0) < 1)
-    body = _without(body)
+    body = _without_stations(body)
     if not (elastic_floor and body.cylinders):
         return body
     for cylinder in body.cylinders:
-        body = _added(body, cylinder, floor)
+        body = _with_cylinder(body, cylinder, floor)
     return body
 
 
-def _without(body: FreeBody) -> FreeBody:
+def _without_stations(body: FreeBody) -> FreeBody:
     """The body without the stations of its lines."""
     if not body.stations:
         return body
@@ -81,16 +81,16 @@ def _without(body: FreeBody) -> FreeBody:
     return replace(body, **rows_before, stations=(), laws={}, idle=None, _placed={})
 
 
-def _added(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody:
+def _with_cylinder(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody:
     """The body with the stations of one more cylinder."""
     first = len(body.points)
     count = body.omega.size
-    which = np.arange(first, first + STATIONS)
+    stations = np.arange(first, first + STATIONS)
     shapes = np.zeros((STATIONS, count, 3))
     law = _law(cylinder, floor)
     shares = rule()[1].tolist()
     laws = {
-        int(i): Tabulated(law[0], share * law[1]) for i, share in zip(which, shares, strict=True)
+        int(i): Tabulated(law[0], share * law[1]) for i, share in zip(stations, shares, strict=True)
     }
     idle = np.zeros(first, dtype=bool) if body.idle is None else body.idle
     station_data = shapes[0], np.zeros((3, 3)), np.full(2, cylinder.radius)
@@ -104,10 +104,10 @@ def _added(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody:
         shapes=np.concatenate((body.shapes, shapes)),
         strengths=None if body.strengths is None else np.append(body.strengths, np.nan * ones),
         facing=None if body.facing is None else np.vstack((body.facing, np.zeros((STATIONS, 3)))),
-        stations=(*body.stations, which),
+        stations=(*body.stations, stations),
         laws=body.laws | laws,
         idle=np.append(idle, ones > 0),
-        _placed=body._placed | {int(i): station_data for i in which},
+        _placed=body._placed | {int(i): station_data for i in stations},
     )
 
 
@@ -131,16 +131,16 @@ def landing(body: FreeBody, start: State) -> FreeBody:
     vertical = start.R[2]
     idle = body.idle.copy()
     shapes = body.shapes.copy()
-    placed = dict(body._placed)
-    for cylinder, which in zip(body.cylinders, body.stations, strict=True):
+    site_cache = dict(body._placed)
+    for cylinder, stations in zip(body.cylinders, body.stations, strict=True):
         if cylinder.lands(vertical):
-            idle[which] = False
+            idle[stations] = False
             idle[cylinder.members] = True
-            shapes[which] = cylinder.shapes_at(vertical)
+            shapes[stations] = cylinder.shapes_at(vertical)
             no_compliance = np.zeros((3, 3))
             radii = np.full(2, cylinder.radius)
-            placed |= {int(i): (shapes[i], no_compliance, radii) for i in which}
-    return replace(body, idle=idle, shapes=shapes, _placed=placed)
+            site_cache |= {int(i): (shapes[i], no_compliance, radii) for i in stations}
+    return replace(body, idle=idle, shapes=shapes, _placed=site_cache)
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
@@ -149,8 +149,8 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
     Yield begins below the surface at 1.79 times the strength (von Mises; Johnson, 6.2).
     """
     cylinder = body.cylinders[line]
-    which = int(body.stations[line][0])
-    vertex = int(cylinder.members[0]) if len(cylinder.members) else which
+    first_station = int(body.stations[line][0])
+    vertex = int(cylinder.members[0]) if len(cylinder.members) else first_station
     strength = np.nan if body.strengths is None else float(body.strengths[vertex])
     E, nu = cylinder.material.tolist()
     floor_material = floor.face.matter
@@ -182,13 +182,13 @@ def cylinders(body: FreeBody, skin: Any, body_points: IntArray) -> tuple[Cylinde
         distances = (
             np.zeros(len(remaining)) if sharp is None else sharp.query(skin.points[remaining])[0]
         )
-        at = int(remaining[np.argmax(distances)])
-        remaining = remaining[remaining != at]
+        vertex = int(remaining[np.argmax(distances)])
+        remaining = remaining[remaining != vertex]
         try:
-            surface = curvature_at(body.structure, skin.points[at])
+            surface = curvature_at(body.structure, skin.points[vertex])
         except InputError:  # of a mesh with too few nodes there
             continue
-        cylinder = _cylinder(body, skin, body_points, surface, at)
+        cylinder = _cylinder(body, skin, body_points, surface, vertex)
         if cylinder is not None:
             cylinders_found.append(cylinder)
             remaining = np.setdiff1d(remaining, body_points[cylinder.members])
@@ -211,20 +211,20 @@ def _cylinder(
         skin.curvatures[:, 1] > ROUND * curvature
     )  # not those on planes beside it
     for deviation in OFF:
-        along, across = _split(skin.points - middle, axis)
-        distances = np.linalg.norm(across, axis=1) - radius
+        axial, radial = _split(skin.points - middle, axis)
+        distances = np.linalg.norm(radial, axis=1) - radius
         on_cylinder = (np.abs(distances) < deviation * radius) & (
-            np.abs(along) < 1.01 * surface.length / 2
+            np.abs(axial) < 1.01 * surface.length / 2
         )
-        if on_cylinder.sum() < LEAST or np.ptp(along[on_cylinder]) < COVERED * surface.length:
+        if on_cylinder.sum() < LEAST or np.ptp(axial[on_cylinder]) < COVERED * surface.length:
             return None
         fit = on_cylinder & curved if (on_cylinder & curved).sum() >= LEAST else on_cylinder
-        shift, rotation, growth = _closer(along[fit], across[fit], distances[fit], axis)
+        shift, rotation, growth = _closer(axial[fit], radial[fit], distances[fit], axis)
         middle = middle + shift
         axis = axis + rotation
         radius = radius + growth
         axis = axis / np.linalg.norm(axis)
-    down, spread = _arc(across[fit], axis)
+    down, spread = _arc(radial[fit], axis)
     material = skin.materials[at]
     centre = middle - body.centre
     if np.isnan(material).any():
@@ -252,8 +252,8 @@ def _cylinder(
 
 def _split(vectors: Array, axis: Array) -> tuple[Array, Array]:
     """Components of vectors along an axis (n,) and perpendicular to it (n, 3)."""
-    along = vectors @ axis
-    return along, vectors - np.outer(along, axis)
+    axial = vectors @ axis
+    return axial, vectors - np.outer(axial, axis)
 
 
 def _closer(

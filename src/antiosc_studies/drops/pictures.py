@@ -119,16 +119,16 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
     figure = new_figure((6.0, 5.0), shown=False)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     surface = surface_of(fall)
-    begin = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
-    times = np.linspace(begin, fall.end.time, max(int(RATE * seconds), 2))
+    start_time = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
+    times = np.linspace(start_time, fall.end.time, max(int(RATE * seconds), 2))
 
-    def drawn(k: int) -> list[object]:
+    def draw_frame(k: int) -> list[object]:
         axes.clear()
         _posed(axes, fall, at(fall, float(times[k])), surface)
         axes.set_title(f"{times[k]:.4f} s", fontsize=10)
         return []
 
-    moving = animation.FuncAnimation(figure, drawn, len(times))
+    moving = animation.FuncAnimation(figure, draw_frame, len(times))
     kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
     with files.atomic_file(target, "the film") as part:
         picture = part.with_name(f"{part.name}{target.suffix}")

@@ -93,9 +93,9 @@ class Skin:
         sizes = self.sizes[vertices]
         centres = points - balls[:, None] * self.normals[vertices]
         allowed = REACH * balls + sizes**2 / (4 * np.maximum(balls, np.finfo(float).tiny))
-        for direction in _ways():
-            beyond = centres @ direction + balls - (points @ direction).max()
-            balls = np.where(beyond > allowed, 0.0, balls)
+        for direction in _sphere_directions():
+            protrusion = centres @ direction + balls - (points @ direction).max()
+            balls = np.where(protrusion > allowed, 0.0, balls)
         return balls
 
     @property
@@ -107,7 +107,7 @@ class Skin:
         return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
 
 
-def _ways() -> Array:
+def _sphere_directions() -> Array:
     """Directions (WAYS, 3) distributed evenly on a spiral."""
     k = np.arange(WAYS)
     z = 1 - (2 * k + 1) / WAYS
@@ -129,9 +129,9 @@ def skin_of(structure: Structure) -> Skin:
     count = 0
     for member in matrices.members():
         skin = of_mesh(member.part)
-        at = member.at
-        x = at.placed(skin.points)
-        n = skin.normals @ at.rotation.T
+        placement = member.at
+        x = placement.placed(skin.points)
+        n = skin.normals @ placement.rotation.T
         skins.append(replace(skin, points=x, normals=n, triangles=skin.triangles + count))
         count += len(x)
     names = [f.name for f in fields(Skin)]
@@ -187,27 +187,27 @@ def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
     vertices, index = np.unique(numbers, return_inverse=True)
     label = np.zeros(len(vertices), dtype=int)
     label[index.reshape(numbers.shape)] = part.part_of_cells()[faces.cells][:, None]
-    known = np.full((len(part.parts), 2), np.nan)
+    constants = np.full((len(part.parts), 2), np.nan)
     half = np.zeros(len(part.parts))
     strengths = np.full(len(part.parts), np.nan)
     for k, (material, _) in enumerate(part.parts):
         with suppress(InputError):  # of a material with directions
-            known[k] = material.constants()[:2]
+            constants[k] = material.constants()[:2]
             strengths[k] = getattr(material, "yield_strength", None) or np.nan
         if part.kind.sheet:
             half[k] = 0.5 * material.section.thickness
-    return known[label], strengths[label], half[label]
+    return constants[label], strengths[label], half[label]
 
 
 def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     """Mask of vertices whose facets are inclined to the mean normal."""
     corners = x[triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    cosine = np.abs(np.einsum("td,tvd->tv", across, normals[triangles]))
-    least = np.ones(len(x))
-    np.minimum.at(least, triangles, cosine)
-    return least < SMOOTH
+    raw_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    raw_normals /= np.linalg.norm(raw_normals, axis=1, keepdims=True)
+    cosine = np.abs(np.einsum("td,tvd->tv", raw_normals, normals[triangles]))
+    smallest_cosine = np.ones(len(x))
+    np.minimum.at(smallest_cosine, triangles, cosine)
+    return smallest_cosine < SMOOTH
 
 
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:

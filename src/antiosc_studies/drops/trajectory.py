@@ -75,16 +75,16 @@ def trajectory(
     state = start
     ongoing = dict[int, OngoingContact]()
     reason = ""
-    pressed = 0.0
+    deepest = 0.0
     contacts = CONTACTS * max(setting.impacts, MOST_IMPACTS)
     while not reason:
         flight = Flight(body, state, setting.gravity, setting.floor.ground)
         remaining = setting.duration - state.time
         touch_time = 0.0
         if not ongoing:
-            most = min(flight.longest(), remaining)
-            first_touch = flight.touch(most)
-            touch_time = most if first_touch is None else first_touch
+            longest_flight = min(flight.longest(), remaining)
+            first_touch = flight.touch(longest_flight)
+            touch_time = longest_flight if first_touch is None else first_touch
             flights.append(flight)
             if touch_time >= remaining:
                 reason = f"the time {setting.duration:g} s is over"
@@ -93,7 +93,7 @@ def trajectory(
         touch = flight.at(touch_time)
         _check_sides(body, touch)
         if episodes:
-            _check_depth(body, touch, pressed, setting)
+            _check_depth(body, touch, deepest, setting)
         # flights within one impact are shorter than the longest modal period or its first contact
         same_impact = bool(groups) and touch_time < max(
             body.slowest, episodes[groups[-1][0]].duration
@@ -103,14 +103,14 @@ def trajectory(
                 reason = f"{len(groups)} impacts"
                 break
             groups.append([])
-            pressed = 0.0
+            deepest = 0.0
         groups[-1].append(len(episodes))
-        before = episodes[-1].duration if ongoing else np.inf
-        episodes.append(contact := episode(body, touch, setting, ongoing, before))
+        last_duration = episodes[-1].duration if ongoing else np.inf
+        episodes.append(contact := episode(body, touch, setting, ongoing, last_duration))
         state = contact.end
         ongoing = contact.held
-        pressed = max(pressed, contact.pressed)  # dents of one impact stay when a point parts
-        _check_depth(body, state, pressed, setting)
+        deepest = max(deepest, contact.pressed)  # dents of one impact stay when a point parts
+        _check_depth(body, state, deepest, setting)
         if _rests(body, contact.body, state, ongoing, setting):
             reason = "at rest"
         elif len(episodes) >= contacts:
@@ -157,14 +157,16 @@ def _rests(
         return False
     carrying = arms[heights < heights.min() + CARRIES * body.extent]
     W = body.rigid_modes(state.R)[0]
-    energy = _hindered(body, state, W, carrying, setting.floor.friction > 0)
-    energy += _pushed(pressed, state, W, ongoing, setting) + _shaken(body, state, ongoing, setting)
+    energy = _stoppable_energy(body, state, W, carrying, setting.floor.friction > 0)
+    energy += _excess_energy(pressed, state, W, ongoing, setting) + _vibration_energy(
+        body, state, ongoing, setting
+    )
     if energy > REST * body.mass * setting.gravity * setting.height:
         return False
-    return _around(carrying[:, :2], AROUND * body.extent)
+    return _contains_origin(carrying[:, :2], AROUND * body.extent)
 
 
-def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: bool) -> float:
+def _stoppable_energy(body: FreeBody, state: State, W: Array, arms: Array, sticking: bool) -> float:
     """Kinetic energy [J] of rigid motion that forces at the contact points, at arms (n, 3), could
     stop.
 
@@ -172,15 +174,15 @@ def _hindered(body: FreeBody, state: State, W: Array, arms: Array, sticking: boo
     friction, do not count. W : (6, 6) rigid modes.
     """
     velocities = W[:, None, :3] + np.cross(W[:, None, 3:], arms)
-    across, singular_values, _ = np.linalg.svd(
+    U, singular_values, _ = np.linalg.svd(
         velocities.reshape(6, -1) if sticking else velocities[:, :, 2]
     )
-    directions = across[:, : singular_values.size][:, singular_values > STILL * singular_values[0]]
-    stopped = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
-    return float(stopped @ stopped / 2)
+    directions = U[:, : singular_values.size][:, singular_values > STILL * singular_values[0]]
+    momentum = directions.T @ W @ np.append(body.mass * state.velocity, state.momentum)
+    return float(momentum @ momentum / 2)
 
 
-def _pushed(
+def _excess_energy(
     body: FreeBody, state: State, W: Array, ongoing: dict[int, OngoingContact], setting: Setting
 ) -> float:
     """Elastic energy [J] of the contacts above that of their static state under the weight.
@@ -206,7 +208,7 @@ def _pushed(
     return float(impulses @ impulses)
 
 
-def _shaken(
+def _vibration_energy(
     body: FreeBody, state: State, ongoing: dict[int, OngoingContact], setting: Setting
 ) -> float:
     """Kinetic energy [J] that the body has at the speed of the floor's vibration."""
@@ -217,7 +219,7 @@ def _shaken(
     return 0.5 * body.mass * speed**2
 
 
-def _around(points: Array, close: float) -> bool:
+def _contains_origin(points: Array, close: float) -> bool:
     """Whether the hull of points (n, 2) contains the origin, up to a distance `close`."""
     angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     if np.linalg.norm(points, axis=1).min() <= close:
@@ -344,20 +346,20 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
             impulses[i] = impulses.get(i, 0.0) + value
     strongest = max(impulses, key=lambda i: impulses[i])
     body = next(current.body for current in episodes if strongest in current.which)
-    before = episodes[0].start
-    after = episodes[-1].end
-    energies = [sum(s.energies(body, setting.gravity)) for s in (before, after)]
+    first_state = episodes[0].start
+    final_state = episodes[-1].end
+    energies = [sum(s.energies(body, setting.gravity)) for s in (first_state, final_state)]
     return FallImpact(
-        time=before.time,
-        contact_time=after.time - before.time,
-        place=body.points[strongest] - body.balls[strongest] * before.R[2] + body.centre,
+        time=first_state.time,
+        contact_time=final_state.time - first_state.time,
+        place=body.points[strongest] - body.balls[strongest] * first_state.R[2] + body.centre,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=peak,
         impulse=sum(impulses.values()),
-        speed_before=-_rising(body, before, strongest),
-        speed_after=_rising(body, after, strongest),
-        spin_before=before.spin(body),
-        spin_after=after.spin(body),
+        speed_before=-_rising(body, first_state, strongest),
+        speed_after=_rising(body, final_state, strongest),
+        spin_before=first_state.spin(body),
+        spin_after=final_state.spin(body),
         lost=energies[0] - energies[1],
         law_error=by_law,
     )
@@ -413,12 +415,12 @@ def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) ->
 
     The result is empty if a line yields, since the extent of its zone is not known.
     """
-    none = np.zeros((0, 4))
+    no_zones = np.zeros((0, 4))
     if floor.layer is not None or _line_yield(body, floor, episodes):
-        return none
+        return no_zones
     contacts = point_contacts(body, floor, episodes)
     zones = [contact.zone for contact in contacts if contact.yields(body)]
-    return np.vstack([none, *zones])
+    return np.vstack([no_zones, *zones])
 
 
 class PointContact(NamedTuple):
@@ -536,12 +538,12 @@ def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
     """Name of the unknown property on which the error of a law depends; empty if all are known."""
     E = float(body.materials[which][0])
     strength_known = body.strengths is not None and np.isfinite(body.strengths[which])
-    known = (
+    unknown_names = (
         strength_known
         or np.isnan(E)
         or any(m.known and m.E == E for m in (*body.matters, floor.face.matter))
     )
-    if known and floor.face.matter.known:
+    if unknown_names and floor.face.matter.known:
         return ""
     return "yield_strength"
 

@@ -136,8 +136,8 @@ class FoundImpact(Result):
     def numbers(self) -> dict[str, object]:
         """The results in SI units, with their bars, the status and the message."""
         names = ("place", "direction", "mass", "velocity", "stiffness", "start", "E", "peak_force")
-        more = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")
-        return {name: getattr(self, name) for name in (*names, *more)}
+        other_names = ("impulse", "bars", "chi2", "rank", "unknowns", "status", "message", "others")
+        return {name: getattr(self, name) for name in (*names, *other_names)}
 
     def _facts(self) -> list[tuple[str, str]]:
         place, _, *rows = self.rows()
@@ -154,10 +154,10 @@ class FoundImpact(Result):
         step = 2.2 * float(np.abs(self.measured / np.abs(self.measured).max(axis=0)).max())
         for s in range(count):
             size = float(np.abs(self.measured[:, s]).max())
-            at = -step * s
+            offset = -step * s
             t = 1e3 * self.compared_time
-            left.plot(t, at + self.measured[:, s] / size, color="0.75", lw=4)
-            left.plot(t, at + self.computed[:, s] / size, color="C0", lw=1)
+            left.plot(t, offset + self.measured[:, s] / size, color="0.75", lw=4)
+            left.plot(t, offset + self.computed[:, s] / size, color="C0", lw=1)
         left.set(xlabel="time (ms)", title="measured (grey), computed", yticks=[])
         left.set_ylabel("sensors, the first on top")
         end = min(1.5 * max(self.history.contact_time, 1e-9), float(self.history.run.time[-1]))
@@ -283,13 +283,13 @@ def find_impact(
     A pulse on a stiff structure depends on two numbers of the three mass, velocity and stiffness:
     then force and impulse are found, and the bars of the three are wide.
     """
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     checks.instance("structure", structure, Structure, "a Structure")
     sensors = checks.list_of("sensors", sensors, Sensor, "Sensor")
     if not sensors:
         raise InputError("sensors must hold one Sensor or more.")
-    known = isinstance(impactor, RigidMass) and impactor.surface() is not None
-    if contact is None and known and "stiffness" not in unknown:
+    has_tip = isinstance(impactor, RigidMass) and impactor.surface() is not None
+    if contact is None and has_tip and "stiffness" not in unknown:
         contact = AUTO
     law = None if contact is None else on_plane(structure, impactor, contact)
     names = _names(unknown, impactor, law)
@@ -305,7 +305,7 @@ def find_impact(
     data = recording(signals, sensors, rate, noise, band, monitored.seen.omega[-1] / ABOVE)
     with without_warnings():
         result = found_in(monitored, data, names, impactor, law, as_damping(damping), expected)
-    seconds = {"model": prepared_at - started, "search": time.perf_counter() - prepared_at}
+    seconds = {"model": prepared_at - start_time, "search": time.perf_counter() - prepared_at}
     result = replace(result, info={**result.info, "seconds": seconds})
     if result.status:
         warn(structure.comm, result.message, AccuracyWarning)
@@ -324,9 +324,9 @@ def _names(
         checks.choice("unknown", name, UNKNOWN)
     if impactor is not None:
         checks.instance("impactor", impactor, RigidMass, "a RigidMass")
-    missing = {"mass", "velocity"} - set(unknown)
-    if missing and impactor is None:
-        raise InputError(f"{min(missing)} is not unknown: give it as impactor=RigidMass(…).")
+    missing_names = {"mass", "velocity"} - set(unknown)
+    if missing_names and impactor is None:
+        raise InputError(f"{min(missing_names)} is not unknown: give it as impactor=RigidMass(…).")
     if "stiffness" not in unknown and contact is None:
         raise InputError("the stiffness is not unknown: give the law, as contact=Hertz(…).")
     if "stiffness" in unknown and contact is not None and not has_stiffness(contact):
@@ -388,12 +388,12 @@ def found_in(
         sites.radii,
         Hertz(STIFFNESS) if contact is None else contact,
     )
-    known = {"stiffness": getattr(model.law, "stiffness", 1.0)}
+    known_values = {"stiffness": getattr(model.law, "stiffness", 1.0)}
     if impactor is not None:
-        known |= {"mass": impactor.mass, "velocity": impactor.velocity}
-    known = {name: value for name, value in known.items() if name not in unknown}
+        known_values |= {"mass": impactor.mass, "velocity": impactor.velocity}
+    known_values = {name: value for name, value in known_values.items() if name not in unknown}
     scanned = scan(model, expected[0])
-    fits = most_probable(model, scanned, unknown, known, monitored.mass, *expected)
+    fits = most_probable(model, scanned, unknown, known_values, monitored.mass, *expected)
     scale = COMMON * expected[1] if {"mass", "velocity"} & set(unknown) else 0.0
     return _result(model, scanned, fits, unknown, scale)
 
@@ -424,13 +424,13 @@ def _result(
     rank = int(np.sum(np.linalg.eigvalsh(scaled) < 1))
     bars = _bars(best, scale)
     distance = max(3 * bars["place"], 0.05 * extent)
-    others = [
+    other_places = [
         fit.blow.place
         for fit in fits[1:]
         if fit.cost - best.cost < AS_PROBABLE * max(best.chi2, 1.0)
         and np.linalg.norm(fit.blow.place - blow.place) > distance
     ]
-    status, message = _verdict(best, rank, limits, others, data)
+    status, message = _verdict(best, rank, limits, other_places, data)
     t = data.time
     after_start = data.time >= blow.start
     force = np.zeros(len(t))
@@ -460,7 +460,7 @@ def _result(
         band=data.band / (2 * np.pi),
         points=model.surface.points,
         explained=scanned.explained,
-        others=np.reshape(others, (-1, 3)),
+        others=np.reshape(other_places, (-1, 3)),
         info={"sites": len(model.surface.points), "modes": len(model.omega)},
     )
 
@@ -507,9 +507,9 @@ def _verdict(
         free = [
             n for n, s, largest in zip(fit.names, deviations, limits, strict=True) if s > largest
         ]
-        named = ", ".join(dict.fromkeys(free)) or "a combination of them"
+        params = ", ".join(dict.fromkeys(free)) or "a combination of them"
         return UNDETERMINED, (
-            f"the signals determine {rank} of {count} unknowns; not told: {named}. Give what is"
+            f"the signals determine {rank} of {count} unknowns; not told: {params}. Give what is"
             " known of the impactor, or add sensors."
         )
     return FOUND, f"the signals determine all {count} unknowns, chi² = {fit.chi2:.3g}."

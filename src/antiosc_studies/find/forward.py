@@ -144,8 +144,8 @@ def _feet(x: Array, corners: Array) -> Array:
         det = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
         s = (vv * wu - uv * wv) / det
         t = (uu * wv - uv * wu) / det
-        inside = (s >= 0) & (t >= 0) & (s + t <= 1)
-        best = np.where(inside[:, None], a + s[:, None] * u + t[:, None] * v, best)
+        in_triangle = (s >= 0) & (t >= 0) & (s + t <= 1)
+        best = np.where(in_triangle[:, None], a + s[:, None] * u + t[:, None] * v, best)
     return np.asarray(best)
 
 

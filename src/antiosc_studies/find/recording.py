@@ -268,8 +268,8 @@ def _low_pass(n: int, top: float) -> scipy.sparse.csr_matrix:
     stride = int(1 / ((1 + TRANSITION) * top))
     half = len(kernel) // 2
     offsets = np.arange(-half, half + 1)
-    inside = np.abs(offsets) < n
-    all_rows = scipy.sparse.diags(kernel[inside], offsets[inside], shape=(n, n), format="csr")
+    in_window = np.abs(offsets) < n
+    all_rows = scipy.sparse.diags(kernel[in_window], offsets[in_window], shape=(n, n), format="csr")
     return all_rows[::stride]
 
 
@@ -284,15 +284,15 @@ def _band(values: Array, rate: float) -> float:
     """Frequency [rad/s] above which no signal exceeds its noise."""
     w, power = _spectrum(values, rate)
     floor = np.median(power[-len(w) // 4 :], axis=0) / np.log(2)
-    above = np.cumsum(power - floor, axis=0)
-    ends = [w[np.argmax(spectrum > IN_BAND * spectrum.max())] for spectrum in above.T]
+    excess_power = np.cumsum(power - floor, axis=0)
+    ends = [w[np.argmax(spectrum > IN_BAND * spectrum.max())] for spectrum in excess_power.T]
     return float(max(max(ends), w[LINES]))
 
 
 def _noise(values: Array, rate: float, band: float) -> Array:
     """Standard deviations (m,) of the noise of one sample, from the spectrum above the band."""
     w, power = _spectrum(values, rate)
-    above = w > (1 + TRANSITION) * band
-    if np.count_nonzero(above) < FEWEST // 4:
-        above = w > w[-len(w) // 4]
-    return np.sqrt(np.median(power[above], axis=0) / np.log(2))
+    noise_band = w > (1 + TRANSITION) * band
+    if np.count_nonzero(noise_band) < FEWEST // 4:
+        noise_band = w > w[-len(w) // 4]
+    return np.sqrt(np.median(power[noise_band], axis=0) / np.log(2))

@@ -85,12 +85,14 @@ def scan(model: Struck, spread: float) -> Scan:
         products = fft.irfft(Q, size, axis=0)[: n - 1].T
         for first in range(0, len(b), AT_ONCE):
             part = slice(first, first + AT_ONCE)
-            _keep(best[:, part], b[part], products, gram, ends, tau)
+            _update_best(best[:, part], b[part], products, gram, ends, tau)
     explained, duration, lag, amplitude = best
     return Scan(explained / power, duration, lag * data.dt, amplitude)
 
 
-def _keep(best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float) -> None:
+def _update_best(
+    best: Array, b: Array, products: Array, gram: Array, ends: Array, tau: float
+) -> None:
     """Replace the best pulses (4, P) of sites b (P, J) where pulses of duration tau fit better."""
     lags = products.shape[1]
     energy = np.einsum("pj,kjl,pl->pk", b, gram, b, optimize=True)
@@ -114,14 +116,14 @@ def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
     """Responses q, q', q'' (n, J) of modes lam = -d + i w to the half-sine sin(pi t/tau)."""
     until = np.minimum(t, tau)[:, None]
     rate = np.pi / tau
-    after = t[:, None] - until
+    delay = t[:, None] - until
 
     def driven(w: float) -> Array:
         # integral of exp(i w s) exp(lam (t - s)) from 0 to min(t, tau)
-        return (np.exp(1j * w * until) - np.exp(lam * until)) / (1j * w - lam) * np.exp(lam * after)
+        return (np.exp(1j * w * until) - np.exp(lam * until)) / (1j * w - lam) * np.exp(lam * delay)
 
     z = (driven(rate) - driven(-rate)) / 2j
-    force = np.where(after > 0, 0.0, np.sin(rate * until))
+    force = np.where(delay > 0, 0.0, np.sin(rate * until))
     q = z.imag / lam.imag
     v = z.real + lam.real * q
     a = force - np.abs(lam) ** 2 * q + 2 * lam.real * v
@@ -306,13 +308,13 @@ class Search:
         jacobian = np.zeros((n * m + J + m * J, p + J + m * J))
         jacobian[: n * m, :p] = np.transpose(columns)
         # all frequencies at once: each mode's own part of the change
-        other = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
-        part_changes = (model.seen(other, site_data).parts - computed.parts) * (1 + blow.share)
+        moved_blow = replace(blow, frequency=(1 + blow.frequency) * (1 + CHANGE_FREQUENCY) - 1)
+        part_changes = (model.seen(moved_blow, site_data).parts - computed.parts) * (1 + blow.share)
         by_frequency = part_changes / (CHANGE_FREQUENCY * (1 + blow.frequency))
         jacobian[: n * m, p : p + J] = by_frequency.reshape(n * m, J)
         for s in range(m):
-            at = p + J + s * J
-            jacobian[s : n * m : m, at : at + J] = computed.parts[:, s]
+            column = p + J + s * J
+            jacobian[s : n * m : m, column : column + J] = computed.parts[:, s]
         rows = np.arange(J)
         jacobian[n * m + rows, p + rows] = 1 / self.spread
         jacobian[n * m + J :, p + J :] = np.kron(self.unshared, np.eye(J))
@@ -402,19 +404,22 @@ def most_probable(
         for mass in masses
     ]
     starts.sort(key=lambda pair: pair[0])
-    begun = []
+    starting_impacts = []
     with counting("searching the blow", BEGUN + KEPT) as ready:
         for count, (_, blow) in enumerate(starts[:BEGUN], start=1):
-            begun.append(search.refined(blow, FIRST_STEPS))
+            starting_impacts.append(search.refined(blow, FIRST_STEPS))
             ready(count)
-        begun.sort(key=lambda fit: fit.cost)
+        starting_impacts.sort(key=lambda fit: fit.cost)
         fits = []
-        for count, fit in enumerate(_kept(model, begun), start=BEGUN + 1):
+        for count, fit in enumerate(_fits_to_continue(model, starting_impacts), start=BEGUN + 1):
             fits.append(search.refined(fit.blow, LAST_STEPS))
             ready(count)
         best = min(fits, key=lambda fit: fit.cost)
         if best.chi2 > POOR and {"mass", "velocity"} <= set(unknown):
-            fits += [search.refined(_heavier(best.blow, by), LAST_STEPS) for by in HEAVIER]
+            fits += [
+                search.refined(_heavier(best.blow, mass_factor), LAST_STEPS)
+                for mass_factor in HEAVIER
+            ]
     return sorted(fits, key=lambda fit: fit.cost)
 
 
@@ -423,28 +428,30 @@ def _heavier(blow: Blow, by: float) -> Blow:
     return replace(blow, mass=by * blow.mass, velocity=blow.velocity / by)
 
 
-def _kept(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
+def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[ProbableImpact]:
     """The fits to continue: the best one, and the best at another place or else the second best."""
-    first, *others = fits
+    first, *other_fits = fits
     least_distance = APART * model.surface.spacing(first.blow.site)
     elsewhere = [
-        fit for fit in others if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
+        fit
+        for fit in other_fits
+        if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
     ]
-    promising = [fit for fit in (*elsewhere, *others) if fit.cost < HOPELESS * first.cost]
+    promising = [fit for fit in (*elsewhere, *other_fits) if fit.cost < HOPELESS * first.cost]
     return [first, *promising][:KEPT]
 
 
 def _places(model: Struck, scanned: Scan) -> list[int]:
     """The sites whose pulses fit best, at a distance from one another."""
-    chosen: list[int] = []
+    site_numbers: list[int] = []
     points = model.surface.points
     for i in np.argsort(-scanned.explained, kind="stable").tolist():
         least_distance = APART * model.surface.spacing(i)
-        if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in chosen):
-            chosen.append(i)
-        if len(chosen) == PLACES:
+        if all(np.linalg.norm(points[i] - points[k]) > least_distance for k in site_numbers):
+            site_numbers.append(i)
+        if len(site_numbers) == PLACES:
             break
-    return chosen
+    return site_numbers
 
 
 def _blow(model: Struck, scanned: Scan, i: int, mass: float, known: Mapping[str, float]) -> Blow:

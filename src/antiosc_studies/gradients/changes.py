@@ -296,9 +296,9 @@ def _beside_modes(seeds: Seeds, by: Slopes, before: Assembly, after: Assembly) -
         (seeds.r, after.r - before.r),
     ]
     total = sum(float(np.sum(slope * change)) for slope, change in pairs)
-    for slope, old, new in zip(by.laws, a.laws, b.laws, strict=True):
-        total += float(slope @ (leading(new) - leading(old)))
-        if old.kernel[0].kind == library.TABLE and old is not new:  # type: ignore[attr-defined]
+    for slope, old_law, new_law in zip(by.laws, a.laws, b.laws, strict=True):
+        total += float(slope @ (leading(new_law) - leading(old_law)))
+        if old_law.kernel[0].kind == library.TABLE and old_law is not new_law:  # type: ignore[attr-defined]
             raise NotDifferentiableError(
                 "there are no derivatives by the curves of a table: make it outside of build."
             )
@@ -328,9 +328,9 @@ def _groups(record: Recorded) -> Iterator[tuple[slice, int]]:
         if record.columns[name].stop != column + 1 or not omega.size:
             continue
         ends = np.flatnonzero(np.diff(omega) > CLOSE * omega[:-1]) + 1
-        for begin, end in zip([0, *ends], [*ends, omega.size], strict=True):
-            if omega[end - 1] > omega[begin] > 0:
-                yield slice(span.start + begin, span.start + end), column
+        for start, end in zip([0, *ends], [*ends, omega.size], strict=True):
+            if omega[end - 1] > omega[start] > 0:
+                yield slice(span.start + start, span.start + end), column
 
 
 def _krylov(values: dict[str, Array], group: slice, column: int) -> Array:
@@ -415,8 +415,8 @@ def _with_contact(scene: SceneParts, contact: Contact, name: str, value: float) 
     change: dict[str, Any] = {name: value}
     if not hasattr(contact, name):
         change = {"law": replace(contact.law, **change)}  # type: ignore[type-var]
-    other = replace(contact, **change)
-    return replace(scene, contacts=[other if c is contact else c for c in scene.contacts])
+    changed_contact = replace(contact, **change)
+    return replace(scene, contacts=[changed_contact if c is contact else c for c in scene.contacts])
 
 
 def _with_speed(scene: SceneParts, name: str, speed: float) -> SceneParts:
@@ -456,18 +456,18 @@ def bar(values: Sequence[Any]) -> Any:
     """
     if isinstance(values[0], dict):
         return {n: bar([(derivatives or {}).get(n) for derivatives in values]) for n in values[0]}
-    base, finer, *others = (
+    base, finer, *coarser_runs = (
         None
         if derivative is None or np.shape(derivative) != np.shape(values[0])
         else np.asarray(derivative)
         for derivative in values
     )
-    if base is None or finer is None or (others[0] is None and others[1] is None):
+    if base is None or finer is None or (coarser_runs[0] is None and coarser_runs[1] is None):
         return None
     weights = (TRUNCATION_SAFETY, TRUNCATION_SAFETY, SAFETY)
     truncation, softest, mesh = (
         np.zeros(np.shape(base)) if derivative is None else weight * abs(derivative - finer)
-        for weight, derivative in zip(weights, (*others, None)[:3], strict=True)
+        for weight, derivative in zip(weights, (*coarser_runs, None)[:3], strict=True)
     )
     total = abs(finer - base) + np.maximum(truncation, softest) + mesh
     if np.ndim(total):
@@ -527,7 +527,9 @@ def _slope(
     """Derivative by a relative change of the entries `share` of a parameter; None if modes mix."""
     for step in STEPS:
         with suppress(NotDifferentiableError):
-            ends = (_changed(model, name, by * share) for by in (-step, step))
+            ends = (
+                _changed(model, name, relative_change * share) for relative_change in (-step, step)
+            )
             return change(*ends) / (2 * step)
     return None
 

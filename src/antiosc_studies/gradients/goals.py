@@ -205,10 +205,10 @@ def _peak_force(record: Recorded, c: int, goal_seeds: Seeds) -> None:
 def next_peak(record: Recorded, contact: int) -> Seeds | None:
     """The second largest peak of a contact as a goal; None if it is not near the largest."""
     tops = _tops(record, contact)
-    others = _other_peaks(tops, int(np.argmax(tops)), NEAR)
-    if not len(others):
+    other_peaks = _other_peaks(tops, int(np.argmax(tops)), NEAR)
+    if not len(other_peaks):
         return None
-    k = int(others[np.argmax(tops[others])])
+    k = int(other_peaks[np.argmax(tops[other_peaks])])
     goal_seeds = _empty_seeds(record)
     _add_peak_reading(record, contact, goal_seeds, k, float(tops[k]))
     return goal_seeds
@@ -239,9 +239,9 @@ def _add_peak_reading(record: Recorded, c: int, goal_seeds: Seeds, k: int, value
 
 def _is_local_peak(tops: Array, steps: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Mask of steps whose largest value is not below those of both neighbours."""
-    before = tops[np.maximum(steps - 1, 0)]
-    after = tops[np.minimum(steps + 1, tops.size - 1)]
-    return np.asarray((tops[steps] >= before) & (tops[steps] >= after))
+    previous_tops = tops[np.maximum(steps - 1, 0)]
+    next_tops = tops[np.minimum(steps + 1, tops.size - 1)]
+    return np.asarray((tops[steps] >= previous_tops) & (tops[steps] >= next_tops))
 
 
 def _impulse(record: Recorded, c: int, goal_seeds: Seeds) -> None:
@@ -261,25 +261,25 @@ def _touches(record: Recorded, c: int) -> tuple[list[tuple[int, int]], bool]:
     """(first, last) step ends of a contact's touches, and whether it has parted at the end."""
     assert record.run.exits is not None
     spans: list[tuple[int, int]] = []
-    begin = 0 if record.system.pressed[c] > 0 else None  # closed at the start
-    parted = begin is None
+    touch_step = 0 if record.system.pressed[c] > 0 else None  # closed at the start
+    parted = touch_step is None
     for row in record.run.exits:
         step = int(row[0])
-        which = int(row[1])
-        before = int(row[5])
-        after = int(row[9])
-        if which != c:
+        contact = int(row[1])
+        state_before = int(row[5])
+        state_after = int(row[9])
+        if contact != c:
             continue
-        if before == library.APART:
-            begin = step
+        if state_before == library.APART:
+            touch_step = step
             parted = False
-        elif after == library.APART and begin is not None:
-            if step > begin:
-                spans.append((begin, step))
-            begin = None
+        elif state_after == library.APART and touch_step is not None:
+            if step > touch_step:
+                spans.append((touch_step, step))
+            touch_step = None
             parted = True
-    if begin is not None:
-        spans.append((begin, record.edges.size - 1))
+    if touch_step is not None:
+        spans.append((touch_step, record.edges.size - 1))
     if not spans:
         raise NotDifferentiableError("the contact did not touch: this goal has no gradient.")
     return spans, parted
@@ -443,15 +443,15 @@ def _of_function(
             goal_seeds.r += np.outer(slope @ site_forces, body)
     assert run.exits is not None
     # where a contact changes, a sample's slopes before and after differ: it counts for both sides
-    before = np.zeros(2 * n + 1)
+    zero_forces = np.zeros(2 * n + 1)
     h = np.diff(record.edges)
     bends = np.unique(run.exits[:, 0].astype(int))
     bends = bends[(bends > 0) & (bends < n)]
-    before[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)
+    zero_forces[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)
     for k in np.flatnonzero(weights.any(axis=1)).tolist():
         for place, share in (
-            ((int(step[k]), float(u[k]), 0), 1 - before[k]),
-            ((int(step[k]) - 1, 1.0, 0), before[k]),
+            ((int(step[k]), float(u[k]), 0), 1 - zero_forces[k]),
+            ((int(step[k]) - 1, 1.0, 0), zero_forces[k]),
         ):
             if share:
                 goal_seeds.readings.append((place, share * weights[k], share * sites[k]))
@@ -481,9 +481,9 @@ def _slopes(
     for k in range(value.size):
         ends = []
         for end in (value[k] - h, value[k] + h):
-            changed = value.copy()
-            changed[k] = end
-            ends.append(_number(goal, time, {**arrays, name: changed}))
+            shifted = value.copy()
+            shifted[k] = end
+            ends.append(_number(goal, time, {**arrays, name: shifted}))
         slopes[k] = (ends[1] - ends[0]) / (2 * h)
     return slopes
 

@@ -88,12 +88,12 @@ class Gradient(Completed):
         holders = [part for part in parts if name in part]
         if len(holders) == 1:
             return holders[0][name]
-        known = sorted({n for part in parts for n in part})
+        parameter_names = sorted({n for part in parts for n in part})
         reason = "several bodies or contacts have it" if holders else "there is no such parameter"
         raise GradientNameError(
             f"the gradient has no {name}: {reason}; take it from bodies[name] or contacts[a, "
             "b], which"
-            f" have {', '.join(known)}."
+            f" have {', '.join(parameter_names)}."
         )
 
     def numbers(self) -> dict[str, object]:
@@ -126,8 +126,8 @@ class Gradient(Completed):
         figure, ((axes,),) = panels(1, 1, (6.4, 1.2 + 0.3 * len(single)), shown=path is None)
         values = np.array([v for _, v in single], dtype=float)
         axes.barh(range(len(single)), values, tick_label=[n for n, _ in single])
-        least = np.abs(values[values != 0]).min(initial=np.inf)
-        axes.set_xscale("symlog", linthresh=least if least < np.inf else 1.0)
+        smallest = np.abs(values[values != 0]).min(initial=np.inf)
+        axes.set_xscale("symlog", linthresh=smallest if smallest < np.inf else 1.0)
         axes.set_xlabel(f"derivative of {self.goal.replace('_', ' ')} (SI units)")
         return figure_or_path(figure, path)
 
@@ -228,25 +228,27 @@ def gradient(
     bodies = [_bodies(run_of, *run) for (run_of, _), run in zip(runs, derivatives, strict=True)]
     if part is not None:
         body = model_name(derivatives[0][0])
-        models = [turned for _, turned in runs]
+        models = [model_of_run for _, model_of_run in runs]
         for body_values, values in zip(
             bodies, _of_part(hit, derivatives, models, body, part, x), strict=True
         ):
             body_values[body] = body_values.get(body, {}) | values
-    all_of = []
+    group_values = []
     for (run_of, _), body_values, (record, seeds_of_goal, slopes) in zip(
         runs, bodies, derivatives, strict=True
     ):
         contacts = _contacts(record, settled(record, slopes))
         by_springs(run_of, slopes, body_values, contacts)
-        all_of.append(Gradient(shown_goal(goal), seeds_of_goal.value, body_values, contacts))
-    reach = None if second is None else overtaken(all_of[0], all_of.pop())
-    return replace(all_of[0], error=None if error is None else bars(all_of), reach=reach)
+        group_values.append(Gradient(shown_goal(goal), seeds_of_goal.value, body_values, contacts))
+    reach = None if second is None else overtaken(group_values[0], group_values.pop())
+    return replace(
+        group_values[0], error=None if error is None else bars(group_values), reach=reach
+    )
 
 
 def overtaken(largest: Gradient, second: Gradient) -> Gradient:
     """The changes of parameters at which the second peak exceeds the largest."""
-    lead = largest.value - second.value
+    margin = largest.value - second.value
 
     def change(a: Any, b: Any) -> Any:
         if isinstance(a, dict):
@@ -254,7 +256,7 @@ def overtaken(largest: Gradient, second: Gradient) -> Gradient:
         if a is None or b is None:
             return None
         faster = np.asarray(b) - np.asarray(a)
-        ratio = np.divide(lead, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
+        ratio = np.divide(margin, faster, out=np.full(faster.shape, np.inf), where=faster != 0)
         if ratio.ndim:
             return ratio
         return float(ratio)
@@ -298,31 +300,31 @@ def _of_part(
             if body.shapes is not None
         }
         kept_shapes = chains and not any(end and end.motions for end in chains.values())
-        near = recurrence(bodies[0], part) if kept_shapes else None
+        nearby_models = recurrence(bodies[0], part) if kept_shapes else None
 
         def change(which: int, *ends: Structure) -> float:
             chain_of = chains[which]
             body = bodies[which]
             if chain_of is None:
                 models_held = [held(body, end) for end in ends]
-            elif near is None:
+            elif nearby_models is None:
                 return chain_of.change(*ends)
             else:
-                models_held = [models[which](end) for end in near(*ends)]
+                models_held = [models[which](end) for end in nearby_models(*ends)]
             share = 1.0 if chain_of is None else SHRUNK
             return changed_model(hit, derivatives[which], name, *models_held) / share
 
-        to = {which: partial(change, which) for which in chains}
-        of_body = dict(zip(to, by_part(list(to.values()), part), strict=True))
+        change_by = {name: partial(change, name) for name in chains}
+        of_body = dict(zip(change_by, by_part(list(change_by.values()), part), strict=True))
         return [of_body.get(which, {}) for which in range(len(derivatives))]
     checks.function("part", part, "a Structure, or a function of x that builds one", 1)
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
     changes = [
-        lambda *ends, of_body=of_body, turned=turned: changed_model(
+        lambda *ends, of_body=of_body, turned=model_of_run: changed_model(
             hit, of_body, name, *map(turned, ends)
         )
-        for of_body, turned in zip(derivatives, models, strict=True)
+        for of_body, model_of_run in zip(derivatives, models, strict=True)
     ]
     return by_shape(part, checks.column("x", x), bodies[0], changes)
 
@@ -338,9 +340,9 @@ def _bodies(hit: Any, record: Recorded, seeds: Seeds, slopes: adjoint.Slopes) ->
             if values:
                 result[name] = values
             continue
-        by = by_modes(record, seeds, settled(record, slopes), name)
-        if by is not None:
-            result[name] = by_body(body.body, by, _closing(record, name))
+        mode_derivatives = by_modes(record, seeds, settled(record, slopes), name)
+        if mode_derivatives is not None:
+            result[name] = by_body(body.body, mode_derivatives, _closing(record, name))
     return result
 
 

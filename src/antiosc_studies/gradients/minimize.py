@@ -122,8 +122,8 @@ def minimize(
     scale = np.where(start != 0, abs(start), 1.0)
     search = _Search(build, goal, scale)
     limits = _scaled(bounds, start, scale)
-    listed = constraints if isinstance(constraints, list | tuple) else [constraints]
-    rules = [_rule(constraint, scale) for constraint in listed]
+    constraint_list = constraints if isinstance(constraints, list | tuple) else [constraints]
+    rules = [_rule(constraint, scale) for constraint in constraint_list]
     first = abs(search.value(start / scale)) or 1.0
     optimum = optimize.minimize(
         lambda y: search.value(y) / first,
@@ -168,9 +168,9 @@ class _Search:
         for i in range(y.size):
             ends = []
             for sign in (-1, 1):
-                other = np.array(y)
-                other[i] += sign * CHANGE
-                ends.append(assemble_pair(Impact(*self._arguments(other))))
+                shifted = np.array(y)
+                shifted[i] += sign * CHANGE
+                ends.append(assemble_pair(Impact(*self._arguments(shifted))))
             slopes[i] = changed(self.record, self.wanted, self.by, *ends) / (2 * CHANGE)
         return slopes
 

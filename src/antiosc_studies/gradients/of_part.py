@@ -148,8 +148,8 @@ def chain(model: AntiOscillators, by: ByModes, local: float) -> Chain:
 
 def part_chain(record: Recorded, seeds: Seeds, slopes: adjoint.Slopes, name: str) -> Chain:
     """The derivatives by the matrices of the part of a run's model."""
-    by = by_modes(record, seeds, slopes, name)
-    if by is None:
+    mode_derivatives = by_modes(record, seeds, slopes, name)
+    if mode_derivatives is None:
         raise InputError(
             "derivatives by the materials of a part need a model of one site, without loads, a"
             " moving ground (and a design map one whose damping does not couple its modes): give a"
@@ -162,7 +162,7 @@ def part_chain(record: Recorded, seeds: Seeds, slopes: adjoint.Slopes, name: str
         c for c, (slides, contact, law) in enumerate(contacts) if slides and law is not contact.law
     ]
     local = float(slopes.laws[freed, -1].sum()) if model.local_compliance > 0 else 0.0
-    return chain(model, by, local)
+    return chain(model, mode_derivatives, local)
 
 
 def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
@@ -178,7 +178,7 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
             " that hold it, and no branches (prony=, tau=): give a function of x that builds the"
             " part, and x."
         )
-    K, M = _on(model.shapes, part)
+    K, M = _projected(model.shapes, part)
     square, V = scipy.linalg.eigh(K[1:, 1:], M[1:, 1:])
     transformation = scipy.linalg.block_diag(1.0, V)
     transformation[1:, 0] = -V @ ((V.T @ K[1:, 0]) / square)
@@ -200,7 +200,7 @@ def held(model: AntiOscillators, part: Structure) -> AntiOscillators:
     )
 
 
-def _on(shapes: Array, part: Structure) -> ByMatrices:
+def _projected(shapes: Array, part: Structure) -> ByMatrices:
     """V'KV and V'MV of a part, for shapes V (rows, C)."""
     return ByMatrices(
         *(dot(part.comm, shapes, multiply(matrix, shapes)) for matrix in (part.K, part.M))
@@ -232,13 +232,13 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
     with without_warnings():
         shapes = extract(part, site_of(model), 2 * steps, tol=EVERY).shapes
     assert shapes is not None
-    stiffness = _on(shapes, part).K.diagonal()
+    stiffness = _projected(shapes, part).K.diagonal()
     # all of equal energy, and added to the static shape: a diagonal K looks like supports
     scaling = np.diag(np.sqrt(stiffness[0] / stiffness))
     scaling[0] = 1.0
     shapes = shapes @ scaling
     site_vector = Site(vector=scaling[0])
-    reduced = _on(shapes, part)
+    reduced = _projected(shapes, part)
 
     def model_of(matrices: ByMatrices, local: float) -> AntiOscillators:
         with without_warnings():
@@ -254,7 +254,10 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
         return None
 
     def ends(lower: Structure, upper: Structure) -> list[AntiOscillators]:
-        moves = [(b - a) / 2 for a, b in zip(_on(shapes, lower), _on(shapes, upper), strict=True)]
+        moves = [
+            (b - a) / 2
+            for a, b in zip(_projected(shapes, lower), _projected(shapes, upper), strict=True)
+        ]
         local = (_local(model, upper) - _local(model, lower)) / 2
         return [
             model_of(
@@ -286,9 +289,9 @@ def by_part(changes: Sequence[Slope], part: Structure) -> list[Values]:
         for name, step, varied in _varied(material):
             ends = []
             for sign in (-1, 1):
-                other = {**groups, group: varied(sign)}
+                changed_materials = {**groups, group: varied(sign)}
                 with without_warnings():
-                    varied_materials = other if several else other[""]
+                    varied_materials = changed_materials if several else changed_materials[""]
                     ends.append(Structure(mesh, varied_materials, part.supports, **options))
             for values, change in zip(derivatives, changes, strict=True):
                 slope = change(ends[0], ends[1]) / step
@@ -368,9 +371,9 @@ def _extracted(built: object, model: AntiOscillators) -> AntiOscillators:
         if model.info.method == "modes":
             model_of_part = extract(part, site_of(model), model.n, "modes")
         else:
-            known = model.strain_error is not None
+            has_estimate = model.strain_error is not None
             model_of_part = extract(
-                part, site_of(model), model.n, error="estimate" if known else None
+                part, site_of(model), model.n, error="estimate" if has_estimate else None
             )
     # dampers of the part are in the coordinates of its own model
     coupled = isinstance(model_of_part.damping, DampingMatrix)
@@ -502,12 +505,12 @@ def _relative(
     K = []
     M = []
     for sign in (1, -1):
-        changed: list[Any] = []
+        changed_parts: list[Any] = []
         for material, cells in meshed.parts:
             value = values_of(material).get(by)
             scaled = {} if value is None else {by: value * (1 + sign * CHANGE)}
-            changed.append((replace(material, **scaled), cells))
-        form = changed[0][0].weak_form(meshed.mesh, changed, part.made_of[2]["order"])
+            changed_parts.append((replace(material, **scaled), cells))
+        form = changed_parts[0][0].weak_form(meshed.mesh, changed_parts, part.made_of[2]["order"])
         factor = compat.constant(meshed.mesh.dolfinx, sign / (2 * CHANGE))
         K += [factor * part_form for part_form in form.stiffness]
         M += [factor * part_form for part_form in form.mass]
@@ -518,8 +521,8 @@ def _patch_share(meshed: MeshedStructure, chain_of_part: Chain, cells: int) -> A
     """(cells,) change of the goal by the patch's compliance, divided among the cells under it."""
     site = site_of(chain_of_part.model)
     point = np.array([site.point])
-    along = np.array([site.direction], dtype=float)
-    found_at = located(meshed, point, along / np.linalg.norm(along), np.array([site.radius]))
+    d = np.array([site.direction], dtype=float)
+    found_at = located(meshed, point, d / np.linalg.norm(d), np.array([site.radius]))
     assert found_at.weighted is not None
     on_rank = found_at.weighted.cell < cells
     shares = np.bincount(found_at.weighted.cell[on_rank], found_at.weighted.weight[on_rank], cells)
@@ -537,8 +540,10 @@ def _principal(by: Array, reduced: Array) -> tuple[Array, Array]:
     shares, directions = np.linalg.eigh(root.T @ by @ root)
     order = np.argsort(-np.abs(shares))
     neglected = 1 - np.cumsum(np.abs(shares[order])) / np.abs(shares).sum()
-    chosen = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
-    return shares[chosen], (vectors[:, nonzero] / np.sqrt(values[nonzero])) @ directions[:, chosen]
+    largest = order[: 1 + int(np.argmax(neglected <= LEFT_OUT))]
+    return shares[largest], (vectors[:, nonzero] / np.sqrt(values[nonzero])) @ directions[
+        :, largest
+    ]
 
 
 def _masses(meshed: MeshedStructure) -> Array:

@@ -95,8 +95,8 @@ def contact_number(record: Recorded, contact: tuple[str, str] | None) -> int:
     for i, pair in enumerate(ends):
         if isinstance(contact, tuple | list) and [*pair] == [str(end) for end in contact]:
             return i
-    listed = ", ".join(map(str, ends))
-    raise InputError(f"contact must be one of {listed}; got {checks.shown(contact)}.")
+    contact_names = ", ".join(map(str, ends))
+    raise InputError(f"contact must be one of {contact_names}; got {checks.shown(contact)}.")
 
 
 def contact_ends(record: Recorded) -> list[tuple[str, str]]:

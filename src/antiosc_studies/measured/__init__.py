@@ -108,7 +108,7 @@ def from_frf(
         checks.choice("damping", damping, get_args(DampingForm))
     if free is not None:
         checks.flag("free", free)
-    data = _turned(_data(frf.within(band).without_sensor(sensor_mass)))
+    data = _with_equal_directions(_data(frf.within(band).without_sensor(sensor_mass)))
     tail = None if above is None else _modes_above(above, frf, float(data.w[-1]))
     best = fitted(data, free, None if damping is None else damping == "hysteretic", tail)
     _check(data, best, above is not None)
@@ -146,7 +146,7 @@ def _data(frf: FRF) -> Measured:
     )
 
 
-def _turned(data: Measured) -> Measured:
+def _with_equal_directions(data: Measured) -> Measured:
     """The measurement with equal directions of force and motion at driving points.
 
     Power flows into a passive body: the real part of the mobility, -w Im H, is not negative.
@@ -186,12 +186,12 @@ def _check(data: Measured, fit: Fit, known_above: bool) -> None:
         power = _power(data).sum(axis=1)
         mobility = data.w * np.abs(data.H).sum(axis=1)
         peaks, _ = find_peaks(mobility, prominence=SHOWN * mobility.max())
-        turned = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
-        where = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in turned[:MOST_SHOWN])
+        active = [i for i in peaks if power[max(i - BESIDE_PEAK, 0) :][: 2 * BESIDE_PEAK].sum() < 0]
+        frequencies = ", ".join(f"{data.w[i] / (2 * np.pi):.4g}" for i in active[:MOST_SHOWN])
         warn(
             f"at the driving point {percent(outflow)} of the power flows out of the part, which has"
             + " none"
-            + f", as in the modes at {where} Hz" * bool(where)
+            + f", as in the modes at {frequencies} Hz" * bool(frequencies)
             + ": the sensor lies beside the struck point, where modes may have another sign, or its"
             " phase is wrong; measure both at one place."
         )

@@ -71,19 +71,19 @@ class ForceComparison(Completed):
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """Both forces over time, and their difference; with `path` the picture is written."""
         figure, axes = panels(2, 1, size=(7.0, 4.6), shown=path is None, sharex=True)
-        over, below = axes[:, 0]
-        over.plot(1e3 * self.time, self.measured, lw=2.2, color="0.6", label="measured")
-        over.plot(1e3 * self.time, self.computed, lw=1.2, label="computed")
-        over.set_ylabel("contact force (N)")
-        over.set_title(
+        force_axes, error_axes = axes[:, 0]
+        force_axes.plot(1e3 * self.time, self.measured, lw=2.2, color="0.6", label="measured")
+        force_axes.plot(1e3 * self.time, self.computed, lw=1.2, label="computed")
+        force_axes.set_ylabel("contact force (N)")
+        force_axes.set_title(
             f"L2 {100 * self.L2:.2f} %, peak {100 * self.peak:+.2f} %, "
             f"impulse {100 * self.impulse:+.2f} %, scale {self.scale:.4g}",
             fontsize=9,
         )
-        legend(over)
-        below.plot(1e3 * self.time, self.measured - self.computed, lw=1.0, color="C3")
-        below.set_ylabel("difference (N)")
-        below.set_xlabel("time (ms)")
+        legend(force_axes)
+        error_axes.plot(1e3 * self.time, self.measured - self.computed, lw=1.0, color="C3")
+        error_axes.set_ylabel("difference (N)")
+        error_axes.set_xlabel("time (ms)")
         return figure_or_path(figure, path)
 
 
@@ -115,8 +115,8 @@ def compare(
     time = checks.floats("hit.time", hit.time, (None,))
     force = checks.floats("hit.force", hit.force, None)
     if not np.any(force > 0) or not np.any(F > 0):
-        which = "computed" if not np.any(force > 0) else "measured"
-        raise InputError(f"the {which} force is nowhere > 0: there is no impact to compare.")
+        source_text = "computed" if not np.any(force > 0) else "measured"
+        raise InputError(f"the {source_text} force is nowhere > 0: there is no impact to compare.")
     samples = np.linspace(time[0], time[-1], SAMPLES)
     force_at = getattr(hit, "force_at", None)
     values = force_at(samples) if force_at is not None else np.interp(samples, time, force)

@@ -197,14 +197,14 @@ def refined(
     residual = residuals(data, weight, modes) + shift
     top = float(data.w[-1])
 
-    def moved(step: Array) -> tuple[FittedModes, Array]:
+    def trial_step(step: Array) -> tuple[FittedModes, Array]:
         trial = modes.at(modes.values + step)
         return trial, residuals(data, weight, trial) + shift
 
     for _ in range(steps):
         equations = _equations(data, weight, modes, residual)
         limits = _limits(modes, top)
-        better, damping = lowered(*equations, residual, damping, moved, limits)
+        better, damping = lowered(*equations, residual, damping, trial_step, limits)
         if better is None:
             break
         gain = float(residual @ residual - better[1] @ better[1])
@@ -286,11 +286,11 @@ def _bounded(matrix: Array, right: Array, limits: tuple[Array, Array]) -> Array:
     while free.any():
         right_side = right[free] - matrix[np.ix_(free, ~free)] @ x[~free]
         x[free] = np.linalg.solve(matrix[np.ix_(free, free)], right_side)
-        within = np.clip(x, *limits)
-        beyond = x != within
-        x = within
-        free &= ~beyond
-        if not beyond.any():
+        clipped = np.clip(x, *limits)
+        at_limit = x != clipped
+        x = clipped
+        free &= ~at_limit
+        if not at_limit.any():
             break
     return x
 
@@ -355,8 +355,8 @@ def lifted(data: Measured, modes: FittedModes) -> FittedModes:
     rigid = modes.rigid
     in_band = modes.seen
     b = modes.b.copy()
-    least = np.sqrt(LIFTED * modes.tail.b2)
-    b[in_band:] = np.where(np.abs(b[in_band:]) < least, least, b[in_band:])
+    smallest = np.sqrt(LIFTED * modes.tail.b2)
+    b[in_band:] = np.where(np.abs(b[in_band:]) < smallest, smallest, b[in_band:])
     return replace(
         modes,
         b=b,
@@ -382,9 +382,9 @@ def noise(data: Measured, modes: FittedModes) -> Array:
     floor = np.broadcast_to(data.w[:, None] ** (-2.0 * data.power), squares.shape)
     scales = np.array([[np.mean(squares / size) + EXACT], [np.mean(squares / floor)]])
     kinds = scales * np.array([size.ravel(), floor.ravel()])
-    runs = [_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
+    fits = [_variances(squares.ravel(), kinds, start) for start in ((0.9, 0.01), (0.01, 0.9))]
     variance = min(
-        runs, key=lambda variances: float(np.sum(np.log(variances) + squares.ravel() / variances))
+        fits, key=lambda variances: float(np.sum(np.log(variances) + squares.ravel() / variances))
     )
     return np.asarray(np.sqrt(np.maximum(variance.reshape(squares.shape), LEAST_NOISE**2 * size)))
 
@@ -472,22 +472,22 @@ def fitted(
     weight = 1 / (np.abs(data.H) if data.sigma is None else data.sigma)
     modes = _first(data, weight, free, bool(hysteretic), known_tail)
     best_round = (modes, weight, np.zeros(0))
-    least = np.inf
+    lowest = np.inf
     count = AT_ONCE
     for _ in range(ROUNDS):
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
         score = _cost(data, weight, modes) + STANDS**2 * modes.seen
-        if score < least:
+        if score < lowest:
             best_round = (modes, weight, normal)
-            least = score
+            lowest = score
         elif count > 1:  # so many modes at once have led the search astray
             modes, weight, normal = best_round
             count //= 4
-        significant = _standing(modes, covariance(normal))
+        significant = _significant(modes, covariance(normal))
         modes = modes.with_seen(*(values[: modes.seen][significant] for values in _of_modes(modes)))
-        extended = _missing(data, weight, modes, count)
+        extended = _added(data, weight, modes, count)
         if extended is None and significant.all():
             break
         modes = modes if extended is None else extended
@@ -498,15 +498,15 @@ def fitted(
     if free is None:  # rigid-body motion must stand above the misfit
         supported = _finished(data, weight, replace(modes, rigid=None))
         clear = supported.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
-        seen = _off_below(data, best.modes) < SEEN * _off_below(data, supported.modes)
-        if _slight(data, best.modes) or not (clear and seen):
+        has_rigid_motion = _off_below(data, best.modes) < SEEN * _off_below(data, supported.modes)
+        if _slight(data, best.modes) or not (clear and has_rigid_motion):
             best = supported
     bodies = [best.modes, *_other_tails(data, best)]
-    tried = [_finished(data, best.weight, body) for body in _best(data, best, bodies)[:2]]
-    best = min(tried, key=attrgetter("cost"))
+    fits = [_finished(data, best.weight, body) for body in _best(data, best, bodies)[:2]]
+    best = min(fits, key=attrgetter("cost"))
     if hysteretic is None:
-        other = _finished(data, best.weight, replace(best.modes, hysteretic=True))
-        best = min(best, other, key=attrgetter("cost"))
+        hysteretic_fit = _finished(data, best.weight, replace(best.modes, hysteretic=True))
+        best = min(best, hysteretic_fit, key=attrgetter("cost"))
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
 
 
@@ -545,9 +545,9 @@ def _finished(data: Measured, weight: Array, modes: FittedModes) -> Fit:
         modes, _, chi2 = refined(data, weight, lifted(data, modes), LAST_STEPS)
         if data.sigma is not None:
             break
-        before = weight
+        old_weight = weight
         weight = 1 / noise(data, modes)
-        if np.median(weight / before) < SETTLED:
+        if np.median(weight / old_weight) < SETTLED:
             break
     return Fit(modes, weight, chi2, _cost(data, weight, modes))
 
@@ -562,8 +562,10 @@ def _best(data: Measured, fit: Fit, bodies: list[FittedModes]) -> list[FittedMod
     """The most probable bodies in order: those near the best, and at least FEW_BODIES."""
     costs = [_cost(data, fit.weight, body) for body in bodies]
     order = np.argsort(costs)
-    least = min(costs)
-    return [bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < least + PROBABLE]
+    lowest = min(costs)
+    return [
+        bodies[i] for k, i in enumerate(order) if k < FEW_BODIES or costs[i] < lowest + PROBABLE
+    ]
 
 
 # -- the initial body
@@ -579,8 +581,10 @@ def _first(
     real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
     omega = omega[real]
     zeta = zeta[real]
-    beyond = data.w[-1] * np.array([1.2, 1.6, 2.5])
-    D = factors(data.w, np.append(omega, beyond), np.append(zeta, np.full(3, TYPICAL)), hysteretic)
+    high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
+    D = factors(
+        data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TYPICAL)), hysteretic
+    )
     basis: ComplexArray = np.hstack([D, np.ones((len(D), 1)), -1 / data.w[:, None] ** 2])
     basis = basis[:, : -1 if free is False else None]
     residues = np.zeros((len(omega) + 5, data.sites, data.sites))
@@ -592,9 +596,9 @@ def _first(
         residues[: len(solution), m, n] = residues[: len(solution), n, m] = solution
     residues = _completed(residues, data.pairs)
     b = np.array([rank_one(residue) for residue in residues[: len(omega)]]).reshape(-1, data.sites)
-    nothing = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
+    no_tail = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
     rigid = None if free is False else _root(residues[-1])
-    modes = FittedModes(omega, zeta, b, nothing, _root(residues[-2]), rigid, hysteretic)
+    modes = FittedModes(omega, zeta, b, no_tail, _root(residues[-2]), rigid, hysteretic)
     modes = modes.with_seen(*_of_modes(modes))
     return with_tail(modes, known_tail or expected_tail(modes, float(data.w[-1])))
 
@@ -620,8 +624,8 @@ def rank_one(residue: Array) -> Array:
 def _root(matrix: Array) -> Array:
     """A lower triangle L with L L' near the positive semidefinite part of the matrix."""
     values, vectors = np.linalg.eigh(matrix)
-    least = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
-    return np.linalg.cholesky((vectors * np.maximum(values, least)) @ vectors.T)
+    floor = 1e-9 * float(np.abs(values).max()) + np.finfo(float).tiny
+    return np.linalg.cholesky((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
 def _of_modes(modes: FittedModes) -> tuple[Array, Array, Array]:
@@ -632,7 +636,7 @@ def _of_modes(modes: FittedModes) -> tuple[Array, Array, Array]:
 # -- adding and dropping modes
 
 
-def _standing(modes: FittedModes, spreads: Array) -> BoolArray:
+def _significant(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of the modes in the band that move some site significantly."""
     displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
@@ -642,7 +646,7 @@ def _standing(modes: FittedModes, spreads: Array) -> BoolArray:
     return np.asarray(np.any(np.abs(displacement) > STANDS * spread, axis=1))
 
 
-def _missing(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
+def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
     """The body with further modes at peaks of the residual; None if there are none."""
     misfit = weight * (data.H - modes.receptance(data.w, data.pairs))
     J = np.empty((*data.H.shape, sum(modes.sizes)), dtype=complex)
@@ -667,20 +671,20 @@ def _missing(data: Measured, weight: Array, modes: FittedModes, most: int) -> Fi
         compliance[:, m, n] = compliance[:, n, m] = projection / size**2
         if m == n:
             score = np.maximum(score, projection / size)
-    chosen: list[int] = []
+    peak_lines: list[int] = []
     for i in np.argsort(-score):
-        if score[i] < ADDED or len(chosen) == most:
+        if score[i] < ADDED or len(peak_lines) == most:
             break
-        if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in chosen):
-            chosen.append(int(i))
-    if not chosen:
+        if all(abs(omega[i] - omega[k]) > 3 * typical * omega[i] for k in peak_lines):
+            peak_lines.append(int(i))
+    if not peak_lines:
         return None
-    parts = _completed(compliance[chosen], data.pairs)
+    parts = _completed(compliance[peak_lines], data.pairs)
     in_band = modes.seen
     b = np.array([rank_one(part) for part in parts])
     return modes.with_seen(
-        np.append(modes.omega[:in_band], omega[chosen]),
-        np.append(modes.zeta[:in_band], zeta[chosen]),
+        np.append(modes.omega[:in_band], omega[peak_lines]),
+        np.append(modes.zeta[:in_band], zeta[peak_lines]),
         np.vstack((modes.b[:in_band], b)),
     )
 

@@ -185,10 +185,10 @@ class FittedModes:
 
 def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArray:
     """Dynamic factors D (W, J) of modes at circular frequencies (W,)."""
-    at = w[:, None]
+    frequencies = w[:, None]
     # in real numbers and in place: a complex quotient takes twice as long
-    stiff = omega**2 - at**2
-    loss = 2 * zeta * omega * (omega if hysteretic else at)
+    stiff = omega**2 - frequencies**2
+    loss = 2 * zeta * omega * (omega if hysteretic else frequencies)
     size = stiff**2 + loss**2
     np.reciprocal(size, out=size)
     D = np.empty(size.shape, dtype=complex)
@@ -239,9 +239,9 @@ def expected_tail(modes: FittedModes, top: float) -> Tail:
         else top
     )
     rigid = modes.root if modes.rigid is None else modes.rigid
-    least = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
+    smallest_squares = np.sum(rigid**2, axis=1) * (top**2 if modes.rigid is None else 0.5)
     mean = np.sum(modes.b[last] ** 2, axis=0) / max(min(in_band, GOING_ON), 1)
-    b2 = np.maximum(mean, least) + np.finfo(float).tiny
+    b2 = np.maximum(mean, smallest_squares) + np.finfo(float).tiny
     frequencies = [max((float(omega[-1]) if in_band else 0.0) + spacing, (1 + 2 * BEYOND) * top)]
     steps = []
     while frequencies[-1] < TAIL_END * top or len(frequencies) < 3:
@@ -429,8 +429,8 @@ class FRF(ReprMixin):
         if not self.sites:
             return [(0, 0)]
         assert self.references is not None
-        at = [self.sites.index(name) for name in self.references]
-        return [(m, n) for m in range(len(self.sites)) for n in at]
+        reference_sites = [self.sites.index(name) for name in self.references]
+        return [(m, n) for m in range(len(self.sites)) for n in reference_sites]
 
     @property
     def _power(self) -> ComplexArray:
@@ -448,19 +448,19 @@ class FRF(ReprMixin):
                 f"band must be (low, high) in Hz, 0 <= low < high; got {low:g}, {high:g}."
             )
         f = self.frequency
-        inside = (f >= low) & (f <= high)
-        if np.count_nonzero(inside) < FEWEST_LINES:
+        in_band = (f >= low) & (f <= high)
+        if np.count_nonzero(in_band) < FEWEST_LINES:
             raise InputError(
-                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(inside)} of the "
+                f"the band {low:g} to {high:g} Hz holds {np.count_nonzero(in_band)} of the "
                 "lines from"
                 f" {f[0]:g} to {f[-1]:g} Hz; {FEWEST_LINES} or more are needed."
             )
         return replace(
             self,
-            frequency=f[inside],
-            values=self.values[inside],
-            coherence=None if self.coherence is None else self.coherence[inside],
-            sigma=None if self.sigma is None else self.sigma[inside],
+            frequency=f[in_band],
+            values=self.values[in_band],
+            coherence=None if self.coherence is None else self.coherence[in_band],
+            sigma=None if self.sigma is None else self.sigma[in_band],
         )
 
     def without_sensor(self, mass: float | Mapping[str, float]) -> FRF:

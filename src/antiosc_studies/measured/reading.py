@@ -86,7 +86,7 @@ def functions(path: Path) -> list[Function]:
     measured = [
         _function(data_set, scale)
         for data_set in sets
-        if data_set["type"] == 58 and _wanted(data_set)
+        if data_set["type"] == 58 and _is_response(data_set)
     ]
     if not any(not data_set.coherence for data_set in measured):
         raise InputError(
@@ -105,7 +105,7 @@ def _units(data_set: DataSet) -> float:
     return abs(float(force) / float(length))
 
 
-def _wanted(data_set: DataSet) -> bool:
+def _is_response(data_set: DataSet) -> bool:
     """Whether a data set is a frequency response function or a coherence."""
     return data_set.get("func_type") in (RESPONSE, COHERENCE)
 
@@ -174,15 +174,15 @@ def chosen(
     if site is None:
         ends = {"": _driving(measured)}
     elif isinstance(site, str | int) and not isinstance(site, bool):
-        ends = {"": _named(measured, site)}
+        ends = {"": _end_of(measured, site)}
     else:
         message = "a name, a node, or a dict {name: name or node}"
-        named = checks.instance("site", site, Mapping, message).items()
-        if not named:
+        sites_by_name = checks.instance("site", site, Mapping, message).items()
+        if not sites_by_name:
             raise InputError("site names no site.")
         ends = {
-            checks.name("the name of a site", name): _named(measured, function)
-            for name, function in named
+            checks.name("the name of a site", name): _end_of(measured, function)
+            for name, function in sites_by_name
         }
     return _joined(functions, ends, quantity, unit, averages)
 
@@ -205,18 +205,20 @@ def _in_words(end: End) -> str:
     return f"{name or node}{AXES[axis - 1] if 1 <= axis <= 3 and not name else ''}"
 
 
-def _named(measured: list[Function], name: str | int) -> End:
+def _end_of(measured: list[Function], name: str | int) -> End:
     """The end that a name, a node, or "node axis" refers to."""
-    wanted = str(name).strip().lower()
+    wanted_name = str(name).strip().lower()
     ends = {end for function in measured for end in (function.response, function.reference)}
     fits = [
-        end for end in ends if wanted in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
+        end
+        for end in ends
+        if wanted_name in (end[0].lower(), str(end[1]), _in_words(("", *end[1:])))
     ]
     if len(fits) == 1:
         return fits[0]
-    known = ", ".join(sorted(map(_in_words, fits or ends)))
+    end_names = ", ".join(sorted(map(_in_words, fits or ends)))
     reason = "is ambiguous" if fits else "is no site of the file"
-    raise InputError(f"site {checks.shown(name)} {reason}; choose one of {known[:200]}.")
+    raise InputError(f"site {checks.shown(name)} {reason}; choose one of {end_names[:200]}.")
 
 
 def _joined(
@@ -273,12 +275,14 @@ def _joined(
         ]
     )
     coherences = [pairs.get((m, ends[n], True)) for m in places for n in forced]
-    known = [
+    columns_known = [
         function.values.real
         for function in coherences
         if function is not None and len(function.frequency) == len(f)
     ]
-    coherence = np.reshape(known, values.shape) if len(known) == len(coherences) else None
+    coherence = (
+        np.reshape(columns_known, values.shape) if len(columns_known) == len(coherences) else None
+    )
     if list(ends) == [""]:
         coherence = None if coherence is None else coherence[0, 0]
         return FRF(f, values[0, 0], quantity_measured, coherence, averages)
@@ -342,25 +346,25 @@ def read_frf(
     MissingDependencyError
         A universal file without pyuff.
     """
-    where = checks.path("path", path)
+    file = checks.path("path", path)
     if quantity is not None:
         checks.choice("quantity", quantity, get_args(Quantity))
     factor = None if unit is None else checks.positive("unit", unit)
     averages = checks.whole("averages", averages)
-    ending = where.suffix.lower()
+    ending = file.suffix.lower()
     try:
-        check_readable(where, "a measurement")
+        check_readable(file, "a measurement")
         if ending in (".uff", ".unv", ".58"):
-            frfs = functions(where)
+            frfs = functions(file)
             return chosen(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
-        columns = _arrays(where) if ending == ".npz" else _in_si(table(where, DEFAULT), factor)
+        columns = _arrays(file) if ending == ".npz" else _in_si(table(file, DEFAULT), factor)
         return _of_columns(columns, quantity, factor or 1.0, averages)
     except AntioscError as error:
-        if where.name in str(error):
+        if file.name in str(error):
             raise
-        raise type(error)(f"{where.name}: {error}") from error
+        raise type(error)(f"{file.name}: {error}") from error
 
 
 #: A unit in decibels with its reference, "dB re 1 (m/s²)/N".
@@ -413,49 +417,49 @@ def _of_columns(arrays: DataSet, quantity: Quantity | None, factor: float, avera
             f"quantity={quantity!r} is not what the units in the header tell: {arrays['told']}."
         )
     quantity = stated(quantity or stated_quantity)
-    known = set(arrays) - {"told", "degrees"}
+    array_names = set(arrays) - {"told", "degrees"}
     values: ComplexArray
-    if "values" in known:
+    if "values" in array_names:
         values = checks.spectrum("values", arrays["values"]).astype(complex)
-    elif {"real", "imag"} <= known:
+    elif {"real", "imag"} <= array_names:
         real = checks.floats("real", arrays["real"], None)
         values = real + 1j * checks.floats("imag", arrays["imag"], real.shape)
-    elif {"magnitude", "phase"} <= known:
+    elif {"magnitude", "phase"} <= array_names:
         phase = checks.floats("phase", arrays["phase"], None)
         magnitude = checks.floats("magnitude", arrays["magnitude"], phase.shape)
         in_degrees = arrays.get("degrees", np.abs(phase).max(initial=0.0) > 2 * np.pi)
         values = magnitude * np.exp(1j * (np.radians(phase) if in_degrees else phase))
     else:
-        raise _missing("real and imag, or magnitude and phase", known)
-    if "frequency" not in known:
-        raise _missing("frequencies [Hz]", known)
+        raise _missing_columns("real and imag, or magnitude and phase", array_names)
+    if "frequency" not in array_names:
+        raise _missing_columns("frequencies [Hz]", array_names)
     optional: dict[str, Any] = {
         name: checks.floats(name, arrays[name], None)
         for name in ("coherence", "sigma")
-        if name in known
+        if name in array_names
     }
     if "sigma" in optional:
         optional["sigma"] = factor * optional["sigma"]
     return FRF(arrays["frequency"], factor * values, quantity, averages=averages, **optional)
 
 
-def _missing(what: str, known: set[str]) -> InputError:
+def _missing_columns(what: str, known: set[str]) -> InputError:
     """The error of a table that lacks required columns."""
-    begins: dict[str, list[str]] = {}
+    prefixes: dict[str, list[str]] = {}
     for key, name in COLUMNS.items():
-        begins.setdefault(name, []).append(key)
+        prefixes.setdefault(name, []).append(key)
     names = ("frequency", "real", "imag", "magnitude", "phase", "coherence", "sigma")
-    listed = ", ".join(f"{name} ({', '.join(begins[name])}…)" for name in names)
+    column_texts = ", ".join(f"{name} ({', '.join(prefixes[name])}…)" for name in names)
     return InputError(
         f"the table has no column of {what}, only of {', '.join(sorted(known)) or 'nothing'}. Name"
-        f" the columns in the header, by these beginnings: {listed}."
+        f" the columns in the header, by these beginnings: {column_texts}."
     )
 
 
 def _arrays(path: Path) -> DataSet:
     """The arrays of a NumPy file."""
-    what = "a NumPy file of arrays (.npz)"
-    arrays: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, what, "fiucU"))
+    expected = "a NumPy file of arrays (.npz)"
+    arrays: dict[str, Any] = dict(read_arrays(path, LARGEST_READ, expected, "fiucU"))
     if "quantity" in arrays:
         arrays["quantity"] = str(arrays["quantity"])
     return {name: arrays[name] for name in arrays if name not in ("told", "degrees")}

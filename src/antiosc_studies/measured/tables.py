@@ -75,10 +75,10 @@ class Column:
         """The numbers in SI units, frequencies in Hz; InputError for unknown units."""
         if not self.unit:
             return self.values
-        known = UNITS[self.kind]
-        factor = factor_of(self.unit, known)
+        unit_factors = UNITS[self.kind]
+        factor = factor_of(self.unit, unit_factors)
         if factor is None:
-            raise unknown_unit(self, ", ".join(known))
+            raise unknown_unit(self, ", ".join(unit_factors))
         return factor * self.values
 
 
@@ -133,26 +133,26 @@ def columns(path: Path, default: list[str]) -> list[Column]:
     header, values = rows_of(path)
     count = values.shape[1]
     names = [*default, *[""] * count][:count]
-    lines = [[_named(cell) for cell in _joined(line, count)] for line in header[-2:]]
-    named = lines[-1] if lines else []
-    units = [_is_unit(name) for _, name, _ in named]
-    if named and all(units):
-        before = [kind for kind, _, _ in lines[0]]
-        fits = len(before) == len(named) and any(before) and len(lines) == 2
-        kinds = before if fits else names
-        bare = [_bare(name) for _, name, _ in named]
-        named = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
+    lines = [[_header_cell(cell) for cell in _joined(line, count)] for line in header[-2:]]
+    header_cells = lines[-1] if lines else []
+    units = [_is_unit(name) for _, name, _ in header_cells]
+    if header_cells and all(units):
+        kinds_before = [kind for kind, _, _ in lines[0]]
+        fits = len(kinds_before) == len(header_cells) and any(kinds_before) and len(lines) == 2
+        kinds = kinds_before if fits else names
+        bare = [_bare(name) for _, name, _ in header_cells]
+        header_cells = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
         names_columns = True
     else:
-        names_columns = any(kind for kind, _, _ in named) or not (default or any(units))
-    if len(named) != count or not names_columns:
-        if any(unit for _, _, unit in named) or any(units):
+        names_columns = any(kind for kind, _, _ in header_cells) or not (default or any(units))
+    if len(header_cells) != count or not names_columns:
+        if any(unit for _, _, unit in header_cells) or any(units):
             raise InputError(
                 f"the header of {path.name} has units, and does not name the {count} columns:"
                 f" {checks.shown(header[-1])}."
             )
-        named = [(kind, kind, "") for kind in names]
-    return [Column(*heading, values[:, i]) for i, heading in enumerate(named)]
+        header_cells = [(kind, kind, "") for kind in names]
+    return [Column(*heading, values[:, i]) for i, heading in enumerate(header_cells)]
 
 
 def rows_of(path: Path) -> tuple[list[str], Array]:
@@ -226,7 +226,7 @@ def _kind(name: str) -> str:
     return ""
 
 
-def _named(cell: str) -> tuple[str, str, str]:
+def _header_cell(cell: str) -> tuple[str, str, str]:
     """(kind, name, unit) of a header cell."""
     name = cell.strip()[:_LONGEST]
     if factor_of(name, FREQUENCIES) is not None:  # a unit is the name: "Hz", "rpm"
@@ -239,8 +239,8 @@ def _named(cell: str) -> tuple[str, str, str]:
     if not match:
         tail = re.split(r"[\s_/]", name, maxsplit=1)[1:]
         forces = {kind, "force"} if kind == "frequency" else {kind}  # "F/kN"
-        known = (part.strip() for part in tail if any(_is_known(k, part.strip()) for k in forces))
-        unit = next(known, "")
+        texts = (part.strip() for part in tail if any(_is_known(k, part.strip()) for k in forces))
+        unit = next(texts, "")
     if kind == "phase" and not match and not unit:
         angle_unit = re.search("deg|rad|°", name.lower())
         unit = angle_unit[0] if angle_unit else ""

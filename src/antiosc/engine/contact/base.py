@@ -149,8 +149,8 @@ class ContactLaw(ABC):
         Along a step that starts in `state` the work is the difference of two potentials, whether
         or not the step ends on the virgin loading curve.
         """
-        reached = self.advance(delta, 0.0, state)
-        return self.energy(delta, reached) + self.lost(reached)
+        new_state = self.advance(delta, 0.0, state)
+        return self.energy(delta, new_state) + self.lost(new_state)
 
     def implicit(
         self,
@@ -322,20 +322,24 @@ class Compiled(Checked, ContactLaw):
         return {k: v for k, v in self.__dict__.items() if k not in ("kernel", "_at")}
 
     def force(self, delta: float, rate: float, state: State) -> float:
-        out = _ThreeDoubles()
-        library.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
-        return out[0]
+        new_state = _ThreeDoubles()
+        library.library.aom_law_force(
+            self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), new_state
+        )
+        return new_state[0]
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        out = _ThreeDoubles()
-        library.library.aom_law_force(self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), out)
-        return out[1], out[2]
+        new_state = _ThreeDoubles()
+        library.library.aom_law_force(
+            self._at, delta, rate, _ThreeDoubles(*(state or ())[:3]), new_state
+        )
+        return new_state[1], new_state[2]
 
     def energy(self, delta: float, state: State) -> float:
-        out = c_double()
-        at = byref(c_double(delta)), _ThreeDoubles(*state[:3]), byref(out)
-        library.library.aom_law_energies(self._at, 1, *at)
-        return out.value
+        energy = c_double()
+        pointers = byref(c_double(delta)), _ThreeDoubles(*state[:3]), byref(energy)
+        library.library.aom_law_energies(self._at, 1, *pointers)
+        return energy.value
 
     def potential(self, delta: float, state: State) -> float:
         if self.has_memory:
@@ -344,28 +348,28 @@ class Compiled(Checked, ContactLaw):
 
     def energies(self, delta: Array, state: State) -> Array:
         depth = np.ascontiguousarray(delta, dtype=float)
-        out = np.empty(len(delta))
+        energies = np.empty(len(delta))
         library.library.aom_law_energies(
             self._at,
             depth.size,
             library.address(depth),
             _ThreeDoubles(*state[:3]),
-            library.address(out),
+            library.address(energies),
         )
-        return out
+        return energies
 
     def forces_at_rest(self, delta: Array, state: State) -> Array:
         """Forces (n,) [N] at constant indentations (n,) [m]."""
         depth = np.ascontiguousarray(delta, dtype=float)
-        out = np.empty(len(delta))
+        forces = np.empty(len(delta))
         library.library.aom_law_forces(
             self._at,
             depth.size,
             library.address(depth),
             _ThreeDoubles(*state[:3]),
-            library.address(out),
+            library.address(forces),
         )
-        return out
+        return forces
 
     def loading_work(self, delta: float) -> float:
         """Work [J] of loading a new contact up to delta."""

@@ -104,14 +104,14 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     InputError
         Two rigid surfaces; surfaces that fit into each other; flat ones of unknown size.
     """
-    matters = one.matter, other.matter
-    elastic = sorted((m for m in matters if not m.rigid), key=lambda m: m.E)
+    materials = one.matter, other.matter
+    elastic = sorted((m for m in materials if not m.rigid), key=lambda m: m.E)
     if not elastic:
         raise InputError(
             "two rigid surfaces have no law of contact: give one of them a material, or the law."
         )
-    first, *rest = elastic
-    second = rest[0] if rest else RIGID
+    first, *other_elastic = elastic
+    second = other_elastic[0] if other_elastic else RIGID
     modulus = _modulus(first.E, first.nu, second.E, second.nu)
     A, B = relative_of_curvatures(one.curvatures, other.curvatures, _angle(one, other))
     doubt = _doubt(one, other)
@@ -126,8 +126,8 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if A <= NO_CURVATURE * B:
         return _line(one, other, modulus, B)
     shape = "" if A == B else ", elliptic"
-    soft = min(matters, key=_strength)
-    laminate = next((m for m in matters if m.critical is not None), None)
+    soft = min(materials, key=_strength)
+    laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:
         stiffness = hertz_stiffness(modulus, A, B)
         return Choice(YangSun(stiffness, laminate.critical), f"a laminate{shape}", None, LAMINATE)
@@ -141,7 +141,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
         hertz = Hertz(hertz_stiffness(modulus, A, B))
         return Choice(hertz, f"elastic{shape}", None, doubt, curvature=2 * B)
     circle = equivalent_circle(modulus, A, B)
-    share, shares = _elastic_share(soft, matters[soft is matters[0]], modulus)
+    share, shares = _elastic_share(soft, materials[soft is materials[0]], modulus)
     law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
     return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error, 2 * B)
 

@@ -67,8 +67,10 @@ class Curvature(ReprMixin):
 
     def against(self, other: Curvature) -> Curvature:
         """Curvature of the gap between two surfaces in contact: the sum of both."""
-        both = [(c.directions.T * c.values) @ c.directions for c in (self, other)]
-        values, vectors = np.linalg.eigh(self.directions @ (both[0] + both[1]) @ self.directions.T)
+        tensors = [(c.directions.T * c.values) @ c.directions for c in (self, other)]
+        values, vectors = np.linalg.eigh(
+            self.directions @ (tensors[0] + tensors[1]) @ self.directions.T
+        )
         values[np.abs(values) < ROUNDED * np.abs(values).max()] = 0.0
         return replace(
             self,

@@ -684,8 +684,8 @@ def _unloading(unloading: tuple[ArrayLike, ArrayLike], x: Array, F: Array) -> tu
             f" {checks.shown(unloading)}."
         )
     xu, Fu = _branch("unloading", *unloading)
-    meets = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
-    if Fu[0] != 0 or xu[0] < 0 or not meets:
+    ends_match = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
+    if Fu[0] != 0 or xu[0] < 0 or not ends_match:
         raise InputError(
             f"the unloading curve must run from zero force at an indentation >= 0 to the"
             f" end of the loading curve ({x[-1]:g} m, {F[-1]:g} N); it runs from"
@@ -700,12 +700,12 @@ def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     ys = checks.floats(f"{name} force", y, xs.shape)
     if xs.size < 2:
         raise InputError(f"the {name} curve needs at least 2 points; got {xs.size}.")
-    for what, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):
+    for axis, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):
         falls = np.flatnonzero(np.diff(values) < checks.SMALLEST)
         if falls.size:
             i = int(falls[0])
             raise InputError(
-                f"the {what} of the {name} curve must increase strictly; entries {i} and {i + 1}"
+                f"the {axis} of the {name} curve must increase strictly; entries {i} and {i + 1}"
                 f" are {values[i]:g} and {values[i + 1]:g} {unit}. Sort, smooth or thin the data."
             )
     return xs, ys

@@ -56,7 +56,7 @@ def line_law(modulus: float, radius: float, length: float) -> Tabulated:
 
 def line_curve(modulus: float, radius: float, length: float) -> tuple[Array, Array]:
     """Indentations [m] and forces [N] of a line contact, (POINTS + 1,) each; see `line_law`."""
-    most = pi * modulus * length * (NARROW * min(length, radius)) ** 2 / (4 * radius)
-    force = most * np.geomspace(FIRST, 1.0, POINTS)
+    largest_force = pi * modulus * length * (NARROW * min(length, radius)) ** 2 / (4 * radius)
+    force = largest_force * np.geomspace(FIRST, 1.0, POINTS)
     depth = line_indentation(force, modulus, radius, length)
     return np.append(0.0, depth), np.append(0.0, force)

@@ -35,8 +35,8 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     depth = _depth(law, "force", peak)
     work = law.loading_work(depth)
     rate = mean_strain_rate(law, depth, contact_time)
-    others = other_strengths(law, soft, peak, rate)
-    peaks = [_force(other, _depth(other, "work", work)) for other in others]
+    other_laws = other_strengths(law, soft, peak, rate)
+    peaks = [_force(other_law, _depth(other_law, "work", work)) for other_law in other_laws]
     by_strength = max((abs(changed / peak - 1) for changed in peaks), default=0.0)
     by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
     return elastic + by_error + by_strength
@@ -49,11 +49,11 @@ def other_strengths(
 
     A law is omitted if it equals `law`, or if the contact yields neither by it nor by `law`.
     """
-    changed = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
+    changed_laws = [replace(law, yield_strength=strength) for strength in soft.strengths_at(rate)]
     return [
-        other
-        for other in changed
-        if other != law and peak > min(law.yield_force, other.yield_force)
+        other_law
+        for other_law in changed_laws
+        if other_law != law and peak > min(law.yield_force, other_law.yield_force)
     ]
 
 
@@ -98,10 +98,10 @@ def _depth(law: ElasticPlastic, quantity: str, value: float) -> float:
     """The indentation [m] at which the force [N] or the work [J] of loading has this value."""
     from scipy.optimize import brentq
 
-    def beyond(depth: float) -> float:
+    def excess(depth: float) -> float:
         return (_force(law, depth) if quantity == "force" else law.loading_work(depth)) - value
 
     high = law.yield_indentation
-    while beyond(high) < 0:
+    while excess(high) < 0:
         high *= 4
-    return float(brentq(beyond, 0.0, high, xtol=1e-9 * high))
+    return float(brentq(excess, 0.0, high, xtol=1e-9 * high))

@@ -101,10 +101,10 @@ class Surface:
 
     def as_dict(self) -> dict[str, Any]:
         """The surface as JSON values."""
-        matter = asdict(self.matter)
+        material_dict = asdict(self.matter)
         fields_of_surface = asdict(self)
         fields_of_surface["matter"] = {
-            key: value for key, value in matter.items() if value is not None
+            key: value for key, value in material_dict.items() if value is not None
         }
         return {key: value for key, value in fields_of_surface.items() if value is not None}
 
@@ -113,8 +113,8 @@ class Surface:
         """The surface that `as_dict` wrote; InputError for another table."""
         try:
             values = {key: _tuple(value) for key, value in table.items()}
-            matter = {key: _tuple(value) for key, value in table["matter"].items()}
-            surface = cls(**values | {"matter": Matter(**matter)})
+            material_values = {key: _tuple(value) for key, value in table["matter"].items()}
+            surface = cls(**values | {"matter": Matter(**material_values)})
             checks.floats("curvatures", surface.curvatures, (2,))
             checks.nonnegative("error", surface.error)
             if not surface.largest_ball > 0:
@@ -146,11 +146,11 @@ def matter_of(
     elif isinstance(material, Matter):
         matter = material
     elif isinstance(material, str):
-        matter = _named(material)
+        matter = _material_by_name(material)
     else:
         matter = _of_object(material)
     constants = {"E": E, "nu": nu}
-    changed: dict[str, Any] = {
+    overrides: dict[str, Any] = {
         key: value
         for key, value in constants.items()
         if value is not None and value != getattr(matter, key)
@@ -158,10 +158,10 @@ def matter_of(
     if yield_strength is not None:
         strength = checks.positive("yield_strength", yield_strength, "Pa")
         if strength != matter.yield_strength:
-            changed |= {"yield_strength": strength, "yield_range": None, "brittle": False}
-            changed["rate"] = matter.rate and matter.rate[:2]
-    if changed:
-        return replace(matter, **changed)
+            overrides |= {"yield_strength": strength, "yield_range": None, "brittle": False}
+            overrides["rate"] = matter.rate and matter.rate[:2]
+    if overrides:
+        return replace(matter, **overrides)
     return matter
 
 
@@ -176,7 +176,7 @@ def density_of(material: object) -> float:
 
 
 @lru_cache(maxsize=64)
-def _named(name: str) -> Matter:
+def _material_by_name(name: str) -> Matter:
     return _of_object(materials.record(name))
 
 

@@ -184,8 +184,8 @@ def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
         solved, pivots, redundant = _blocks(system, remaining)
         T = _substituted(T, solved, pivots)
         dependent.append(pivots)
-    for which, pivots in reversed(rounds):
-        T = _substituted(T, _for_pivots(system.C[which], pivots), pivots)
+    for solved_rows, pivots in reversed(rounds):
+        T = _substituted(T, _for_pivots(system.C[solved_rows], pivots), pivots)
         dependent.append(pivots)
     return T, np.concatenate(dependent), redundant
 
@@ -222,9 +222,9 @@ def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
     pivots."""
     row = row_numbers(C)
     is_pivot = C.indices == pivots[row]
-    at = np.zeros(C.shape[0])
-    at[row[is_pivot]] = C.data[is_pivot]
-    data = np.where(is_pivot, 0.0, -C.data / at[row])
+    pivot_values = np.zeros(C.shape[0])
+    pivot_values[row[is_pivot]] = C.data[is_pivot]
+    data = np.where(is_pivot, 0.0, -C.data / pivot_values[row])
     solved = scipy.sparse.csr_matrix((data, C.indices, C.indptr), shape=C.shape)
     solved.eliminate_zeros()
     return solved
@@ -233,13 +233,13 @@ def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
 def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
     """T with the dofs `pivots` replaced by the functionals `solved` of other dofs."""
     new_rows = (solved @ T).tocoo()
-    keep = np.ones(T.shape[0])
-    keep[pivots] = 0.0
-    kept_rows = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
-    placed = scipy.sparse.csr_matrix(
+    kept_dofs = np.ones(T.shape[0])
+    kept_dofs[pivots] = 0.0
+    kept_rows = scipy.sparse.diags(kept_dofs) @ T @ scipy.sparse.diags(kept_dofs)
+    selection = scipy.sparse.csr_matrix(
         (new_rows.data, (pivots[new_rows.row], new_rows.col)), shape=T.shape
     )
-    result = (kept_rows + placed).tocsr()
+    result = (kept_rows + selection).tocsr()
     result.eliminate_zeros()
     return result
 
@@ -255,15 +255,15 @@ def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, lis
     parts, pivots = [], []
     by_joint: dict[int, tuple[set[int], int]] = {}
     for k in range(count):
-        solved, chosen, follows = _block(system, remaining[order[ends[k] : ends[k + 1]]])
+        solved, pivot_dofs, redundant_rows = _block(system, remaining[order[ends[k] : ends[k + 1]]])
         parts.append(solved)
-        pivots.append(chosen)
-        for joint, others in follows:
+        pivots.append(pivot_dofs)
+        for joint, spanning in redundant_rows:
             before, times = by_joint.get(joint, (set(), 0))
-            by_joint[joint] = before | others, times + 1
+            by_joint[joint] = before | spanning, times + 1
     redundant = []
-    for joint, (others, times) in sorted(by_joint.items()):
-        names = [system.labels[k] for k in sorted(others) if system.labels[k]]
+    for joint, (spanning, times) in sorted(by_joint.items()):
+        names = [system.labels[k] for k in sorted(spanning) if system.labels[k]]
         if system.labels[joint]:
             redundant.append((system.labels[joint], names, times))
     return scipy.sparse.vstack(parts).tocsr(), np.concatenate(pivots), redundant
@@ -285,9 +285,9 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
     A = C[:, columns].toarray() * scale
     size = np.linalg.norm(A, axis=1, keepdims=True)
     A /= size
-    keep, follows = _independent(A, system.owner[rows])
-    Q, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
-    rank = len(keep)
+    independent_rows, dependent_rows = _independent(A, system.owner[rows])
+    Q, R, order = scipy.linalg.qr(A[independent_rows], mode="economic", pivoting=True)
+    rank = len(independent_rows)
     solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
     solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
     largest = np.abs(solved).max(initial=0.0)
@@ -298,16 +298,16 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             "apart, or remove one of them."
         )
     pivots = order[:rank]
-    others = order[rank:]
-    prescribed = Q.T @ (C[:, prescribed_columns].toarray() / size)[keep]
+    dependent = order[rank:]
+    prescribed = Q.T @ (C[:, prescribed_columns].toarray() / size)[independent_rows]
     solved = np.hstack(
-        [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
+        [solved / scale[dependent], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
     )
     values = solved * scale[pivots][:, None]
-    used = np.append(columns[others], prescribed_columns)
-    where = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
-    result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
-    return result, columns[pivots], follows
+    used = np.append(columns[dependent], prescribed_columns)
+    indices = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
+    result = scipy.sparse.csr_matrix((values.ravel(), indices), shape=(rank, C.shape[1]))
+    return result, columns[pivots], dependent_rows
 
 
 def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
@@ -317,10 +317,10 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
     R = scipy.linalg.qr(A.T, mode="r")[0]
     space = np.zeros((R.shape[0], len(A)), order="F")
     upper = np.zeros((min(R.shape), min(R.shape)))  # the rows kept = space · upper
-    keep: list[int] = []
-    follows = []
+    independent_rows: list[int] = []
+    dependent_rows = []
     for k, column in enumerate(R.T):
-        count = len(keep)
+        count = len(independent_rows)
         basis = space[:, :count]
         share = basis.T @ column
         remainder = column - basis @ share
@@ -331,12 +331,12 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
         if remainder_size > DEPENDENT:
             space[:, count] = remainder / remainder_size
             upper[: count + 1, count] = np.append(share, remainder_size)
-            keep.append(k)
+            independent_rows.append(k)
             continue
         weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
-        used = owner[np.array(keep)[np.abs(weights) > DEPENDENT]]
-        follows.append((int(owner[k]), {int(joint) for joint in used}))
-    return np.array(keep, dtype=int), follows
+        used = owner[np.array(independent_rows)[np.abs(weights) > DEPENDENT]]
+        dependent_rows.append((int(owner[k]), {int(joint) for joint in used}))
+    return np.array(independent_rows, dtype=int), dependent_rows
 
 
 def _check(system: _System, T: Sparse) -> None:
@@ -439,11 +439,11 @@ def assemble_checked(
 ) -> Structure:
     """`assemble` for checked joints; `apart` permits parts without a joint, if supports hold each
     part."""
-    started = clock()
+    start_time = clock()
     solver = checked_choice(solver)
-    checked = checked_parts(parts)
-    comm = communicator(checked)
-    members = on_every_rank(checked, comm)
+    members_by_name = checked_parts(parts)
+    comm = communicator(members_by_name)
+    members = on_every_rank(members_by_name, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
     constraints_on_root: list[Constraints] = []  # what rank 0 does not send to others
 
@@ -456,7 +456,7 @@ def assemble_checked(
 
     joined_parts = on_root(comm, work)
     layout.points = joined_parts.points
-    local = Shares(comm, layout, block_of(layout), checked)
+    local = Shares(comm, layout, block_of(layout), members_by_name)
     dependent = joined_parts.eliminated.dependent
     K, M = reduced(local, joined_parts.eliminated, joined_parts.added)
     modes, shift = modes_of(layout, local, K, M, joined_parts.eliminated, *joined_parts.motions)
@@ -479,7 +479,7 @@ def assemble_checked(
     )
     if prestress is not None:
         matrices = with_prestress(matrices, prestress, joints)
-    self._hold(matrices, started)
+    self._hold(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self
 
@@ -556,9 +556,9 @@ def _fixed(layout: Layout) -> BoolArray:
 def _warn_of_redundant(redundant: Sequence[Redundant]) -> None:
     """Warn of constraints that follow from those of other joints."""
     for label in dict.fromkeys(label for label, _, _ in redundant):
-        follows = [(others, times) for name, others, times in redundant if name == label]
-        count = sum(times for _, times in follows)
-        leading = list(dict.fromkeys(n for names, _ in follows for n in names if n != label))
+        redundant_rows = [(spanning, times) for name, spanning, times in redundant if name == label]
+        count = sum(times for _, times in redundant_rows)
+        leading = list(dict.fromkeys(n for names, _ in redundant_rows for n in names if n != label))
         if leading:
             warn(
                 f"{count} constraint{'s' if count > 1 else ''} of {label} follow"
@@ -586,8 +586,8 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         body_k = bodies[k]
         if body_k.name in layout.points:
             raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")
-        several = sum(other.name == body_k.name for other in bodies) > 1
-        which = f"a piece at {point_text(body_k.centre)} of the part" if several else "the part"
+        several = sum(body.name == body_k.name for body in bodies) > 1
+        body_text = f"a piece at {point_text(body_k.centre)} of the part" if several else "the part"
         raise InputError(
-            f"{which} {body_k.name!r} is joined to nothing else: add a joint, or leave it out."
+            f"{body_text} {body_k.name!r} is joined to nothing else: add a joint, or leave it out."
         )

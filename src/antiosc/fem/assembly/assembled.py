@@ -135,18 +135,18 @@ def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
         columns.append(np.tile(count + np.arange(motions.shape[1]), len(motions)))
         values.append(motions.ravel())
         count += motions.shape[1]
-    where = np.concatenate(rows), np.concatenate(columns)
-    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=(size, count))
+    indices = np.concatenate(rows), np.concatenate(columns)
+    return scipy.sparse.csr_matrix((np.concatenate(values), indices), shape=(size, count))
 
 
 def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
     """The constraints scaled to unit size, followed by one row for each fixed dof."""
     size = np.asarray(abs(constraints) @ scale).ravel()
-    keep = size > 0
+    nonzero = size > 0
     units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
     units = scipy.sparse.diags(1 / scale[fixed]) @ units
     return scipy.sparse.vstack(
-        [scipy.sparse.diags(1 / size[keep]) @ constraints[keep], units]
+        [scipy.sparse.diags(1 / size[nonzero]) @ constraints[nonzero], units]
     ).tocsr()
 
 
@@ -219,9 +219,9 @@ def modes_of(
     if not modes.shape[1]:
         return modes, 0.0
     u = eliminated.T @ local.whole(modes)
-    least = AT_REST * np.abs(u).max()
+    threshold = AT_REST * np.abs(u).max()
     force = max(
-        _force_ratio(local.of[m.name], u, u[m.rows], least) for m in layout.members.values()
+        _force_ratio(local.of[m.name], u, u[m.rows], threshold) for m in layout.members.values()
     )
     if force > MECHANISM_FORCE:
         raise AccuracyError(
@@ -312,13 +312,15 @@ class Added:
 
     def dissipation(self, *, on_u: bool = False) -> list[Dissipation]:
         """Dashpots and Maxwell branches on q, or on u before the parts are joined."""
-        both = [(stiffness, stiffness.G if on_u else G) for stiffness, G in self._elastic]
-        named = [
+        terms = [(stiffness, stiffness.G if on_u else G) for stiffness, G in self._elastic]
+        spring_terms = [
             (stiffness, partial(Dissipation, G, name=stiffness.name, point=stiffness.point))
-            for stiffness, G in both
+            for stiffness, G in terms
         ]
-        found = [term(stiffness.c) for stiffness, term in named if stiffness.c is not None]
-        return found + [term(k, t) for stiffness, term in named for k, t in stiffness.branches]
+        found = [term(stiffness.c) for stiffness, term in spring_terms if stiffness.c is not None]
+        return found + [
+            term(k, t) for stiffness, term in spring_terms for k, t in stiffness.branches
+        ]
 
     def springs(self) -> list[Dissipation]:
         """The springs as `Dissipation` terms on u, whose c is the stiffness."""
@@ -399,8 +401,8 @@ class AssembledMatrices(StructureMatrices):
         box = sorted((self.layout.high - self.layout.low).tolist(), reverse=True)
         # sheets in one plane and beams on one line have a box without a thickness
         members = [member.part.dimensions for member in self.layout.members.values()]
-        least = np.min(members or [(0.0, 0.0, 0.0)], axis=0)
-        length, width, depth = np.maximum(box, least).tolist()
+        smallest = np.min(members or [(0.0, 0.0, 0.0)], axis=0)
+        length, width, depth = np.maximum(box, smallest).tolist()
         return length, width, depth
 
     def constants(self) -> tuple[float, float, float]:
@@ -416,8 +418,8 @@ class AssembledMatrices(StructureMatrices):
             of_parts = np.zeros(self.layout.count)
             load = self.added.inertial_loads(moving[:, None])[0][:, 0]
             for member in self.layout.members.values():
-                along = member.at.rotation.T @ direction
-                of_parts[member.rows] = member.part.uniform_inertia(along)
+                local_direction = member.at.rotation.T @ direction
+                of_parts[member.rows] = member.part.uniform_inertia(local_direction)
             return np.asarray(self.T.T @ of_parts + load)
 
         return self.local.own(on_root(self.comm, work))
@@ -428,10 +430,10 @@ class AssembledMatrices(StructureMatrices):
             return None
         point = self.layout.middle
         motions = self.places.rigid_motions(point)
-        added, S = self.added.inertial_loads(motions)
+        attached_loads, S = self.added.inertial_loads(motions)
         loads = self.local.of_parts(MeshedStructure.inertial_loads, motions)
         S += self.comm.allreduce(motions.T @ loads)
-        loads = self.local.summed(np.asarray(self.T.T @ loads)) + self.local.own(added)
+        loads = self.local.summed(np.asarray(self.T.T @ loads)) + self.local.own(attached_loads)
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
@@ -462,7 +464,7 @@ class AssembledMatrices(StructureMatrices):
     def _layers(self) -> list[Dissipation]:
         """Relaxing layers of all parts, and the damping of superelements, as terms on q."""
         terms = []
-        made = dict[tuple[str, int], PETSc.Mat]()
+        stiffness_by_group = dict[tuple[str, int], PETSc.Mat]()
         for part in self.layout.condensed.values():
             if part.part.C is not None:
                 T = self.T[part.rows]
@@ -474,16 +476,16 @@ class AssembledMatrices(StructureMatrices):
                 if term.matrix is None:
                     continue
                 key = name, id(term.matrix)
-                if key not in made:
-                    made[key] = self._on_q({name: term.matrix})
+                if key not in stiffness_by_group:
+                    stiffness_by_group[key] = self._on_q({name: term.matrix})
                 owner = (name, term.owner[1]) if term.owner else None
-                terms.append(replace(term, matrix=made[key], owner=owner))
+                terms.append(replace(term, matrix=stiffness_by_group[key], owner=owner))
         return terms
 
     def _on_q(self, matrices: Mapping[str, PETSc.Mat]) -> PETSc.Mat:
         """Tᵀ A T of the assembly for the matrices A of some parts."""
-        nothing = Sparse((self.layout.count,) * 2)
-        K = _projected(self.local, self.eliminated, self.local.rows_of(matrices), nothing)
+        zero_matrix = Sparse((self.layout.count,) * 2)
+        K = _projected(self.local, self.eliminated, self.local.rows_of(matrices), zero_matrix)
         return self.local.matrix("K", K)
 
     @property
@@ -563,8 +565,8 @@ def block_of(layout: Layout) -> int:
     blocks = {m.block for m in layout.members.values()}
     if len(blocks) > 1:
         return 1
-    others = layout.points or layout.condensed
-    return int(np.gcd(blocks.pop(), POINT_DOFS if others else 0))
+    has_points = layout.points or layout.condensed
+    return int(np.gcd(blocks.pop(), POINT_DOFS if has_points else 0))
 
 
 def reduced(local: Shares, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
@@ -591,14 +593,14 @@ def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) 
     them whole.
     """
     unchanged = _unchanged(eliminated.T)
-    which = np.flatnonzero(~unchanged)
-    changed = np.flatnonzero(~unchanged[local.rows])
-    forces = local.added((K[changed].T @ eliminated.T[local.rows][changed]).tocsr())  # K symmetric
+    dofs = np.flatnonzero(~unchanged)
+    rows = np.flatnonzero(~unchanged[local.rows])
+    forces = local.added((K[rows].T @ eliminated.T[local.rows][rows]).tocsr())  # K symmetric
     across = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
-    inside = (eliminated.T[which].T @ forces[which]).tocsr()
-    small = (across + across.T + (inside + inside.T) / 2 + added).tocsr()
+    projected = (eliminated.T[dofs].T @ forces[dofs]).tocsr()
+    small = (across + across.T + (projected + projected.T) / 2 + added).tocsr()
     small.sum_duplicates()
-    for row in changed:
+    for row in rows:
         K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
     K.data[~unchanged[K.indices]] = 0.0
     result = (K + local.own(small)).tocsr()

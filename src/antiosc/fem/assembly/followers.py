@@ -69,8 +69,8 @@ class Rigid(Joint):
         leader = motion(layout, self.point)
         columns = np.unique(leader.six.indices)
         block = (columns - member.first) // member.block
-        inside = (columns >= member.rows.start) & (columns < member.rows.stop)
-        nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
+        in_member = (columns >= member.rows.start) & (columns < member.rows.stop)
+        nodes = nodes[~np.isin(nodes, block[in_member])]  # the point itself may be in the group
         if not leader.turns(layout.rotations):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} does not rotate, so that nothing can "
@@ -120,8 +120,8 @@ class Mean(Joint):
                 "whose mean it should follow; take a group without it."
             )
         leader_motion = leader.at(follower.point)
-        both = leader.space[3:, 3:] @ follower.space[3:, 3:]
-        directions = scipy.linalg.block_diag(np.eye(3), _rows_of(both))
+        common_rotations = leader.space[3:, 3:] @ follower.space[3:, 3:]
+        directions = scipy.linalg.block_diag(np.eye(3), _rows_of(common_rotations))
         rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - leader_motion.six)).tocsr()
         rows.eliminate_zeros()
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
@@ -151,9 +151,9 @@ def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Ro
 
 def _rows_of(projection: Array) -> Array:
     """Orthonormal rows (k, 3) that span the image of a projection."""
-    present = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
-    if len(present) == round(float(np.trace(projection))):
-        return np.eye(3)[present]
+    spanned = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
+    if len(spanned) == round(float(np.trace(projection))):
+        return np.eye(3)[spanned]
     values, vectors = np.linalg.eigh(projection)
     return np.asarray(vectors[:, values > 0.5].T)
 

@@ -99,14 +99,14 @@ class EndMotion:
         empty = np.diff(self.components(names).indptr) == 0
         return [
             name
-            for name, none in zip(names, empty, strict=True)
-            if none or (name in DISPLACEMENTS and not self.has(UNIT[name]))
+            for name, is_empty in zip(names, empty, strict=True)
+            if is_empty or (name in DISPLACEMENTS and not self.has(UNIT[name]))
         ]
 
     def turns(self, all_of: Array) -> bool:
         """Whether the end has every rotation in the image of the projection `all_of` (3, 3)."""
-        missing = all_of - all_of @ self.space[3:, 3:] @ all_of
-        return bool(np.abs(missing).max() <= MISSING_SHARE)
+        missing_rotations = all_of - all_of @ self.space[3:, 3:] @ all_of
+        return bool(np.abs(missing_rotations).max() <= MISSING_SHARE)
 
     def at(self, point: Array) -> EndMotion:
         """The motion of a point that is rigidly connected to this end."""
@@ -185,9 +185,9 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
 
     `allow_partial`: accept ends without some displacements, such as sites of superelements.
     """
-    known = motion_without_mesh(layout, end, allow_partial)
-    if known is not None:
-        return known
+    end_motion = motion_without_mesh(layout, end, allow_partial)
+    if end_motion is not None:
+        return end_motion
     if not isinstance(end, str):
         return _of_point(layout, *end)
     if ":" not in end:
@@ -250,8 +250,8 @@ def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bo
     moves, turns = (
         R @ interface_of_end.space[span, span] @ R.T for span in (slice(3), slice(3, 6))
     )
-    needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not allow_partial and np.abs(needed - needed @ moves @ needed).max() > MISSING_SHARE:
+    required = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
+    if not allow_partial and np.abs(required - required @ moves @ required).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
@@ -283,8 +283,8 @@ def _of_point(
         )
     if radius is not None:
         return mean(layout, member, _around(member, end, place, radius)).at(place)
-    at = member, nearest.cell, nearest.X
-    six = stacked(*(layout.at_points(*at, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
+    location = member, nearest.cell, nearest.X
+    six = stacked(*(layout.at_points(*location, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
     return EndMotion(six, _space(layout, member), place)
 
 
@@ -294,14 +294,14 @@ def _around(member: Member, end: End, place: Array, radius: float) -> WeightedPo
     centre = member.at.own(place[None])[0]
     close = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
     points = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
-    inside = np.flatnonzero(np.linalg.norm(points.x - centre, axis=1) <= radius)
-    if len(inside) < CUT_POINTS:
+    in_radius = np.flatnonzero(np.linalg.norm(points.x - centre, axis=1) <= radius)
+    if len(in_radius) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
             f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
             "the radius."
         )
-    selected = WeightedPoints(*(getattr(points, f.name)[inside] for f in fields(WeightedPoints)))
+    selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))
     return replace(selected, x=member.at.placed(selected.x))
 
 
@@ -506,19 +506,19 @@ def support_rows(layout: Layout, support: Support) -> Sparse:
         point = motion(layout, support.where, allow_partial=True)
         if support.fix == "all":
             return point.six[np.flatnonzero(np.diff(point.six.indptr))]
-        missing = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
-        if missing:
+        absent = [name for name in names if name in DISPLACEMENTS and not point.has(UNIT[name])]
+        if absent:
             raise InputError(
-                f"the support {support.label} fixes {', '.join(missing)}, which this site does "
+                f"the support {support.label} fixes {', '.join(absent)}, which this site does "
                 "not have."
             )
         return point.components(names)
     rows_of_support = []
     for member, nodes in _nodes(layout, support):
         for kind in (DISPLACEMENTS, ROTATIONS):
-            wanted = [kind.index(name) for name in names if name in kind]
+            axes = [kind.index(name) for name in names if name in kind]
             motions = layout.at_nodes(member, nodes, kind)
-            rows = (3 * np.arange(len(nodes))[:, None] + wanted).ravel().astype(int)
+            rows = (3 * np.arange(len(nodes))[:, None] + axes).ravel().astype(int)
             rows_of_support.append(motions[rows])
     result = scipy.sparse.vstack([layout.nothing(0), *rows_of_support]).tocsr()
     if not result.nnz:
@@ -548,9 +548,9 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
     names = list(values)
     diagonal = np.diag(list(values.values()))
     zero = np.zeros_like(diagonal)
-    other = None
+    other_point = None
     if isinstance(attached, Damper) and attached.to is not None:
-        other = _places(layout, attached.to)[0]
+        other_point = _places(layout, attached.to)[0]
     terms = []
     for end in _places(layout, attached.where):
         lack = end.lacking(names)
@@ -561,10 +561,10 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
                 " on a reference point)."
             )
         G = end.components(names)
-        if other is not None:
-            if isinstance(attached, Damper) and np.allclose(other.point, end.point):
+        if other_point is not None:
+            if isinstance(attached, Damper) and np.allclose(other_point.point, end.point):
                 raise InputError(damper_to_itself(attached))
-            G = G - other.components(names)
+            G = G - other_point.components(names)
         if isinstance(attached, PointMass):
             terms.append(Stiffness(G, zero, diagonal, attached.mass))
         elif isinstance(attached, Spring):

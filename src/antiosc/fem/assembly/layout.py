@@ -85,9 +85,9 @@ class Layout:
                 raise InputError(
                     f"points[{name!r}] lies {x[2]:g} m out of the plane in which the parts move."
                 )
-        placed = [m.vertices for m in self.members.values()]
-        placed += [c.points for c in self.condensed.values()]
-        x = np.vstack([*placed, *self.points.values()])
+        all_points = [m.vertices for m in self.members.values()]
+        all_points += [c.points for c in self.condensed.values()]
+        x = np.vstack([*all_points, *self.points.values()])
         self.low = x.min(axis=0)
         self.high = x.max(axis=0)
 
@@ -200,8 +200,8 @@ class Layout:
         total = self.nothing(3 * count)
         if entries:
             rows = (3 * np.arange(count)[:, None] + np.arange(3))[:, None]
-            where = [np.broadcast_arrays(rows, dofs[..., None]) for dofs, _ in entries]
-            row, column = (np.concatenate([w[k].ravel() for w in where]) for k in (0, 1))
+            indices = [np.broadcast_arrays(rows, dofs[..., None]) for dofs, _ in entries]
+            row, column = (np.concatenate([w[k].ravel() for w in indices]) for k in (0, 1))
             value = np.concatenate([values.ravel() for _, values in entries])
             total = self.matrix(row, column, value, 3 * count)
             total.eliminate_zeros()
@@ -217,8 +217,8 @@ class Layout:
         """
         for axis, name in enumerate(names):
             if name in member.part.form.components:
-                along = member.at.rotation[:, axis]
-                yield name, sum(along[c] * motions[c::3] for c in range(3) if along[c])
+                local_axis = member.at.rotation[:, axis]
+                yield name, sum(local_axis[c] * motions[c::3] for c in range(3) if local_axis[c])
 
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
         """Dofs in u of one component (in the axes of the part) of nodes."""
@@ -248,8 +248,8 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
                 f"the part {name!r} moves in space and the others in their plane: an assembly has "
                 "parts of one sort."
             )
-    both: dict[str, Member | Condensed] = {**members, **condensed}
-    for name, m in both.items():
+    all_members: dict[str, Member | Condensed] = {**members, **condensed}
+    for name, m in all_members.items():
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
@@ -291,8 +291,8 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     in_sparse_row = np.zeros(on_free.shape[1], dtype=bool)
     in_sparse_row[on_free[count <= DENSE_ROW].indices] = True
     pattern = abs(on_free[dense])
-    shared = pattern @ pattern.T
-    _, label = scipy.sparse.csgraph.connected_components(shared, directed=False)
+    coupling = pattern @ pattern.T
+    _, label = scipy.sparse.csgraph.connected_components(coupling, directed=False)
     entries: list[tuple[IntArray, IntArray, Array]] = []
     changed = np.zeros(on_free.shape[1], dtype=bool)
     for k in np.unique(label):
@@ -310,8 +310,8 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     unchanged = np.flatnonzero(~changed)
     row, column, value = (np.concatenate(arrays) for arrays in zip(*entries, strict=True))
     value = np.concatenate([value, np.ones(len(unchanged))])
-    where = np.concatenate([row, unchanged]), np.concatenate([column, unchanged])
-    return scipy.sparse.csr_matrix((value, where), shape=(on_free.shape[1],) * 2)
+    indices = np.concatenate([row, unchanged]), np.concatenate([column, unchanged])
+    return scipy.sparse.csr_matrix((value, indices), shape=(on_free.shape[1],) * 2)
 
 
 def rounded(matrix: Sparse) -> Sparse:
@@ -329,8 +329,8 @@ def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, Int
     (k, c)."""
     A = A / np.linalg.norm(A, axis=1, keepdims=True)
     blocks: list[tuple[IntArray, Array]] = []
-    every, last, _ = _split_by_halves(A, positions, np.arange(len(columns)), blocks)
-    blocks.append((every, last))
+    last_basis, last, _ = _split_by_halves(A, positions, np.arange(len(columns)), blocks)
+    blocks.append((last_basis, last))
     rows = []
     cols = []
     values = []

@@ -47,11 +47,11 @@ class Facets(Entities):
         if not part.kind.outside or self.dim != part.mesh.tdim - 1:
             return None
         nodes = compat.geometry_nodes(part.mesh.dolfinx)[self.cells]
-        away = self.centres - self.member.vertices[nodes].mean(axis=1)
+        from_interior = self.centres - self.member.vertices[nodes].mean(axis=1)
         n = self.normals  # of edges the tangents
-        along = np.einsum("fc,fc->f", away, n)[:, None] * n
-        across = along if self.dim == 2 else away - along
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+        normal_part = np.einsum("fc,fc->f", from_interior, n)[:, None] * n
+        directions = normal_part if self.dim == 2 else from_interior - normal_part
+        return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
     @property
     def is_edge_of_sheet(self) -> bool:
@@ -75,10 +75,10 @@ class Facets(Entities):
             xi = ((np.arange(pieces)[:, None] + np.ravel(xi)) / pieces).reshape(-1, 1)
             w = np.tile(w, pieces) / pieces
         face = np.repeat(np.arange(len(self)), len(w))
-        at = np.tile(np.asarray(xi).reshape(len(w), self.dim), (len(self), 1))
-        _, J = self.at(face, at)
+        xi_of_faces = np.tile(np.asarray(xi).reshape(len(w), self.dim), (len(self), 1))
+        _, J = self.at(face, xi_of_faces)
         size = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
-        return face, at, size * np.tile(w, len(self))
+        return face, xi_of_faces, size * np.tile(w, len(self))
 
     @cached_property
     def measure(self) -> float:
@@ -157,14 +157,14 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:
         pair, points, weight = _of_faces(first, second, first_faces, second_faces, degree)
-        along = first.normals[first_faces[pair]]
+        normals = first.normals[first_faces[pair]]
     else:
         pair, points, weight = _of_edges(first, second, first_faces, second_faces, degree)
-        along = None
+        normals = None
     face = first_faces[pair], second_faces[pair]
     sides = [
-        _coordinates(side, on, points, along)
-        for side, on in zip((first, second), face, strict=True)
+        _coordinates(side, faces_of_side, points, normals)
+        for side, faces_of_side in zip((first, second), face, strict=True)
     ]
     (xi_1, x_1, in_1), (xi_2, x_2, in_2) = sides
     common = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
@@ -191,12 +191,12 @@ def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array
     x = faces.at(item, xi)[0]
     order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
     face = np.zeros(len(points), dtype=int)
-    at = np.zeros((len(points), faces.dim))
+    xi_start = np.zeros((len(points), faces.dim))
     nearest = np.full((len(points), 3), np.inf)
     face[point[order]] = item[order]  # the nearest is written last
-    at[point[order]] = xi[order]
+    xi_start[point[order]] = xi[order]
     nearest[point[order]] = x[order]
-    return face, at, nearest
+    return face, xi_start, nearest
 
 
 def _coordinates(
@@ -210,9 +210,9 @@ def _coordinates(
         affine=side.affine,
         along=along,
     )
-    inside = excess(xi, side.simplex) <= OUTSIDE
+    in_face = excess(xi, side.simplex) <= OUTSIDE
     xi = np.where(excess(xi, side.simplex)[:, None] > 1e-9, clamped(xi, side.simplex), xi)
-    return xi, side.at(face, xi)[0], inside
+    return xi, side.at(face, xi)[0], in_face
 
 
 def _of_edges(
@@ -233,8 +233,8 @@ def _of_edges(
     t = (t + 1) / 2
     w = w / 2
     size = (high - low)[common]
-    at = low[common, None] + size[:, None] * t
-    points = start[common, None] + at[..., None] * axis[common, None]
+    positions = low[common, None] + size[:, None] * t
+    points = start[common, None] + positions[..., None] * axis[common, None]
     weight = size[:, None] * w
     return np.repeat(common, len(w)), points.reshape(-1, 3), weight.ravel()
 
@@ -247,14 +247,14 @@ def _of_faces(
     The polygons lie in the planes of the faces of `first`.
     """
     normal = first.normals[first_faces]
-    least = np.argmin(np.abs(normal), axis=1)
-    e1 = np.cross(normal, np.eye(3)[least])
+    smallest_axis = np.argmin(np.abs(normal), axis=1)
+    e1 = np.cross(normal, np.eye(3)[smallest_axis])
     e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
     axes = np.stack([e1, np.cross(normal, e1)], axis=1)
     centre = first.centres[first_faces]
     flat = [
-        np.einsum("nad,nvd->nva", axes, side.corners[on] - centre[:, None])
-        for side, on in ((first, first_faces), (second, second_faces))
+        np.einsum("nad,nvd->nva", axes, side.corners[faces_of_side] - centre[:, None])
+        for side, faces_of_side in ((first, first_faces), (second, second_faces))
     ]
     polygon, count = clipped(_counterclockwise(flat[1]), _counterclockwise(flat[0]))
     area = _area(flat[0])
@@ -291,29 +291,29 @@ def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
     Sutherland and Hodgman, *Comm. ACM* 17 (1974).
     """
     n, v, _ = polygons.shape
-    most = v + windows.shape[1]
-    vertices = np.zeros((n, most, 2))
+    max_corners = v + windows.shape[1]
+    vertices = np.zeros((n, max_corners, 2))
     vertices[:, :v] = polygons
     count = np.full(n, v)
     for k in range(windows.shape[1]):
         start = windows[:, k]
         end = windows[:, (k + 1) % windows.shape[1]]
-        index = np.arange(most)
+        index = np.arange(max_corners)
         real = index < count[:, None]
-        before = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
-        other = np.take_along_axis(vertices, before[..., None], axis=1)
+        previous_vertex = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
+        previous_points = np.take_along_axis(vertices, previous_vertex[..., None], axis=1)
         edge = (end - start)[:, None]
         side = _cross(edge, vertices - start[:, None])
-        other_side = _cross(edge, other - start[:, None])
+        other_side = _cross(edge, previous_points - start[:, None])
         crossing = real & ((side >= 0) != (other_side >= 0))
         step = other_side - side
         share = np.divide(other_side, step, out=np.zeros_like(step), where=step != 0)
-        cut = other + share[..., None] * (vertices - other)
-        both = np.stack([cut, vertices], axis=2).reshape(n, 2 * most, 2)
-        keep = np.stack([crossing, real & (side >= 0)], axis=2).reshape(n, 2 * most)
-        order = np.argsort(~keep, axis=1, kind="stable")[:, :most]
-        vertices = np.take_along_axis(both, order[..., None], axis=1)
-        count = np.minimum(keep.sum(axis=1), most)
+        cut = previous_points + share[..., None] * (vertices - previous_points)
+        candidates = np.stack([cut, vertices], axis=2).reshape(n, 2 * max_corners, 2)
+        is_vertex = np.stack([crossing, real & (side >= 0)], axis=2).reshape(n, 2 * max_corners)
+        order = np.argsort(~is_vertex, axis=1, kind="stable")[:, :max_corners]
+        vertices = np.take_along_axis(candidates, order[..., None], axis=1)
+        count = np.minimum(is_vertex.sum(axis=1), max_corners)
     return vertices, count
 
 

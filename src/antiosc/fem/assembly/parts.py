@@ -132,32 +132,32 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     slide = model.slide
     if slide is not None:
         slide = slide[:, slide.any(axis=0)]
-    both = reduced_matrices(model.k0, model.m_st, P, model.omega, slide, None, 0, None)
+    reduced = reduced_matrices(model.k0, model.m_st, P, model.omega, slide, None, 0, None)
     count = len(model.k0)
-    size = len(both.K)
+    size = len(reduced.K)
     columns = len(model.direction)
-    follows = np.eye(columns) if model.dependence is None else np.asarray(model.dependence)
-    where = np.zeros((columns, 3))
+    dependence = np.eye(columns) if model.dependence is None else np.asarray(model.dependence)
+    site_points = np.zeros((columns, 3))
     for site, columns_of_site in model.columns.items():
-        where[list(columns_of_site)] = points[site]
+        site_points[list(columns_of_site)] = points[site]
     # the columns that are dofs: those that equal one of them
-    leads = [int(np.flatnonzero((follows == unit).all(axis=1))[0]) for unit in np.eye(count)]
+    units = [int(np.flatnonzero((dependence == unit).all(axis=1))[0]) for unit in np.eye(count)]
     kind = np.full(size, AMPLITUDE)
     positions = np.zeros((size, 3))
     axes = np.zeros((size, 3))
-    kind[:count], positions[:count], axes[:count] = MOVE, where[leads], model.direction[leads]
-    positions[count:] = where.mean(axis=0)
+    kind[:count], positions[:count], axes[:count] = MOVE, site_points[units], model.direction[units]
+    positions[count:] = site_points.mean(axis=0)
     ends = {}
     for k, (site, site_columns) in enumerate(model.columns.items()):
-        along = model.direction[list(site_columns)]
+        d = model.direction[list(site_columns)]
         six = np.zeros((6, size))
         space = np.zeros((6, 6))
-        six[:3, :count], space[:3, :3] = along.T @ follows[list(site_columns)], along.T @ along
+        six[:3, :count], space[:3, :3] = d.T @ dependence[list(site_columns)], d.T @ d
         patch = model.radius[k], float(model.local_compliance[k])
         ends[site] = Interface(np.array(points[site]), six, space, *patch)
-    none = np.zeros(size, dtype=bool), np.zeros((size, 0))
+    no_supports = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
-    superelement = Superelement(both.K, both.M, places, ends, *none)
+    superelement = Superelement(reduced.K, reduced.M, places, ends, *no_supports)
     return _padded(
         _without_rigid_strain(name, superelement, "patches on curved faces turn otherwise")
     )
@@ -245,26 +245,26 @@ def _without_rigid_strain(name: str, superelement: Superelement, why: str) -> Su
 def _padded(superelement: Superelement) -> Superelement:
     """The superelement with fixed dofs appended, so that its size is a multiple of the dofs of a
     node."""
-    added = -superelement.size % NODE_DOFS
+    padding = -superelement.size % NODE_DOFS
     places = superelement.places
-    right = ((0, 0), (0, added))
-    below = ((0, added), (0, 0))
+    right = ((0, 0), (0, padding))
+    pad_widths = ((0, padding), (0, 0))
     ends = {
         name: replace(end, six=np.pad(end.six, right)) for name, end in superelement.ends.items()
     }
     return Superelement(
-        np.pad(superelement.K, (0, added)),
-        np.pad(superelement.M, (0, added)),
+        np.pad(superelement.K, (0, padding)),
+        np.pad(superelement.M, (0, padding)),
         DofPlaces(
             places.nodes,
-            np.pad(places.node, (0, added), mode="edge"),
-            np.pad(places.axes, below),
-            np.pad(places.kind, (0, added), constant_values=AMPLITUDE),
+            np.pad(places.node, (0, padding), mode="edge"),
+            np.pad(places.axes, pad_widths),
+            np.pad(places.kind, (0, padding), constant_values=AMPLITUDE),
         ),
         ends,
-        np.pad(superelement.fixed, (0, added), constant_values=True),
-        np.pad(superelement.rigid, below),
-        None if superelement.C is None else np.pad(superelement.C, (0, added)),
+        np.pad(superelement.fixed, (0, padding), constant_values=True),
+        np.pad(superelement.rigid, pad_widths),
+        None if superelement.C is None else np.pad(superelement.C, (0, padding)),
     )
 
 
@@ -273,8 +273,8 @@ def interface(superelement: Condensed, end: Interface, count: int) -> scipy.spar
     rotated = scipy.sparse.coo_matrix(
         np.vstack([superelement.at.rotation @ end.six[:3], superelement.at.rotation @ end.six[3:]])
     )
-    where = rotated.row, rotated.col + superelement.first
-    return scipy.sparse.csr_matrix((rotated.data, where), shape=(6, count))
+    indices = rotated.row, rotated.col + superelement.first
+    return scipy.sparse.csr_matrix((rotated.data, indices), shape=(6, count))
 
 
 def checked_parts(parts: object) -> dict[str, MeshedStructure | Superelement]:
@@ -330,11 +330,11 @@ def checked_places(members: Mapping[str, object], at: object) -> dict[str, Place
 
 def checked_points(members: Mapping[str, object], points: object) -> dict[str, Array]:
     """The coordinates (3,) [m] of each reference point by name, checked."""
-    named = {} if points is None else points
-    if not isinstance(named, Mapping):
+    point_by_name = {} if points is None else points
+    if not isinstance(point_by_name, Mapping):
         raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
     result = {}
-    for name, x in named.items():
+    for name, x in point_by_name.items():
         _check_name("point", name)
         if name in members:
             raise InputError(f"{name!r} names both a part and a reference point.")
@@ -350,8 +350,8 @@ def whole(mesh: Mesh) -> Mesh:
     """
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices, dtype=np.int64)
     of_ranks = mesh.comm.allgather((numbers, mesh.dolfinx.geometry.x[:, : mesh.gdim]))
-    most = max((int(of_rank.max()) for of_rank, _ in of_ranks if len(of_rank)), default=-1)
-    points = np.zeros((most + 1, mesh.gdim))  # zero for numbers that no cell uses
+    last = max((int(of_rank.max()) for of_rank, _ in of_ranks if len(of_rank)), default=-1)
+    points = np.zeros((last + 1, mesh.gdim))  # zero for numbers that no cell uses
     for of_rank, x in of_ranks:
         points[of_rank] = x
     count = compat.cell_map(mesh.dolfinx).size_local
@@ -388,15 +388,15 @@ def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Com
     Parts that every rank has for itself fit any.
     """
     meshed = {n: part.comm for n, part in parts.items() if isinstance(part, MeshedStructure)}
-    shared = {name: comm for name, comm in meshed.items() if comm.size > 1}
-    for name, comm in shared.items():
-        first, other = next(iter(shared.items()))
-        if not alike(comm, other):
+    shared_comms = {name: comm for name, comm in meshed.items() if comm.size > 1}
+    for name, comm in shared_comms.items():
+        first, first_comm = next(iter(shared_comms.items()))
+        if not alike(comm, first_comm):
             raise InputError(
                 f"the parts {first!r} and {name!r} are shared by different MPI ranks: read their "
                 "meshes with the same comm."
             )
-    return next(iter({**shared, **meshed}.values()))
+    return next(iter({**shared_comms, **meshed}.values()))
 
 
 def on_every_rank(
@@ -406,8 +406,8 @@ def on_every_rank(
     if comm.size == 1:
         return dict(parts)
     copies: dict[int, MeshedStructure] = {}  # one Structure may have several names
-    shared = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
-    meshes = {id(part): (part, whole(part.mesh)) for part in {id(p): p for p in shared}.values()}
+    spread = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
+    meshes = {id(part): (part, whole(part.mesh)) for part in {id(p): p for p in spread}.values()}
 
     def work() -> None:
         for key, (part, mesh) in meshes.items():

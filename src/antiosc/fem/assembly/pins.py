@@ -113,8 +113,8 @@ class _Axis(_Pin):
         exclude.
         """
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
-        across = self._turns_about_axis
-        if layout.plane and abs(rotated - across) > COINCIDENT:
+        free_rotation = self._turns_about_axis
+        if layout.plane and abs(rotated - free_rotation) > COINCIDENT:
             raise InputError(
                 f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
@@ -165,10 +165,10 @@ def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Arra
     if length <= COINCIDENT * layout.size:
         return replace(end_motion, point=x)
     unit = arm / length
-    across = np.eye(3) - np.outer(unit, unit)
+    projection = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
-        across = layout.rotations
-    if not end_motion.turns(across):
+        projection = layout.rotations
+    if not end_motion.turns(projection):
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
             "carry it there: points of solids do not rotate; give a group of faces, or a point "
@@ -179,9 +179,9 @@ def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Arra
 
 def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
     """Difference b − a along directions (k, 6), without coefficients that are rounding errors."""
-    along = scipy.sparse.csr_matrix(directions)
-    components = (along @ (b - a)).tocsr()
-    distinct = abs(components) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
+    projections = scipy.sparse.csr_matrix(directions)
+    components = (projections @ (b - a)).tocsr()
+    distinct = abs(components) > COINCIDENT * (abs(projections) @ (abs(a) + abs(b)))
     return components.multiply(distinct).tocsr()
 
 
@@ -334,22 +334,22 @@ class Bushing(Between):
             length = float(np.linalg.norm(line))
             if length <= COINCIDENT * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
-            along = np.append(line / length, np.zeros(3))
-            _check_has(label, "axial", along, (self.a, a), (self.b, b))
+            axial = np.append(line / length, np.zeros(3))
+            _check_has(label, "axial", axial, (self.a, a), (self.b, b))
             functionals.append(
                 scipy.sparse.csr_matrix(line / length) @ (b.displacements - a.displacements)
             )
-        others = [name for name in names if name != "axial"]
-        if others:
+        names_of = [name for name in names if name != "axial"]
+        if names_of:
             x = a.point if self.point is None else in_space(self.point)
             motions = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
-            for name in others:
+            for name in names_of:
                 _check_has(label, name, UNIT[name], (self.a, motions[0]), (self.b, motions[1]))
-            functionals.append(motions[1].components(others) - motions[0].components(others))
+            functionals.append(motions[1].components(names_of) - motions[0].components(names_of))
         G = scipy.sparse.vstack(functionals).tocsr()
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
-        order = (["axial"] if "axial" in names else []) + others
+        order = (["axial"] if "axial" in names else []) + names_of
         k, c, *branch_matrices = (
             np.diag([values.get(name, 0.0) for name in order]) for values in constants
         )

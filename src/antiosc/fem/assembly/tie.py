@@ -83,15 +83,15 @@ class Tie(Between):
         unavailable = held.fixed.copy()
         for rows in held.rows:
             unavailable[rows.pivot[rows.pivot >= 0]] = True
-        leads = _leader(sides, common)
+        leader_side = _leader(sides, common)
         movable = [_movable(layout, side, common, k, unavailable) for k, side in enumerate(sides)]
         if not any(movable):
             unavailable = held.fixed  # both follow other joints: what is said twice is found later
-        elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
-            leads = 1 - leads
-        follower = sides[1 - leads]
-        leader = sides[leads]
-        if leads == 0:
+        elif not movable[1 - leader_side] and sides[0].dim == sides[1].dim:
+            leader_side = 1 - leader_side
+        follower = sides[1 - leader_side]
+        leader = sides[leader_side]
+        if leader_side == 0:
             common = common.exchanged()
         return _projection(layout, follower, leader, common, unavailable, label)
 
@@ -184,8 +184,8 @@ def _projection(
     weight = scipy.sparse.diags(common.weight)
     D = (phi.T @ weight @ phi).tocsr()
     full = _whole(follower, nodes)
-    follows = D.diagonal() > COVERED * full
-    if not follows.any():
+    is_covered = D.diagonal() > COVERED * full
+    if not is_covered.any():
         raise InputError(
             f"{label}: too little of the surfaces lies on each other for a single node to follow "
             f"({common.weight.sum():.3g} m² in common); give groups that cover each other."
@@ -197,7 +197,7 @@ def _projection(
         displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
         leader_motions: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
         rotations = [layout.dofs(follower.member, nodes, name) for name in ROTATIONS]
-        free = follows & ~tied_dofs[rotations].any(axis=0)
+        free = is_covered & ~tied_dofs[rotations].any(axis=0)
         if free.any():
             rotation_functionals = projection.of(free, rotated)
             middle = projection.load[free] @ normals
@@ -205,11 +205,11 @@ def _projection(
                 rotation_rows(layout, follower, nodes[free], middle, rotation_functionals, label)
             )
     else:
-        leader_motions = _led(layout, follower, leader, common)
+        leader_motions = _leader_motions(layout, follower, leader, common)
     for names, motion in leader_motions:
         for name, functional in layout.of_components(follower.member, names, motion):
             dofs = layout.dofs(follower.member, nodes, name)
-            free = follows & ~tied_dofs[dofs]
+            free = is_covered & ~tied_dofs[dofs]
             if free.any():
                 projected = projection.component(free, functional, layout, dofs)
                 row = layout.units(dofs[free]) - projected
@@ -236,9 +236,9 @@ class _Projection:
         """
         spread, inverse = self._inverted(free)
         right = spread @ self.load @ motion
-        others = (spread @ self.D).tocsc()[:, ~free]
-        if others.nnz:
-            right = right - others @ layout.units(dofs[~free])
+        fixed_columns = (spread @ self.D).tocsc()[:, ~free]
+        if fixed_columns.nnz:
+            right = right - fixed_columns @ layout.units(dofs[~free])
         return _dense_product(inverse, right.tocsr())
 
     def of(self, free: BoolArray, motion: Sparse) -> Sparse:
@@ -262,7 +262,7 @@ class _Projection:
         return spread.tocsr(), np.linalg.inv(tested.toarray())
 
 
-def _led(
+def _leader_motions(
     layout: Layout, follower: Facets, leader: Facets, common: Overlap
 ) -> list[tuple[tuple[str, ...], Sparse]]:
     """[(components, functionals of the leader's motion)] at the quadrature points of the
@@ -332,11 +332,11 @@ def led_by_solid(
     x = points[:, None] + height[..., None] * normals[:, None]
     distances = np.linalg.norm(common.x[0] - common.x[1], axis=1)
     reach = float(distances.max() + OFF * thickness.max())
-    on, xi, y = closest(face, x.reshape(-1, 3), reach)
+    face_of_point, xi, y = closest(face, x.reshape(-1, 3), reach)
     offset = np.where(np.isfinite(y), y, 0.0).reshape(x.shape) - x
-    along = np.abs(np.einsum("qld,qd->ql", offset, normals))
+    heights = np.abs(np.einsum("qld,qd->ql", offset, normals))
     on_face = np.isfinite(y[:, 0]).reshape(count, LAYERS)
-    weight = w / 2 * (on_face & (along <= OFF * thickness[:, None]))
+    weight = w / 2 * (on_face & (heights <= OFF * thickness[:, None]))
     total = weight.sum(axis=1)
     middle = (weight * height).sum(axis=1) / np.where(total > 0, total, 1.0)
     second = (weight * (height - middle[:, None]) ** 2).sum(axis=1)
@@ -350,7 +350,7 @@ def led_by_solid(
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
     displacement = layout.at_points(
-        face.member, face.cells[on], face.reference(on, xi), DISPLACEMENTS
+        face.member, face.cells[face_of_point], face.reference(face_of_point, xi), DISPLACEMENTS
     )
     u0 = _combined(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
     rotated = _combined(slope, skew(normals)) @ displacement
@@ -402,8 +402,8 @@ def rotation_rows(
     rows, pivots = [], []
     for i, normal in enumerate(normals):
         unit = normal / np.linalg.norm(normal)
-        least = np.eye(3)[np.argmin(np.abs(unit))]
-        first = np.cross(unit, least)
+        helper_axis = np.eye(3)[np.argmin(np.abs(unit))]
+        first = np.cross(unit, helper_axis)
         E = np.vstack([first / np.linalg.norm(first), np.cross(unit, first)])
         axes = E @ member.at.rotation  # on the components of the part
         drilling = int(np.argmax(np.abs(unit @ member.at.rotation)))

@@ -332,8 +332,8 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers listed from the bottom to the top; z = 0 is in the middle of the
     stack.
     """
-    listed = isinstance(layers, Sequence) and len(layers) > 0
-    if not listed or not all(isinstance(ply, Layer) for ply in layers):
+    is_list = isinstance(layers, Sequence) and len(layers) > 0
+    if not is_list or not all(isinstance(ply, Layer) for ply in layers):
         raise InputError(
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
             f"top; got {shown(layers)}."
@@ -397,12 +397,12 @@ def _equilibrium(z: Array, Q: Array, A: Array, B: Array, D: Array) -> Callable[[
     coupling = -np.linalg.solve(A, B)
     d = np.linalg.inv(D + B @ coupling)
     b = coupling @ d
-    below = [np.zeros((3, 3))]  # −∫ Q̄ (b + z d) dz up to the layer
+    sums = [np.zeros((3, 3))]  # −∫ Q̄ (b + z d) dz up to the layer
     for q, low, high in zip(Q, z[:-1], z[1:], strict=True):
-        below.append(below[-1] - q @ (b * (high - low) + d * (high**2 - low**2) / 2))
+        sums.append(sums[-1] - q @ (b * (high - low) + d * (high**2 - low**2) / 2))
 
     def at(k: int, height: float) -> Array:
-        F = below[k] - Q[k] @ (b * (height - z[k]) + d * (height**2 - z[k] ** 2) / 2)
+        F = sums[k] - Q[k] @ (b * (height - z[k]) + d * (height**2 - z[k] ** 2) / 2)
         # slopes M1,1 = Q1 and M2,2 = Q2 alone
         return np.array([[F[0, 0], F[2, 1]], [F[2, 0], F[1, 1]]])
 

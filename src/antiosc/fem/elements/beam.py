@@ -213,7 +213,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     rhoIy = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side))
     rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
 
-    def along(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
+    def second_order(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
     u, turn = parts_of(w)
@@ -222,9 +222,9 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = (
         rhoA * ufl.dot(centroid, centroid_v)
-        + along(t, rhoIp, turn, turn_v)
-        + along(y, rhoIy, turn, turn_v)
-        + along(z, rhoIz, turn, turn_v)
+        + second_order(t, rhoIp, turn, turn_v)
+        + second_order(y, rhoIy, turn, turn_v)
+        + second_order(z, rhoIz, turn, turn_v)
     )
     return WeakForm(
         space=space,

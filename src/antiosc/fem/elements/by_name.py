@@ -67,9 +67,9 @@ def material(
     }
     if loss is True:
         constants_given["loss"] = record.loss
-    changed = {key: value for key, value in constants_given.items() if value is not None}
+    overrides = {key: value for key, value in constants_given.items() if value is not None}
     if record.G is not None:
-        if changed or thickness is not None or section is not None:
+        if overrides or thickness is not None or section is not None:
             raise InputError(
                 f"{record.name} has directions: give its constants to "
                 "AnisotropicSolid.orthotropic, "
@@ -87,9 +87,9 @@ def material(
         "name": record.name,
         "source": record.source,
     }
-    if "yield_strength" in changed:
+    if "yield_strength" in overrides:
         constants |= {"yield_range": None, "brittle": False}
-    constants |= changed
+    constants |= overrides
     if thickness is not None:
         return Shell(**constants, thickness=thickness)
     if section is None:

@@ -66,12 +66,12 @@ class CellByCell(ABC):
         cells = np.arange(compat.cell_map(mesh.dolfinx).size_local)
         nodes = compat.cell_dofs(form.space, (0,), cells) // 3
         # first the cells that meet ghosts: what the others give is computed while these travel
-        meets = (nodes >= self.rows // 3).any(axis=1)
-        self._take(nodes, np.argsort(~meets, kind="stable"))
-        count, shared = (-(-int(n) // self.lanes) for n in (len(cells), meets.sum()))
-        middle = (shared + count) // 2
+        has_ghosts = (nodes >= self.rows // 3).any(axis=1)
+        self._take(nodes, np.argsort(~has_ghosts, kind="stable"))
+        count, ghost_groups = (-(-int(n) // self.lanes) for n in (len(cells), has_ghosts.sum()))
+        middle = (ghost_groups + count) // 2
         #: groups of cells: half of those of this rank alone, those that meet ghosts, the other half
-        self._groups = [(shared, middle), (0, shared), (middle, count)]
+        self._groups = [(ghost_groups, middle), (0, ghost_groups), (middle, count)]
 
     @abstractmethod
     def _take(self, nodes: IntArray, order: IntArray) -> None:

@@ -24,9 +24,9 @@ def cell_by_cell(
 ) -> CellByCell | None:
     """The cells of a large quadratic solid in space, for products; None for other parts."""
     imap = form.space.dofmap.index_map
-    many = imap.size_global * form.space.dofmap.index_map_bs >= FEWEST_DOFS
+    is_large = imap.size_global * form.space.dofmap.index_map_bs >= FEWEST_DOFS
     solid = parts[0][0].kind.name == "solid" and mesh.gdim == 3
-    if not (many and solid) or form.degree != 2 or form.strains is not None:
+    if not (is_large and solid) or form.degree != 2 or form.strains is not None:
         return None
     if mesh.cell == "hexahedron":
         return CompiledCells(mesh, form, parts, conditions)

@@ -158,10 +158,10 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     def eta(a: Expr, b: Expr) -> Expr:
         u, turn = slopes(a)
         v, twist = slopes(b)
-        along = ufl.dot(u, v)
+        squared_slope = ufl.dot(u, v)
         if z is None:
-            return along
-        return along + radius2 * ufl.dot(turn, t) * ufl.dot(twist, t)
+            return squared_slope
+        return squared_slope + radius2 * ufl.dot(turn, t) * ufl.dot(twist, t)
 
     return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 

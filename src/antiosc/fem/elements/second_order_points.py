@@ -115,8 +115,8 @@ class PartPoints:
         a.
         """
         result = np.zeros_like(slopes)
-        ways = slopes.shape[1]
-        tension = (stress @ self._both()).reshape(-1, ways, ways)
+        direction_count = slopes.shape[1]
+        tension = (stress @ self._both()).reshape(-1, direction_count, direction_count)
         result[:, :, : self.moved] = tension @ slopes[:, :, : self.moved]
         return result
 
@@ -124,8 +124,8 @@ class PartPoints:
         """The symmetrized V as a matrix (s, d d): η of two motions from the products of their
         derivatives.
         """
-        both = (self.square + self.square.transpose(0, 2, 1)) / 2
-        return np.asarray(both.reshape(len(both), -1))
+        symmetric = (self.square + self.square.transpose(0, 2, 1)) / 2
+        return np.asarray(symmetric.reshape(len(symmetric), -1))
 
     def _every(self) -> Array:
         """T (n, s, d, b) at every point, broadcast if all points share it."""
@@ -160,13 +160,13 @@ def _points(
     """The Gauss points; `ways` is the UFL vector of `count` directional derivatives of a scalar."""
     mesh = part.mesh
     space = part.form.space
-    at = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
+    gauss_points = compat.GaussPoints(mesh.dolfinx, DEGREES.get(mesh.cell, OTHERS))
     return PartPoints(
-        gradient=at.derivatives(ways, count, space),
-        weight=at.weight,
-        strain=strain(at),
+        gradient=gauss_points.derivatives(ways, count, space),
+        weight=gauss_points.weight,
+        strain=strain(gauss_points),
         square=square,
-        stiffness=stiffness(at),
+        stiffness=stiffness(gauss_points),
         components=int(space.dofmap.index_map_bs),
         moved=displacement_count,
         held=part.fixed,
@@ -203,10 +203,10 @@ def _of_sheets(part: MeshedStructure) -> PartPoints:
         coupling = matrix(at, section.coupling)
         return stretch + np.einsum("nst,ntdb->nsdb", coupling, bend)
 
-    def ways(u: Expr) -> Expr:
+    def grad(u: Expr) -> Expr:
         return ufl.dot(frame.along, ufl.grad(u))
 
-    return _points(part, ways, 2, strain, square, lambda at: matrix(at, section.A), 3)
+    return _points(part, grad, 2, strain, square, lambda at: matrix(at, section.A), 3)
 
 
 def _of_solids(part: MeshedStructure) -> PartPoints:
@@ -260,10 +260,10 @@ def _of_beams(part: MeshedStructure) -> PartPoints:
         EA = coefficient(part.mesh, part.parts, lambda beam: beam.E * beam.section.A)
         return at.values(ufl.as_vector([EA]), 1)[:, :, None]
 
-    def ways(u: Expr) -> Expr:
+    def grad(u: Expr) -> Expr:
         return ufl.as_vector([ufl.dot(ufl.grad(u), t)])
 
-    return _points(part, ways, 1, strain, np.ones((1, 1, 1)), stiffness, displacement_count)
+    return _points(part, grad, 1, strain, np.ones((1, 1, 1)), stiffness, displacement_count)
 
 
 _FAMILIES = ((Sheet, _of_sheets), ((Solid, AnisotropicSolid), _of_solids), (Beam, _of_beams))

@@ -129,8 +129,8 @@ def frames(mesh: Mesh, parts: Parts) -> Frame:
         n, a = side * n, axis - ufl.dot(axis, n) * n
     e1 = a / ufl.sqrt(ufl.dot(a, a))
     e2 = ufl.cross(n, e1)
-    along = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
-    return Frame(e1, e2, n, along)
+    tangents = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
+    return Frame(e1, e2, n, tangents)
 
 
 def _halves(w: Expr) -> tuple[Expr, Expr]:
@@ -270,8 +270,8 @@ def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     # the sums at each monomial are constants of a flat cell; powers of 3 would be calls in C
     terms: list[dict[tuple[int, int], Expr]] = [{}, {}]
     for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
-        which = [0] * p + [1] * q
-        cubic = ufl.as_vector([third[(m, *which)] for m in range(3, 6)])
+        directions = [0] * p + [1] * q
+        cubic = ufl.as_vector([third[(m, *directions)] for m in range(3, 6)])
         cubic = cubic / (factorial(p) * factorial(q))
         for axis, spread in zip(axes, fields, strict=True):
             size = ufl.dot(ufl.cross(cubic, n), axis)

@@ -210,9 +210,9 @@ def _is_thin(mesh: Mesh) -> bool:
     corners = x[:, : len(mesh.geometry.corners)]
     ends = corners[:, SOLID_EDGES[mesh.cell]]
     lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    least = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
+    shortest = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
     aspect = np.max(mesh.comm.allgather((lengths.max(axis=1) / lengths.min(axis=1)).max(initial=1)))
-    return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * least)
+    return bool(aspect > THIN_CELL and mesh.extent() > THIN_PART * shortest)
 
 
 def _strains(mesh: Mesh, parts: Parts, u: Expr, degree: int) -> tuple[Expr, int]:
@@ -299,11 +299,11 @@ class AnisotropicSolid(FieldsRepr):
         C = floats("stiffness", self.stiffness, (6, 6))
         if np.abs(C - C.T).max() > SYMMETRY * np.abs(C).max():
             raise InputError("stiffness must be symmetric.")
-        least = float(np.linalg.eigvalsh((C + C.T) / 2).min())
-        if not least > 1e-12 * float(np.abs(C).max()):
+        smallest_eigenvalue = float(np.linalg.eigvalsh((C + C.T) / 2).min())
+        if not smallest_eigenvalue > 1e-12 * float(np.abs(C).max()):
             raise InputError(
                 "stiffness must be positive definite, else the strain energy is not positive; its "
-                f"least eigenvalue is {least:.3g} Pa."
+                f"least eigenvalue is {smallest_eigenvalue:.3g} Pa."
             )
         store(self, stiffness=read_only((C + C.T) / 2), rho=positive("rho", self.rho, "kg/m³"))
         store(self, axes=read_only(_axes(self.axes)))

@@ -102,8 +102,10 @@ def _squares(slopes: Array, ends: Sequence[int]) -> Array:
     if len(ends) == 1:
         return np.asarray(0.6 * g[:, :, None] * g[:, None])
     h = slopes[:, ends[1]]
-    both = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
-    return np.asarray(0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, both)))
+    gradient_sum = g + h  # 2 gg + 2 hh + gh + hg = gg + hh + (g + h)(g + h)
+    return np.asarray(
+        0.8 * sum(vector[:, :, None] * vector[:, None] for vector in (g, h, gradient_sum))
+    )
 
 
 def _constants(material: Solid) -> tuple[float, float, float]:

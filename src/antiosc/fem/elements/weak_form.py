@@ -82,7 +82,7 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
     axis[:] = x[:, 1] - x[:, 0]
     side[:] = 1.0
     has_sides = np.zeros(len(x), dtype=bool)
-    stated = np.zeros(len(x), dtype=bool)
+    has_top = np.zeros(len(x), dtype=bool)
 
     def work() -> None:
         for material, cells in parts:
@@ -92,11 +92,11 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function
             if top is not None:
                 side[cells] = _side(top, x[cells], normals[cells])
             has_sides[cells] = material.section.has_sides
-            stated[cells] = material.top is not None
+            has_top[cells] = material.top is not None
 
     agreed(mesh.comm, work)
     if any(material.section.has_sides for material, _ in parts):
-        _check_neighbours(mesh, x, side, has_sides, stated)
+        _check_neighbours(mesh, x, side, has_sides, has_top)
     return axes, sides
 
 
@@ -111,9 +111,9 @@ def _normals(mesh: Mesh, x: Array) -> Array:
 def _axis(direction: Direction, x: Array, normals: Array) -> Array:
     """Unit vectors (cells, 3) along `direction`; InputError where it is normal to a cell."""
     axis = _at("axis", direction, x)
-    along = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
+    projected_length = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
     _refuse(
-        along < LEAST_SINE,
+        projected_length < LEAST_SINE,
         x,
         f"the axis{shown_direction(direction)} is normal to the sheet",
         "choose a direction along the surface, a function of x, or a separate laminate for these "
@@ -151,8 +151,8 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
 def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
     """InputError that names the number of bad cells and the place of one, if there are any."""
     if bad.any():
-        at = point_text(x[np.argmax(bad)].mean(axis=0))
-        raise InputError(f"{what} in {int(bad.sum())} cells, one at {at}: {remedy}.")
+        location = point_text(x[np.argmax(bad)].mean(axis=0))
+        raise InputError(f"{what} in {int(bad.sum())} cells, one at {location}: {remedy}.")
 
 
 def shown_direction(direction: Direction) -> str:
@@ -172,24 +172,29 @@ def _check_neighbours(
     This is checked if both stacks are unsymmetric and at least one uses the normals of the mesh.
     Edges of three or more cells are not checked.
     """
-    owned = compat.cell_map(mesh.dolfinx).size_local
+    owned_cells = compat.cell_map(mesh.dolfinx).size_local
     corner_order = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
-    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, corner_order]]
+    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned_cells][:, corner_order]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-    middles = (x[:owned, corner_order] + np.roll(x[:owned, corner_order], -1, axis=1)) / 2
+    middles = (
+        x[:owned_cells, corner_order] + np.roll(x[:owned_cells, corner_order], -1, axis=1)
+    ) / 2
     # cells that agree go along their edge in opposite directions
-    way = np.where(ends[..., 0] < ends[..., 1], 1.0, -1.0) * side[:owned, None]
+    sign = np.where(ends[..., 0] < ends[..., 1], 1.0, -1.0) * side[:owned_cells, None]
     flags = [
-        np.repeat(flag[:owned, None], len(corner_order), axis=1) for flag in (has_sides, stated)
+        np.repeat(flag[:owned_cells, None], len(corner_order), axis=1)
+        for flag in (has_sides, stated)
     ]
-    table = (np.sort(ends.reshape(-1, 2), axis=1), way, *flags, middles)
+    table = (np.sort(ends.reshape(-1, 2), axis=1), sign, *flags, middles)
     tables = mesh.comm.gather(table, root=0) or []
 
     def work() -> None:
         edges = np.vstack([part[0] for part in tables])
-        way, has_sides, stated = (np.concatenate([p[k].ravel() for p in tables]) for k in (1, 2, 3))
-        _compare(edges, way, has_sides, stated, np.vstack([p[4].reshape(-1, 3) for p in tables]))
+        sign, has_sides, has_top = (
+            np.concatenate([p[k].ravel() for p in tables]) for k in (1, 2, 3)
+        )
+        _compare(edges, sign, has_sides, has_top, np.vstack([p[4].reshape(-1, 3) for p in tables]))
 
     on_root(mesh.comm, work)
 
@@ -210,10 +215,10 @@ def _compare(
     concerned = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
     bad = concerned & (way[pairs].sum(axis=0) != 0)
     if bad.any():
-        at = point_text(points[pairs[0, np.argmax(bad)]])
+        location = point_text(points[pairs[0, np.argmax(bad)]])
         raise InputError(
             f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-            f"{at}, so that the top of the sheet would change sides: reverse the node "
+            f"{location}, so that the top of the sheet would change sides: reverse the node "
             "order of those cells, or give Laminate(..., top=…), or Shell(..., top=…), a direction "
             "on whose side the top lies."
         )
@@ -437,12 +442,12 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Material], float | Ar
 
 def restricted(forms: Sequence[ufl.Form], mesh: Mesh, cells: IntArray) -> list[ufl.Form]:
     """The forms restricted to some cells."""
-    inside = compat.cellwise(mesh.dolfinx, 0)
-    inside.x.array[cells] = 1.0
+    indicator = compat.cellwise(mesh.dolfinx, 0)
+    indicator.x.array[cells] = 1.0
     return [
         ufl.Form(
             [
-                integral.reconstruct(integrand=inside * integral.integrand())
+                integral.reconstruct(integrand=indicator * integral.integrand())
                 for integral in form.integrals()
             ]
         )

@@ -53,14 +53,14 @@ class Solver(ABC):
     columns: float = math.inf
 
     def __init__(self, A: Matrix) -> None:
-        started = time.perf_counter()
+        start_time = time.perf_counter()
         self.A = A
         self.comm = algebra.communicator(A)
         algebra.declare_definite(A)
         with one_thread():  # but for factors that are worth more
             self._set_up()
         #: what the set-up took
-        self.seconds = time.perf_counter() - started
+        self.seconds = time.perf_counter() - start_time
         log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
 
     @abstractmethod

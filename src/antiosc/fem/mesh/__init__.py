@@ -255,14 +255,14 @@ def local_groups(
     for dim in sorted({dim for parts in wanted.values() for dim in parts}):
         names = [name for name, parts in wanted.items() if dim in parts]
         rows = [wanted[name][dim] for name in names]
-        owned = numbers[compat.entity_vertices(mesh, dim)]
-        code = keys(owned)
+        vertices = numbers[compat.entity_vertices(mesh, dim)]
+        code = keys(vertices)
         order = np.argsort(code)
         wanted_keys = keys(np.vstack(rows))
-        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(owned) - 1, 0))
+        position = np.minimum(np.searchsorted(code[order], wanted_keys), max(len(vertices) - 1, 0))
         in_mesh = (
             code[order][position] == wanted_keys
-            if len(owned)
+            if len(vertices)
             else np.zeros(len(wanted_keys), dtype=bool)
         )
         ends = np.cumsum([len(r) for r in rows])

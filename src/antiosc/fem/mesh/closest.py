@@ -67,8 +67,8 @@ def projected(
 
 def excess(xi: Array, simplex: bool) -> Array:
     """Distance (n,) by which reference coordinates (n, t) lie outside their cells; <= 0 inside."""
-    above = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
-    return np.maximum(-xi.min(axis=1), above)
+    upper_excess = xi.sum(axis=1) - 1 if simplex else xi.max(axis=1) - 1
+    return np.maximum(-xi.min(axis=1), upper_excess)
 
 
 def clamped(xi: Array, simplex: bool) -> Array:
@@ -145,9 +145,9 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     Points inside cells are found together, the others one by one.
     """
     cell, X, distance = _inside(mesh, points)
-    inside = np.array(mesh.comm.allgather(np.isfinite(distance)))
+    in_cell = np.array(mesh.comm.allgather(np.isfinite(distance)))
     x = points.copy()
-    for i in np.flatnonzero(~inside.any(axis=0)):
+    for i in np.flatnonzero(~in_cell.any(axis=0)):
         nearest = _closest_here(mesh, points[i])
         if nearest is not None:
             cell[i] = nearest.cell
@@ -256,9 +256,9 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
             gap = (x[0] - point) / scale
             return float(gap @ gap), 2 * (gap @ J[0]) / scale
 
-        inside: list[dict[str, object]] = []
+        bounds: list[dict[str, object]] = []
         if geometry.simplex and mesh.tdim > 1:
-            inside = [
+            bounds = [
                 {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
             ]
         starts = [X[0]] if geometry.affine else [X[0], middle]
@@ -269,7 +269,7 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
                 jac=True,
                 method="SLSQP",
                 bounds=[(0, 1)] * mesh.tdim,
-                constraints=inside,
+                constraints=bounds,
                 options={"ftol": 1e-15, "maxiter": 200},
             )
             for start in starts

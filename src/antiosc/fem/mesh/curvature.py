@@ -130,8 +130,8 @@ class Patch:
     @cached_property
     def sides(self) -> Array:
         """Lengths of the sides (n, v) [m]."""
-        way = np.roll(self.corners, -1, axis=1) - self.corners
-        return np.asarray(np.linalg.norm(way, axis=2))
+        sides = np.roll(self.corners, -1, axis=1) - self.corners
+        return np.asarray(np.linalg.norm(sides, axis=2))
 
     @cached_property
     def touching(self) -> BoolArray:
@@ -194,8 +194,8 @@ def curvature(
             "give the law of the contact."
         )
     size = mesh.extent()
-    near = _patch(faces, point)
-    touching = near.only(near.touching)
+    nearest_faces = _patch(faces, point)
+    touching = nearest_faces.only(nearest_faces.touching)
     cad = _on_cad(mesh, touching)
     if cad is not None:
         touching = replace(touching, normals=cad.along_sides())
@@ -204,8 +204,8 @@ def curvature(
     surfaces = len(np.unique(touching.surfaces(faces.sheet)))
     if surfaces > 1:
         return _sharp(EDGE if surfaces == 2 else CORNER, x, normal)
-    way = normal if direction is None or not faces.sheet else direction
-    if abs(float(way @ normal)) < RIM * float(np.linalg.norm(way)):
+    towards = normal if direction is None or not faces.sheet else direction
+    if abs(float(towards @ normal)) < RIM * float(np.linalg.norm(towards)):
         return _sharp(EDGE, x, normal)
     if cad is not None:
         result = _from_cad(cad, touching, x, normal, size)
@@ -226,21 +226,21 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
     faces there if that is more.
     """
     comm = faces.mesh.comm
-    away = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
-    nearest = comm.allgather(float(away.min(initial=np.inf)))
-    near_faces = np.flatnonzero(away <= min(nearest) + faces.radii)
+    distances = np.linalg.norm(faces.centres - point, axis=1) - faces.radii
+    nearest = comm.allgather(float(distances.min(initial=np.inf)))
+    near_faces = np.flatnonzero(distances <= min(nearest) + faces.radii)
     largest = max(comm.allgather(float(faces.radii[near_faces].max(initial=0.0))))
-    chosen = np.flatnonzero(away <= min(nearest) + max(reach, wide * largest))
+    facets = np.flatnonzero(distances <= min(nearest) + max(reach, wide * largest))
     tensor = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
     corner_order = [0, 1, 2] if faces.simplex else [0, 1, 3, 2]
     xi = projected(
-        lambda k, xi: faces.at(chosen[k], xi),
-        np.tile(point, (len(chosen), 1)),
-        faces.middle[chosen],
+        lambda k, xi: faces.at(facets[k], xi),
+        np.tile(point, (len(facets), 1)),
+        faces.middle[facets],
         affine=faces.affine,
     )
     xi = clamped(xi, faces.simplex)
-    gap = np.linalg.norm(faces.at(chosen, xi)[0] - point, axis=1)
+    gap = np.linalg.norm(faces.at(facets, xi)[0] - point, axis=1)
     s, t = xi.T
     if faces.simplex:
         weights = np.column_stack([1 - s - t, s, t])
@@ -248,17 +248,17 @@ def _patch(faces: Faces, point: Array, reach: float = 0.0, wide: float = 1.0) ->
         weights = np.column_stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t])
     corner = tensor[corner_order]
     sides = (corner + np.roll(corner, -1, axis=0)) / 2
-    looks = [faces.across(chosen, np.tile(side, (len(chosen), 1))) for side in sides]
-    middles, normals = (np.stack(arrays, axis=1) for arrays in zip(*looks, strict=True))
+    values = [faces.across(facets, np.tile(side, (len(facets), 1))) for side in sides]
+    middles, normals = (np.stack(arrays, axis=1) for arrays in zip(*values, strict=True))
     numbers = np.asarray(faces.mesh.dolfinx.geometry.input_global_indices)
-    numbers = numbers[faces.vertices[chosen][:, corner_order]]
-    rows_here = numbers, faces.corners[chosen][:, corner_order], middles, normals, weights, gap
+    numbers = numbers[faces.vertices[facets][:, corner_order]]
+    rows_here = numbers, faces.corners[facets][:, corner_order], middles, normals, weights, gap
     rows_of_all = (
         np.concatenate(arrays) for arrays in zip(*comm.allgather(rows_here), strict=True)
     )
     patch = Patch(*rows_of_all)
-    once = np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1]
-    return patch.only(once)
+    unique_faces = np.unique(np.sort(patch.numbers, axis=1), axis=0, return_index=True)[1]
+    return patch.only(unique_faces)
 
 
 def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
@@ -267,8 +267,8 @@ def _normal(at: Patch, direction: Array | None, sheet: bool) -> Array:
     """
     normals = at.normals.mean(axis=1)
     if sheet:
-        along = normals[0] if direction is None else -direction
-        normals = normals * np.where(normals @ along < 0, -1.0, 1.0)[:, None]
+        reference = normals[0] if direction is None else -direction
+        normals = normals * np.where(normals @ reference < 0, -1.0, 1.0)[:, None]
     mean = normals.sum(axis=0)
     size = float(np.linalg.norm(mean))
     if size > 0:
@@ -336,15 +336,15 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
     taken. Elsewhere a quadratic interpolation is; its difference from the linear one is the error.
     """
     radius = NODES_WIDE * float(at.sides.max())
-    away = np.linalg.norm(cad.nodes.points - x, axis=1)
-    sign = np.zeros(len(away))
+    distances = np.linalg.norm(cad.nodes.points - x, axis=1)
+    sign = np.zeros(len(distances))
     for rows in cad.rows:  # towards the normal at the point, on each surface
         facing = float(cad.nodes.normals[rows].mean(axis=0) @ normal)
         sign[cad.nodes.surfaces == cad.nodes.surfaces[rows[0]]] = np.sign(facing)
-    shares = np.zeros(len(away))
+    shares = np.zeros(len(distances))
     np.add.at(shares, cad.rows, at.weights / len(at.gap))
     facing_alike = sign * (cad.nodes.normals @ normal) > TURNED
-    used_nodes = np.flatnonzero((shares > 0) | (away < radius) & facing_alike)
+    used_nodes = np.flatnonzero((shares > 0) | (distances < radius) & facing_alike)
     near_nodes = cad.nodes.at(used_nodes)
     sign = sign[used_nodes]
     shares = shares[used_nodes]
@@ -360,8 +360,8 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
         tensor = tensors[node_at_point].mean(axis=0)
         error = float(np.abs(tensors[node_at_point] - tensor).max())
     else:
-        between = np.einsum("n,nij->ij", shares, tensors)
-        tensor, error = _between(near_nodes.points - x, basis, tensors, between)
+        linear = np.einsum("n,nij->ij", shares, tensors)
+        tensor, error = _interpolated(near_nodes.points - x, basis, tensors, linear)
     values, vectors = np.linalg.eigh(tensor)
     error = error if error * size > CAD_NONE else 0.0
     values = np.where(np.abs(values) * size < CAD_NONE, 0.0, values)
@@ -369,7 +369,7 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
     return Curvature(kind, values, error, vectors.T @ basis, x, mean, source="CAD")
 
 
-def _between(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
+def _interpolated(way: Array, basis: Array, tensors: Array, linear: Array) -> tuple[Array, float]:
     """(quadratic interpolation (2, 2) at a point of tensors (n, 2, 2) at offsets `way` (n, 3),
     error [1/m]).
 
@@ -393,8 +393,8 @@ def _kind(values: Array, error: float) -> tuple[Array, str]:
     bend = float(np.abs(values).max())
     if bend == 0.0:
         return values, PLANE
-    none = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * bend), NONE[2] * bend)
-    return np.where(none, 0.0, values), LINE if none.any() else CURVED
+    is_flat = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * bend), NONE[2] * bend)
+    return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
 
 
 def _turns(starts: Array, end: Array) -> Array:
@@ -432,11 +432,11 @@ class SurfaceFit:
 def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     """Curvature from a fit to the nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
-    away = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
+    distances = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
     nodes = smooth.only(cosine > TURNED).nodes() - x
     widest = float(np.linalg.norm(nodes, axis=1).max()) * (1 + TOUCH)
     start = _fit_within(
-        nodes, normal, min(widest, float(away[cosine < STARTS].min(initial=widest)))
+        nodes, normal, min(widest, float(distances[cosine < STARTS].min(initial=widest)))
     )
     basis = np.linalg.svd(normal[None])[2][1:]
     if start is None:
@@ -578,7 +578,7 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
     """The curvature, completed by length and middle of the line along which the surface is
     straight.
     """
-    along = curvature.directions[int(np.argmin(np.abs(curvature.values)))]
+    axis = curvature.directions[int(np.argmin(np.abs(curvature.values)))]
     radius = 1 / float(np.abs(curvature.values).max())
 
     def depth(points: Array, rise: float) -> Array:
@@ -589,14 +589,14 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
         distance = faces.along(points, normals, rise)[2]
         return np.asarray(np.min(np.array(faces.mesh.comm.allgather(distance)), axis=0))
 
-    def there(distances: Array) -> BoolArray:
-        return np.isfinite(depth(curvature.point + distances[:, None] * along, MISSED * radius))
+    def exists(distances: Array) -> BoolArray:
+        return np.isfinite(depth(curvature.point + distances[:, None] * axis, MISSED * radius))
 
-    ends = _end(there, size), -_end(lambda t: there(-t), size)
-    beyond = curvature.point + (1 + TOUCH) * np.array(ends)[:, None] * along
-    if np.isfinite(depth(beyond, 2 * MISSED * radius)).any():
-        return _around(curvature, lambda points: depth(points, radius), along, radius, size)
-    middle = curvature.point + (ends[0] + ends[1]) / 2 * along
+    ends = _end(exists, size), -_end(lambda t: exists(-t), size)
+    end_points = curvature.point + (1 + TOUCH) * np.array(ends)[:, None] * axis
+    if np.isfinite(depth(end_points, 2 * MISSED * radius)).any():
+        return _around(curvature, lambda points: depth(points, radius), axis, radius, size)
+    middle = curvature.point + (ends[0] + ends[1]) / 2 * axis
     return replace(curvature, length=ends[0] - ends[1], middle=middle)
 
 
@@ -604,14 +604,14 @@ def _end(exists: Callable[[Array], BoolArray], size: float) -> float:
     """Distance [m] along a line at which the surface ends, at most `size`; `exists` is a mask of
     distances at which it exists.
     """
-    inside = 0.0
-    outside = size
+    lower = 0.0
+    upper = size
     for _ in range(1 + CLOSER):
-        t = np.linspace(inside, outside, LOOKS)
+        t = np.linspace(lower, upper, LOOKS)
         last = int(np.argmin(np.append(exists(t[1:-1]), False)))
-        inside = float(t[last])
-        outside = float(t[last + 1])
-    return inside
+        lower = float(t[last])
+        upper = float(t[last + 1])
+    return lower
 
 
 def _around(
@@ -624,22 +624,22 @@ def _around(
     step = STEP * radius
     for start in (along, -along):
         x = curvature.point
-        way = start
+        step_direction = start
         for number in range(int(LONGEST * size / step)):
-            across: Array = np.cross(curvature.normal, way).astype(float)
-            looks = x + step * way + radius * ACROSS[:, None] * across
-            low = depth(looks)
-            reached = np.flatnonzero(np.isfinite(low))
-            if len(reached) < 3 or len(ACROSS) // 2 not in reached:
+            across: Array = np.cross(curvature.normal, step_direction).astype(float)
+            probes = x + step * step_direction + radius * ACROSS[:, None] * across
+            low = depth(probes)
+            on_surface = np.flatnonzero(np.isfinite(low))
+            if len(on_surface) < 3 or len(ACROSS) // 2 not in on_surface:
                 break
-            bend, slope, level = np.polyfit(ACROSS[reached], low[reached] / radius, 2)
+            bend, slope, level = np.polyfit(ACROSS[on_surface], low[on_surface] / radius, 2)
             shift = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
             if level - bend * shift**2 > FALLEN:
                 break
-            crest = x + step * way + radius * shift * across
+            crest = x + step * step_direction + radius * shift * across
             step_length = float(np.linalg.norm(crest - x))
             length = length + step_length
-            way = (crest - x) / step_length
+            step_direction = (crest - x) / step_length
             x = crest
             from_start = float(np.linalg.norm(x - curvature.point))
             if number > 3 and from_start < step:

@@ -44,10 +44,10 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
     removed = int(len(kept_cells) - kept_cells.sum())
     if not removed:
         return raw
-    gone = keys(raw.cells[~kept_cells, :4])
+    removed_cells = keys(raw.cells[~kept_cells, :4])
     for parts in groups.values():
         if 3 in parts:
-            parts[3] = parts[3][~np.isin(keys(parts[3]), gone)]
+            parts[3] = parts[3][~np.isin(keys(parts[3]), removed_cells)]
     sentence = f"{name}: flat cells that gmsh left at the surface are not read: {removed}."
     notes = [*raw.told, sentence]
     return compact(replace(raw, cells=raw.cells[kept_cells], groups=groups, told=notes))
@@ -55,9 +55,9 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
 
 def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: IntArray) -> None:
     """Replace the outer faces (n, 3) of a removed cell by its inner faces in the groups."""
-    gone = keys(outer)
+    removed_faces = keys(outer)
     for parts in groups.values():
         if 2 in parts:
-            matched = np.isin(keys(parts[2]), gone)
+            matched = np.isin(keys(parts[2]), removed_faces)
             if matched.any():
                 parts[2] = np.concatenate([parts[2][~matched], inner])

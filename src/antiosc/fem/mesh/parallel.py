@@ -42,9 +42,9 @@ def grids(file: Path) -> Grids | None:
         return None
     if any(element.get("Format") != "HDF" for element in elements[0].iter("DataItem")):
         return None
-    name, *others = (element.get("Name", "") for element in elements)
+    name, *tag_names = (element.get("Name", "") for element in elements)
     tags = []
-    for tagged, grid in zip(others, elements[1:], strict=True):
+    for tagged, grid in zip(tag_names, elements[1:], strict=True):
         topology = grid.find("Topology")
         attribute = grid.find("Attribute")
         if topology is not None and attribute is not None:

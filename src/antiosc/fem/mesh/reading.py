@@ -179,14 +179,14 @@ def read_mesh(
         )
     file = checked_path("source", source)
     if trust and file.suffix.lower() in parallel.SUFFIXES:
-        shared = parallel.read(file, comm, 1.0 if units is None else units.length)
-        if shared is not None:
+        content = parallel.read(file, comm, 1.0 if units is None else units.length)
+        if content is not None:
             others = size, gdim, order, cells, merge, piece, elements
             if any(option is not None for option in others) or refine or solid or fragments:
                 raise InputError(
                     f"{file.name} is read by all ranks as it is (trust=True): only unit= applies."
                 )
-            return replace(_adopted(*shared), name=file.name, stated=unit is not None)
+            return replace(_adopted(*content), name=file.name, stated=unit is not None)
 
     made_here = file.suffix.lower() in GEOMETRY or solid
 
@@ -216,8 +216,8 @@ def read_mesh(
     raw = on_root(comm, work)
     for sentence in raw.told:
         warn(comm, sentence)
-    stated = unit is not None or file.suffix.lower() in STATES_UNIT
-    return replace(distributed(raw, file.name, comm), stated=stated)
+    unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
+    return replace(distributed(raw, file.name, comm), stated=unit_stated)
 
 
 def numbered_elements(elements: object) -> dict[str, list[int]]:
@@ -280,7 +280,7 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]) -> Mesh:
     """A user's dolfinx mesh with the names of its tags as groups."""
-    named: dict[str, dict[int, IntArray]] = {}
+    named_groups: dict[str, dict[int, IntArray]] = {}
     for name, pair in groups.items():
         if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
             raise InputError(
@@ -291,12 +291,12 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[MeshTags, int]]
         count = compat.communicator(mesh).allreduce(len(entities))
         if not count:
             raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
-        named[name] = {int(tags.dim): entities.astype(np.int32)}
+        named_groups[name] = {int(tags.dim): entities.astype(np.int32)}
     error = None
     if compat.coordinate_map(mesh).degree > 2:
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
     agree(compat.communicator(mesh), error)
-    count = Mesh(mesh, named, "the dolfinx mesh")
+    count = Mesh(mesh, named_groups, "the dolfinx mesh")
     refuse_degenerate(count)
     return count
 
@@ -348,9 +348,9 @@ def box_mesh(
     name, body, groups = KINDS[len(sides)]
     script_body = body.format(*(positive("a length", float(side), "m") for side in sides))
     last = GROUPS[len(sides)]
-    outside = GROUPS[len(sides) - 1]
+    kind = GROUPS[len(sides) - 1]
     lines = ['SetFactory("OpenCASCADE");', script_body, f'Physical {last}("{name}") = {{1}};']
-    lines += [f'Physical {outside}("{side}") = {{{them}}};' for side, them in groups.items()]
+    lines += [f'Physical {kind}("{side}") = {{{them}}};' for side, them in groups.items()]
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")

@@ -22,10 +22,10 @@ def largest_ball(
 
     `point`, `normal` : (3,) of the site; `patch_radius` : radius of its patch [m], 0 of a point.
     """
-    away = faces.samples - point
-    distance = np.linalg.norm(away, axis=1)
-    mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if away.size else 0
-    height = away @ normal - SLOPE * distance
+    r = faces.samples - point
+    distance = np.linalg.norm(r, axis=1)
+    mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
+    height = r @ normal - SLOPE * distance
     met = (height > 0) & (distance > NEAR * max(patch_radius, float(mean)))
     radii = np.where(met, distance**2 / (2 * np.where(met, height, 1.0)), np.inf)
     ball = (np.inf, point)

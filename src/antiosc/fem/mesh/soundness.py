@@ -96,8 +96,8 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     """
     if kind.dim < points.shape[1]:
         askew = _inner_points(points, cells)
-        on, cell = _on_sides(points, cells, kind.shape, askew)
-        return np.unique(on[on != cell])
+        hanging, cell = _on_sides(points, cells, kind.shape, askew)
+        return np.unique(hanging[hanging != cell])
     facets, owner = _facets(cells, kind)
     first, second, outer = _matched(facets)
     a, b = (_beyond(points, facets[first], cells[owner[k]]) for k in (first, second))
@@ -106,12 +106,12 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     numbers = [folded]
     for simplex in _SIMPLICES.get(kind.shape, [tuple(range(kind.vertices))]):
         corners = points[cells[:, list(simplex)]]
-        for at, cell in _near(askew, corners):
-            other = owner[outer[at]] != cell
-            at = at[other]
-            cell = cell[other]
-            inside = _barycentric(corners[cell], askew[at])[0].min(axis=1) > INSIDE_FACE
-            numbers.append(owner[outer[at[inside]]])
+        for point, cell in _near(askew, corners):
+            is_foreign = owner[outer[point]] != cell
+            point = point[is_foreign]
+            cell = cell[is_foreign]
+            in_face = _barycentric(corners[cell], askew[point])[0].min(axis=1) > INSIDE_FACE
+            numbers.append(owner[outer[point[in_face]]])
     return np.unique(np.concatenate(numbers))
 
 
@@ -129,9 +129,9 @@ def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
     if kind.dim == points.shape[1]:
         sides = facets[outer]
         shape = {2: "interval", 3: "triangle", 4: "quadrilateral"}[sides.shape[1]]
-    at, side = _on_sides(points, sides, shape, points[nodes])
-    foreign = (sides[side] != nodes[at][:, None]).all(axis=1)
-    return np.unique(nodes[at[foreign]])
+    point, side = _on_sides(points, sides, shape, points[nodes])
+    foreign = (sides[side] != nodes[point][:, None]).all(axis=1)
+    return np.unique(nodes[point[foreign]])
 
 
 # --- Facets ---------------------------------------------------------------------------------------
@@ -158,8 +158,8 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
     """Signed number (n,) for each facet and cell: its sign is the side on which the cell lies."""
     x = points[facets]
     if points.shape[1] == 2:
-        along = x[:, 1] - x[:, 0]
-        normal = np.column_stack([along[:, 1], -along[:, 0]])
+        edge = x[:, 1] - x[:, 0]
+        normal = np.column_stack([edge[:, 1], -edge[:, 0]])
     else:  # of a quadrilateral by its diagonals
         normal = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
     return np.einsum("ni,ni->n", points[cells].mean(axis=1) - x.mean(axis=1), normal)
@@ -181,15 +181,15 @@ def _on_sides(points: Array, sides: IntArray, shape: str, x: Array) -> tuple[Int
         corners = points[sides[:, list(simplex)]]
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
         normal = _unit_normals(corners)
-        for at, side in _near(x, corners):
+        for point, side in _near(x, corners):
             # of 3000 large triangles in disorder: 1.0 s in place of 5.3 s
-            height = np.abs(np.einsum("ni,ni->n", x[at] - corners[side, 0], normal[side]))
+            height = np.abs(np.einsum("ni,ni->n", x[point] - corners[side, 0], normal[side]))
             flat = height <= 2 * ON * size[side]
-            at = at[flat]
+            point = point[flat]
             side = side[flat]
-            b, distance = _barycentric(corners[side], x[at])
+            b, distance = _barycentric(corners[side], x[point])
             lies_on_side = (b.min(axis=1) > -ON) & (distance <= ON * size[side])
-            pairs_found.append(np.stack([at[lies_on_side], side[lies_on_side]]))
+            pairs_found.append(np.stack([point[lies_on_side], side[lies_on_side]]))
     pairs = np.unique(
         np.concatenate([np.zeros((2, 0), dtype=np.int64), *pairs_found], axis=1), axis=1
     )
@@ -223,10 +223,10 @@ def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
                 cKDTree(centres[simplices]), float(radii[simplices].max()), output_type="ndarray"
             )
             close = pairs["v"] <= radii[simplices[pairs["j"]]]
-            at = pairs["i"][close]
+            point = pairs["i"][close]
             simplex = simplices[pairs["j"][close]]
-            for block in range(0, len(at), _PAIRS):
-                yield at[block : block + _PAIRS], simplex[block : block + _PAIRS]
+            for block in range(0, len(point), _PAIRS):
+                yield point[block : block + _PAIRS], simplex[block : block + _PAIRS]
 
 
 def _barycentric(corners: Array, x: Array) -> tuple[Array, Array]:
@@ -355,16 +355,16 @@ def sound(
                 f"they are too stiff in bending, by a factor of up to {high:.3g}; divide them "
                 "along the curve, or model the part as a Shell"
             )
-            what = f"are one layer, curved by more than {MOST_BENT} of its thickness"
-            warn(message(locked, what, remedy))
+            fault = f"are one layer, curved by more than {MOST_BENT} of its thickness"
+            warn(message(locked, fault, remedy))
     if not made_here:
-        over = overlapping(raw.points, vertices, kind)
-        if len(over):
+        overlapping_cells = overlapping(raw.points, vertices, kind)
+        if len(overlapping_cells):
             remedy = (
                 "mass and stiffness count twice there; mesh the parts as one (in gmsh: "
                 "BooleanUnion or BooleanFragments)"
             )
-            warn(message(over, "overlap others", remedy))
+            warn(message(overlapping_cells, "overlap others", remedy))
         if not pieces:
             _tell_cracks(raw, vertices, name)
     return raw
@@ -454,8 +454,8 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
     J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
     measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
     size = np.abs(J).max(axis=(1, 2, 3))
-    nothing = size <= POINT * np.ptp(points, axis=0).max()
-    return np.flatnonzero(nothing | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
+    is_point = size <= POINT * np.ptp(points, axis=0).max()
+    return np.flatnonzero(is_point | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
 #: A cell crosses itself if its signed area or volume over the unsigned one is below this: bowties
@@ -488,13 +488,13 @@ def refuse_degenerate(mesh: Mesh) -> None:
     nodes = compat.geometry_nodes(mesh.dolfinx)[:owned_cells].astype(np.int64)
     points = mesh.dolfinx.geometry.x[:, : mesh.gdim]
     size = ("length", "area", "volume")[mesh.tdim - 1]
-    for check, what in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
+    for check, fault in ((collapsed, f"have no {size}"), (crossed, "cross themselves")):
         bad = check(points, nodes, mesh.cell, mesh.order) if owned_cells else nodes[:0, 0]
         total = mesh.comm.allreduce(len(bad))
         error = None
         if len(bad):
             error = MeshError(
-                f"{total} of {mesh.n_cells} {mesh.cell} cells {what}, one at "
+                f"{total} of {mesh.n_cells} {mesh.cell} cells {fault}, one at "
                 f"{point_text(points[nodes[bad[0]]].mean(axis=0))}: mesh the part anew, or remove "
                 "these cells."
             )
@@ -517,12 +517,12 @@ def bends(points: Array, cells: IntArray) -> Array:
     _, label, count = np.unique(keys(sides.reshape(-1, 4)), return_inverse=True, return_counts=True)
     unshared = (count[label.reshape(3, 2, len(cells))] == 1).all(axis=1)
     ratio = np.zeros(len(cells))
-    for grid, outside in zip(grids, unshared, strict=True):
+    for grid, free_sides in zip(grids, unshared, strict=True):
         x = points[grid]
-        across = x[:, 2, 1, 1] - x[:, 0, 1, 1]
+        thickness = x[:, 2, 1, 1] - x[:, 0, 1, 1]
         chords = (x[:, 1, [0, 1], [1, 0]] + x[:, 1, [2, 1], [1, 2]]) / 2
-        arcs = np.abs(np.einsum("nai,ni->na", x[:, 1, 1, 1, None] - chords, across)).max(axis=1)
-        ratio = np.maximum(ratio, np.where(outside, arcs / np.sum(across**2, axis=1), 0.0))
+        arcs = np.abs(np.einsum("nai,ni->na", x[:, 1, 1, 1, None] - chords, thickness)).max(axis=1)
+        ratio = np.maximum(ratio, np.where(free_sides, arcs / np.sum(thickness**2, axis=1), 0.0))
     return ratio
 
 

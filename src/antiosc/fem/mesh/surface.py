@@ -46,11 +46,11 @@ def outer_corners(cell: str, cells: IntArray) -> IntArray:
     faces = [cells[:, list(f)] for f in FACETS[cell]]
     if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
         return cells[:, [edge[0] for edge in FACETS[cell]]]
-    listed = np.vstack(faces)
+    all_faces = np.vstack(faces)
     _, first, count = np.unique(
-        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+        np.sort(all_faces, axis=1), axis=0, return_index=True, return_counts=True
     )
-    return np.asarray(listed[first[count == 1]])
+    return np.asarray(all_faces[first[count == 1]])
 
 
 def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
@@ -130,8 +130,8 @@ class Entities:
     @cached_property
     def radii(self) -> Array:
         """Radius (F,) [m] of a ball around the middle that contains the entity."""
-        away = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
-        return np.asarray(away.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
+        gap = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
+        return np.asarray(gap.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
 
     def reference(self, face: IntArray, xi: Array) -> Array:
         """Reference coordinates (n, tdim) in the cells, of points ξ (n, dim) on entities `face`
@@ -165,22 +165,22 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
         weights = np.ones(1)
     else:
         xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
-    many = len(entities)
+    entity_count = len(entities)
     count = len(weights)
     X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
     cell = np.repeat(cells, count)
-    X = X.reshape(many * count, -1)
+    X = X.reshape(entity_count * count, -1)
     x, J = mesh.geometry.at(cell, X)
-    area = np.ones(many * count)
+    area = np.ones(entity_count * count)
     if dim:
         J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
         area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
     return WeightedPoints(
-        np.repeat(np.arange(many), count),
+        np.repeat(np.arange(entity_count), count),
         cell,
         X,
         x,
-        area * np.tile(weights, many),
+        area * np.tile(weights, entity_count),
     )
 
 
@@ -340,8 +340,8 @@ class Faces(Entities):
         )
         x, normal = self.across(face, clamped(xi, self.simplex))
         gap = np.linalg.norm(x - points[point], axis=1)
-        inside = gap <= radii[point]
-        return face[inside], point[inside], normal[inside], gap[inside]
+        in_radius = gap <= radii[point]
+        return face[in_radius], point[in_radius], normal[in_radius], gap[in_radius]
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
         """Project points (n, 3) along unit normals (n, 3) onto the surface, by at most `rise` [m].
@@ -366,10 +366,10 @@ class Faces(Entities):
             affine=False,
             along=normals[point[curved]],
         )
-        inside = excess(xi_found, self.simplex) <= OUTSIDE_FACE
-        item = item[inside]
-        point = point[inside]
-        xi_found = xi_found[inside]
+        on_face = excess(xi_found, self.simplex) <= OUTSIDE_FACE
+        item = item[on_face]
+        point = point[on_face]
+        xi_found = xi_found[on_face]
         x, normal = self.across(item, xi_found)
         distances = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])
@@ -462,10 +462,10 @@ def struck_point(mesh: Mesh, group: str) -> tuple[Array, Array]:
     if not total:
         raise InputError(f"the group {group!r} of {mesh.name} has no faces on the outside.")
     middle = mesh.comm.allreduce(area @ x) / total
-    away = np.linalg.norm(x - middle, axis=1)
-    best = int(np.argmin(away)) if len(away) else 0
+    gap = np.linalg.norm(x - middle, axis=1)
+    best = int(np.argmin(gap)) if len(gap) else 0
     candidate = (
-        (float(away[best]), x[best], -normals[best]) if len(away) else (np.inf, middle, middle)
+        (float(gap[best]), x[best], -normals[best]) if len(gap) else (np.inf, middle, middle)
     )
     candidates = mesh.comm.allgather(candidate)
     _, point, direction = min(candidates, key=lambda entry: entry[0])

@@ -326,7 +326,7 @@ def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
     """InputError on all ranks unless they call `name` with the same arguments."""
     call = name, {key: fingerprint(value) for key, value in arguments.items()}
     ranks = comm.allgather(call)
-    if all(other == ranks[0] for other in ranks):
+    if all(fingerprint == ranks[0] for fingerprint in ranks):
         return
     texts = comm.allgather({key: named(value) or shown(value) for key, value in arguments.items()})
     rank = next(k for k, other in enumerate(ranks) if other != ranks[0])

@@ -32,12 +32,12 @@ def _axis(name: str, value: object) -> tuple[float, ...]:
 
 def _by_names(name: str, value: object, unit: str) -> dict[str, float]:
     """Checked numbers by name."""
-    return {key: number(f"the {name} on {key!r}", item, unit) for key, item in _named(name, value)}
+    return {key: number(f"the {name} on {key!r}", item, unit) for key, item in _items(name, value)}
 
 
 def _vectors(name: str, value: object) -> dict[str, tuple[float, ...]]:
     """Checked force vectors by name."""
-    return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _named(name, value)}
+    return {key: _vector(f"the {name} on {key!r}", item, "N") for key, item in _items(name, value)}
 
 
 def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
@@ -45,7 +45,7 @@ def named_from(start: str, values: Mapping[str, T]) -> dict[str, T]:
     return {key[len(start) :]: item for key, item in values.items() if key.startswith(start)}
 
 
-def _named(name: str, value: object) -> list[tuple[str, object]]:
+def _items(name: str, value: object) -> list[tuple[str, object]]:
     """Items of a mapping with text keys; otherwise InputError."""
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise InputError(f"{name} must be a dict {{name of a group: value}}; got {shown(value)}.")

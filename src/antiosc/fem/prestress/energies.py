@@ -28,9 +28,9 @@ DEGREE = 5
 def measure_on(mesh: Mesh, dim: int, entities: IntArray) -> tuple[Expr, ufl.Measure]:
     """(factor, UFL measure) of cells or of outer facets of this rank."""
     if dim == mesh.tdim:
-        inside = compat.cellwise(mesh.dolfinx)
-        inside.x.array[entities] = 1.0
-        return inside, measure(mesh, DEGREE)
+        indicator = compat.cellwise(mesh.dolfinx)
+        indicator.x.array[entities] = 1.0
+        return indicator, measure(mesh, DEGREE)
     marks = np.ones(len(entities), dtype=np.int32)
     order = np.argsort(entities)
     tags = dolfinx.mesh.meshtags(mesh.dolfinx, dim, entities[order].astype(np.int32), marks)
@@ -81,15 +81,15 @@ def _in_space(components: list[Expr]) -> Expr:
 def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) -> ufl.Form:
     """Σ ρ a·a/2 over all mass of the cells, a = Ω P (x + u), to second order in the rotations."""
     S = ufl.as_matrix(spin.stiffness.tolist())
-    about = np.array(spin.about)
+    spin_origin = np.array(spin.about)
     x = ufl.SpatialCoordinate(mesh.dolfinx)
-    position = _in_space([x[i] - float(about[i]) + u[i] for i in range(mesh.gdim)])
+    position = _in_space([x[i] - float(spin_origin[i]) + u[i] for i in range(mesh.gdim)])
     dx = measure(mesh, DEGREE + 1)
     energy = density * ufl.dot(position, S * position) / 2
     for direction, first, second in _fibres(mesh, parts):
         turn = ufl.as_vector([u[i] for i in range(3, 6)])
-        once = ufl.cross(turn, direction)
-        arm = direction + once + ufl.cross(turn, once) / 2
+        rotated = ufl.cross(turn, direction)
+        arm = direction + rotated + ufl.cross(turn, rotated) / 2
         energy += first * ufl.dot(position, S * arm) + second * ufl.dot(arm, S * arm) / 2
     return energy * dx
 

@@ -87,22 +87,22 @@ class Equilibrium:
 
 def static_equilibrium(loaded: Loaded, choice: SolverChoice) -> Equilibrium:
     """The static equilibrium; InputError beyond buckling, or if none is found."""
-    q, added = _equilibrium(loaded)
+    q, tangent_change = _equilibrium(loaded)
     geometric = loaded.stiffness(q, geometric=True)
-    K = sum_of(loaded.K, 1.0, added)
+    K = sum_of(loaded.K, 1.0, tangent_change)
     free_when_dropped(K, geometric)
     try:
         solver = solver_for(K, choice, lambda: np.zeros((len(q), 0)))
-        further = buckling(K, solver, geometric)
+        load_factor = buckling(K, solver, geometric)
     except (NotConvergedError, AccuracyError):  # K has no factor
         reserve = buckling(loaded.K, loaded.solver, geometric)
         if reserve > 1:
             raise
-        raise InputError(_beyond(reserve)) from None
-    return Equilibrium(q, K, solver, 1 + further)
+        raise InputError(_beyond_buckling(reserve)) from None
+    return Equilibrium(q, K, solver, 1 + load_factor)
 
 
-def _beyond(reserve: float) -> str:
+def _beyond_buckling(reserve: float) -> str:
     """The message that the loads exceed the buckling load."""
     return (
         f"the part buckles under its prestress: at {reserve:.3g} times these loads (a spin at "
@@ -119,11 +119,11 @@ def _equilibrium(loaded: Loaded) -> tuple[Array, PETSc.Mat]:
     if not float(dot(comm, residual, residual)):
         return q, loaded.stiffness(q)
     for _ in range(MOST_STEPS):
-        added = loaded.stiffness(q)
-        step = _newton_step(loaded, added, residual)
+        tangent_change = loaded.stiffness(q)
+        step = _newton_step(loaded, tangent_change, residual)
         energy = float(dot(comm, step, multiply(loaded.K, step)))
         if energy <= CONVERGED * float(dot(comm, q, multiply(loaded.K, q))):
-            return q + step, added
+            return q + step, tangent_change
         length, residual = _line_search(loaded, q, step, residual)
         q = q + length * step
     raise InputError(

@@ -107,8 +107,8 @@ def with_prestress(
         initial = tightened(loads, tendons, solver)
         assembly = _LoadedAssembly(base, loads, initial, bolts, solver)
         state = static_equilibrium(assembly, base.solver)
-    added = partial(assembly.added, base.expanded(state.q))
-    preload = Preload(loads, state.q, state.reserve, initial, added)
+    load_forces = partial(assembly.added, base.expanded(state.q))
+    preload = Preload(loads, state.q, state.reserve, initial, load_forces)
     return replace(base, K=state.K, preload=preload, solver_of_K=state.solver)
 
 
@@ -204,9 +204,9 @@ class _LoadedAssembly(Loaded):
         """Spin loads of the masses of joints and attachments."""
         layout = self._base.layout
         M = self._base.added.mass_on_u(layout.count)
-        start, across = accelerations(layout.places, spin)
+        start, centrifugal = accelerations(layout.places, spin)
         self._start = M @ start
-        self._spun = ((M @ across + across @ M) / 2).tocsr()
+        self._spun = ((M @ centrifugal + centrifugal @ M) / 2).tocsr()
 
     def forces(self, q: Array) -> Array:
         base = self._base
@@ -265,7 +265,7 @@ def of_member(
     loads: Prestress, initial: Mapping[str, float], member: Member
 ) -> tuple[Prestress, dict[str, float]]:
     """(loads, initial strains by group) of one part of an assembly, in the axes of the part."""
-    about = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
-    point = member.at.own(about[None])[0]
+    spin_origin = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
+    point = member.at.own(spin_origin[None])[0]
     part_loads = of_part(loads, member.name, member.at.rotation, point)
     return part_loads, named_from(f"{member.name}:", initial)

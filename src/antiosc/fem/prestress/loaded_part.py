@@ -90,8 +90,8 @@ class LoadedPart:
         second = stretch.energy(self._u, free) * dx
         of_loads = []
         for group, p in loads.pressure.items():
-            where = (group, *largest(mesh, group))
-            work = pressure_energy(mesh, part.parts, self._u, where)
+            region = (group, *largest(mesh, group))
+            work = pressure_energy(mesh, part.parts, self._u, region)
             of_loads += [-p * work] if p else []
         self._masses: _SpinningMasses | None = None
         if loads.spin is not None and loads.spin.omega:
@@ -114,8 +114,8 @@ class LoadedPart:
         if self._masses is not None:
             total -= self._masses.forces(u)
         for name, preloaded in self._lines.items():
-            shared = self.part.stiffeners[name].shared
-            total += _transposed(shared, preloaded.forces(self.part.stiffeners[name].rows_of(u)))
+            T = self.part.stiffeners[name].shared
+            total += _transposed(T, preloaded.forces(self.part.stiffeners[name].rows_of(u)))
         return freed(self.part, total)
 
     def stiffness(self, u: Array, *, geometric: bool = False) -> PETSc.Mat:
@@ -244,12 +244,12 @@ class _SpinningMasses:
         self._M = with_entries(part.with_matrices().M).copy()
         of_cells = compat.assemble(part.form.mass, part.form.space, part.conditions, 0.0)
         self._M.axpy(-1.0, of_cells, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        start, across = accelerations(part.places, spin)
+        start, centrifugal = accelerations(part.places, spin)
         self._start = multiply(self._M, start)
-        turned = self._M.matMult(_spread_out(across, self._M))
-        self.stiffness = turned.copy()
+        K_spin = self._M.matMult(_spread_out(centrifugal, self._M))
+        self.stiffness = K_spin.copy()
         self.stiffness.transpose()
-        self.stiffness.axpy(1.0, turned, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+        self.stiffness.axpy(1.0, K_spin, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
         self.stiffness.scale(0.5)
 
     def forces(self, u: Array) -> Array:
@@ -266,10 +266,10 @@ def accelerations(places: DofPlaces, spin: Spin) -> tuple[Array, scipy.sparse.cs
     shape = len(axes), 3 * len(places.nodes)
     on_axes = scipy.sparse.csr_matrix((axes.ravel(), (rows, columns)), shape)
     of_nodes = scipy.sparse.kron(scipy.sparse.identity(len(places.nodes)), spin.stiffness)
-    across = (on_axes @ of_nodes @ on_axes.T).tocsr()
-    across.eliminate_zeros()
-    across.sort_indices()
-    return start, across
+    centrifugal = (on_axes @ of_nodes @ on_axes.T).tocsr()
+    centrifugal.eliminate_zeros()
+    centrifugal.sort_indices()
+    return start, centrifugal
 
 
 def _spread_out(local: scipy.sparse.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:

@@ -43,12 +43,14 @@ def with_prestress(base: MeshedStructure, prestress: object) -> MeshedStructure:
 
     preload = Preload(loads, state.q, state.reserve, initial, added)
 
-    def again(copy: Mesh, supports: Sequence[Support] = base.supports) -> MeshedStructure:
+    def reassembled(copy: Mesh, supports: Sequence[Support] = base.supports) -> MeshedStructure:
         return with_prestress(base.again(copy, supports), loads)
 
     K = state.K
     solver_of_K = state.solver
-    return replace(base, K=K, again=again, preload=preload, unloaded=base, solver_of_K=solver_of_K)
+    return replace(
+        base, K=K, again=reassembled, preload=preload, unloaded=base, solver_of_K=solver_of_K
+    )
 
 
 def checked(base: StructureMatrices, prestress: object) -> Prestress:

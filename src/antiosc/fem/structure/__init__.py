@@ -104,13 +104,13 @@ class Placement(Checked):
 
     def placed(self, x: Array) -> Array:
         """Coordinates (n, 3) in the assembly, of points (n, 3) of the part."""
-        about = np.array(self.about)
-        return about + (x - about) @ self.rotation.T + self.shift
+        centre = np.array(self.about)
+        return centre + (x - centre) @ self.rotation.T + self.shift
 
     def own(self, x: Array) -> Array:
         """Coordinates (n, 3) in the axes of the part, of points (n, 3) of the assembly."""
-        about = np.array(self.about)
-        return about + (x - self.shift - about) @ self.rotation
+        centre = np.array(self.about)
+        return centre + (x - self.shift - centre) @ self.rotation
 
 
 def skew(a: Array) -> Array:
@@ -227,8 +227,8 @@ class Dissipation:
 def _root(matrix: Array) -> Array:
     """L with L'L = the semidefinite matrix."""
     diagonal = matrix.diagonal()
-    least = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
-    scale = np.sqrt(np.maximum(diagonal, least))  # what lies below is rounding
+    floor = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
+    scale = np.sqrt(np.maximum(diagonal, floor))  # what lies below is rounding
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
     real = values > LEAST_EIGENVALUE * values.max(initial=0.0)
     return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
@@ -244,9 +244,9 @@ def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
 
 def projected(comm: MPI.Comm, terms: Sequence[Dissipation], V: Array) -> DampingMatrix:
     """The damping matrix of the motions V (rows of this rank, k)."""
-    none = np.zeros((0, V.shape[1]))
+    no_terms = np.zeros((0, V.shape[1]))
     factors = [(term.projected(comm, V), term.tau) for term in terms]
-    viscous = np.vstack([none, *(L for L, tau in factors if tau is None)])
+    viscous = np.vstack([no_terms, *(L for L, tau in factors if tau is None)])
     return from_factors(viscous, [(L, tau) for L, tau in factors if tau is not None])
 
 
@@ -579,13 +579,13 @@ class NodalMatrices(StructureMatrices):
 
         A row is -1 where the displacement is not among the dofs.
         """
-        known = np.isfinite(self.map.points).all(axis=1)
-        _, first, index = np.unique(self.map.node[known], return_index=True, return_inverse=True)
-        located = np.flatnonzero(known)
+        valid = np.isfinite(self.map.points).all(axis=1)
+        _, first, index = np.unique(self.map.node[valid], return_index=True, return_inverse=True)
+        located = np.flatnonzero(valid)
         rows = np.full((len(first), 3), -1)
         for axis in range(3):
-            along = self.map.component[located] == axis + 1
-            rows[index.ravel()[along], axis] = located[along]
+            on_axis = self.map.component[located] == axis + 1
+            rows[index.ravel()[on_axis], axis] = located[on_axis]
         return self.map.points[located[first]], rows
 
     @property
@@ -595,10 +595,10 @@ class NodalMatrices(StructureMatrices):
         """
         component = self.map.component
         points = self.map.points
-        known = np.isfinite(points).all(axis=1)
+        located = np.isfinite(points).all(axis=1)
         kind = np.where(component > 3, TURN, MOVE)
-        kind[~known | (component < 1) | (component > 6)] = AMPLITUDE
-        nodes = np.where(known[:, None], points, points[known].mean(axis=0))
+        kind[~located | (component < 1) | (component > 6)] = AMPLITUDE
+        nodes = np.where(located[:, None], points, points[located].mean(axis=0))
         axes = np.where(kind[:, None] != AMPLITUDE, np.eye(3)[(component - 1) % 3], 0.0)
         return DofPlaces(nodes, np.arange(len(nodes)), axes, kind)
 
@@ -617,25 +617,27 @@ class NodalMatrices(StructureMatrices):
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
         motions = self.places.rigid_motions(point)
-        present = motions.any(axis=0)
-        forces = force_ratios(self.K, motions[:, present], multiply(self.K, motions[:, present]))
-        limits = np.where(np.flatnonzero(present) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
+        is_possible = motions.any(axis=0)
+        forces = force_ratios(
+            self.K, motions[:, is_possible], multiply(self.K, motions[:, is_possible])
+        )
+        limits = np.where(np.flatnonzero(is_possible) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
         return (point, motions) if (forces < limits).all() else None
 
     @property
     def mass(self) -> float:
-        known = self.rigid_inertia
-        if known is None:
+        inertia = self.rigid_inertia
+        if inertia is None:
             raise InputError(
                 "the total mass is known only of free bodies with coordinates: matrices lack "
                 "the mass of fixed dofs."
             )
-        return known[0].mass
+        return inertia[0].mass
 
     def uniform_inertia(self, direction: Array) -> Array | None:
         direction = floats("direction", direction, (3,))
-        known = self.rigid_inertia
-        return None if known is None else np.asarray(known[1][:, :3] @ direction)
+        inertia = self.rigid_inertia
+        return None if inertia is None else np.asarray(inertia[1][:, :3] @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:  # type: ignore[override]

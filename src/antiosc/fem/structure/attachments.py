@@ -87,10 +87,10 @@ def by_components(
 
 
 def _some_components(name: str, values: object, kind: str) -> dict[str, float]:
-    checked = by_components(name, values, kind)
-    if not checked:
+    by_component = by_components(name, values, kind)
+    if not by_component:
         raise InputError(f"a {kind} needs a {name}, as in {kind}(where, {{'z': 1e5}}).")
-    return checked
+    return by_component
 
 
 @dataclass(frozen=True)
@@ -237,16 +237,16 @@ Attachment = PointMass | Spring | Damper | Footing
 
 def attachments_of(attached: object) -> list[PointMass | Spring | Damper]:
     """Checked attachments: footings divided into their elements; names for springs and dampers."""
-    known = (PointMass, Spring, Damper, Footing)
-    what = "PointMass, Spring, Damper and Footing objects"
-    checked: list[Any] = list(list_of("attached", attached, known, what))
+    kinds = (PointMass, Spring, Damper, Footing)
+    expected = "PointMass, Spring, Damper and Footing objects"
+    attachments: list[Any] = list(list_of("attached", attached, kinds, expected))
     parts: list[PointMass | Spring | Damper] = []
     for kind in (Spring, Damper, Footing):
-        of_kind = np.flatnonzero([type(attachment) is kind for attachment in checked])
+        of_kind = np.flatnonzero([type(attachment) is kind for attachment in attachments])
         for number, k in enumerate(of_kind, start=1):
-            if checked[k].name is None:
-                checked[k] = replace(checked[k], name=f"{kind.__name__.lower()} {number}")
-    for attachment in checked:
+            if attachments[k].name is None:
+                attachments[k] = replace(attachments[k], name=f"{kind.__name__.lower()} {number}")
+    for attachment in attachments:
         if isinstance(attachment, Footing):
             parts += attachment._parts(attachment.name)
         else:
@@ -459,8 +459,8 @@ def add_beams(
     ]
     pattern = PETSc.Mat.Structure
     kind = pattern.UNKNOWN_NONZERO_PATTERN if structure.bare else pattern.SUBSET_NONZERO_PATTERN
-    for matrix, added in zip((structure.K, structure.M), matrices, strict=True):
-        matrix.axpy(1.0, added.ptap(T), structure=kind)
+    for matrix, beam_matrix in zip((structure.K, structure.M), matrices, strict=True):
+        matrix.axpy(1.0, beam_matrix.ptap(T), structure=kind)
     moving = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])
@@ -483,11 +483,11 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     topology = mesh.dolfinx.topology
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
-    owned = edges[edges < topology.index_map(1).size_local]
-    nodes = np.zeros((len(owned), mesh.order + 1), dtype=np.int64)
+    owned_edges = edges[edges < topology.index_map(1).size_local]
+    nodes = np.zeros((len(owned_edges), mesh.order + 1), dtype=np.int64)
     of_cell = compat.geometry_nodes(mesh.dolfinx)
     table = SHEET_EDGES[mesh.cell]
-    for row, edge in enumerate(owned):
+    for row, edge in enumerate(owned_edges):
         cell = topology.connectivity(1, 2).links(edge)[0]
         local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
         positions = [*table[local], len(table) + local][: mesh.order + 1]

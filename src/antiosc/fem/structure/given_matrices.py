@@ -259,11 +259,11 @@ def _checked(name: str, matrix: Matrix) -> _Entries:
     if not diagonal.any() and not any(comm.allgather(algebra.entries(matrix)[2].any())):
         raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
     typical = np.median(np.abs(diagonal[diagonal != 0])) if diagonal.any() else 0.0
-    least = int(np.argmin(diagonal))
-    if diagonal[least] < -ENTRY_ROUNDING * typical:
+    smallest = int(np.argmin(diagonal))
+    if diagonal[smallest] < -ENTRY_ROUNDING * typical:
         raise InputError(
-            f"{name} must be positive semidefinite; its diagonal has {diagonal[least]:g} in row "
-            f"{least}."
+            f"{name} must be positive semidefinite; its diagonal has {diagonal[smallest]:g} in row "
+            f"{smallest}."
         )
     noise = ENTRY_ROUNDING * typical
     asymmetry, entries = (_entries(A, diagonal, noise) for A in (algebra.skew(matrix), matrix))
@@ -308,8 +308,8 @@ def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> Non
 def _typical(comm: MPI.Comm, entries: _Entries) -> float:
     """Typical size of an off-diagonal entry, where penalties are few; 0 if there is none."""
     size = np.abs(entries.value)
-    least = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
-    sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * least]))
+    smaller_diagonal = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
+    sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * smaller_diagonal]))
     if len(sizes):
         return float(np.median(sizes))
     return 0.0
@@ -353,20 +353,20 @@ def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array, name: str = "M")
     diagonal_here = diagonal[first:last]
     weights[diagonal_here > 0] = 1 / np.sqrt(diagonal_here[diagonal_here > 0])
     v = np.random.default_rng(comm.rank).standard_normal(last - first) * (weights > 0)
-    before = np.zeros_like(v)
+    previous_vector = np.zeros_like(v)
     beta = 0.0
     v /= norm(comm, v)
     alphas = []
     betas = []
     for _ in range(min(NEGATIVE_STEPS, int(np.count_nonzero(diagonal > 0)))):
-        w = weights * multiply(M, weights * v) - beta * before
+        w = weights * multiply(M, weights * v) - beta * previous_vector
         alphas.append(float(dot(comm, v, w)))
         w -= alphas[-1] * v
         beta = norm(comm, w)
         betas.append(beta)
         if beta <= ENTRY_ROUNDING:
             break
-        before = v
+        previous_vector = v
         v = w / beta
     values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))
     if values[0] < -NEGATIVE * values[-1]:

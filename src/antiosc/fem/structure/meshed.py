@@ -298,8 +298,8 @@ class MeshedStructure(StructureMatrices):
 
     def uniform_inertia(self, direction: Array) -> Array:
         direction = floats("direction", direction, (3,))
-        along = compat.constant(self.mesh.dolfinx, direction)
-        load = self.form.momentum(along) * measure(self.mesh, 5)
+        unit_direction = compat.constant(self.mesh.dolfinx, direction)
+        load = self.form.momentum(unit_direction) * measure(self.mesh, 5)
         forces = compat.assemble_functional(load, self.form.space)
         return np.asarray(forces[: len(self.attached_inertia)] + self.attached_inertia @ direction)
 
@@ -319,14 +319,14 @@ class MeshedStructure(StructureMatrices):
         too.
         """
         loads = multiply(self.M, motions)
-        owned = self.fixed[self.fixed < len(motions)]
-        if self.comm.allreduce(len(owned)):
+        owned_fixed = self.fixed[self.fixed < len(motions)]
+        if self.comm.allreduce(len(owned_fixed)):
             # M has no entries on the held dofs
             mass = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
-            free[owned] = 0.0
+            free[owned_fixed] = 0.0
             free_loads = multiply(mass, free)
-            free_loads[owned] = 0.0
+            free_loads[owned_fixed] = 0.0
             loads += multiply(mass, motions) - free_loads
         return loads
 
@@ -560,20 +560,20 @@ def assembled(
     on_edges = {
         name: add_beams(assembled_matrices, name, beam, edges) for name, beam, edges in beams
     }
-    added = [entry for entry, _ in on_edges.values()]
-    added += [add_at_points(assembled_matrices, entry) for entry in carried]
+    edge_materials = [entry for entry, _ in on_edges.values()]
+    edge_materials += [add_at_points(assembled_matrices, entry) for entry in carried]
     if by_strains:
         assert form.strains is not None
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
         _take_by_strains(K, S, stored, fixed)
     if by_cells is not None:
-        by_cells.carries = bool(added)
-    mass += sum(entry.mass for entry in added)
+        by_cells.carries = bool(edge_materials)
+    mass += sum(entry.mass for entry in edge_materials)
     attached_inertia = sum(
-        (entry.inertia for entry in added), np.zeros((compat.local_size(form.space), 3))
+        (entry.inertia for entry in edge_materials), np.zeros((compat.local_size(form.space), 3))
     )
-    held_by = [spring for entry in added for spring in entry.springs]
+    held_by = [spring for entry in edge_materials for spring in entry.springs]
     springs = np.column_stack([attached_inertia[:, :0], *(s.G.toarray().T for s in held_by)])
     modes, shift = np.zeros((len(springs), 0)), 0.0
     if bare:
@@ -589,7 +589,7 @@ def assembled(
         )
     materials_by_group = dict(material) if isinstance(material, Mapping) else material
 
-    def again(
+    def reassembled(
         copy: Mesh, supports: Sequence[Support] = checked_supports, bare: bool = False
     ) -> MeshedStructure:
         return assembled(
@@ -614,10 +614,10 @@ def assembled(
         parts=parts,
         total_mass=mass,
         attached_inertia=attached_inertia,
-        again=again,
+        again=reassembled,
         supports=checked_supports,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
-        dampers=[damper for entry in added for damper in entry.dampers],
+        dampers=[damper for entry in edge_materials for damper in entry.dampers],
         springs=held_by,
         conditions=conditions,
         bare=bare,

@@ -134,7 +134,7 @@ class Structure(ReprMixin):
         prestress: Prestress | None = None,
     ) -> None:
         """Assemble the structure of a mesh."""
-        started = clock()
+        start_time = clock()
         with finite_element_packages():
             from antiosc.fem.prestress.state import with_prestress
             from antiosc.fem.structure.meshed import assembled
@@ -146,7 +146,7 @@ class Structure(ReprMixin):
         )
         if prestress is not None:
             matrices = with_prestress(matrices, prestress)
-        self._hold(matrices, started)
+        self._hold(matrices, start_time)
         self.supports = tuple(matrices.supports)
         self.made_of = mesh, material, options
 
@@ -187,14 +187,14 @@ class Structure(ReprMixin):
             installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where
             scikit-sparse is installed.
         """
-        started = clock()
+        start_time = clock()
         choice("backend", backend, BACKENDS)
         pair = copied("K", K, backend), copied("M", M, backend)
         if map is not None and algebra.communicator(pair[0]).size > 1:
             raise InputError("matrices with a map must be on one rank, not spread over several.")
         rows = dof_map(map, None, algebra.size(pair[0]))
         damping = None if C is None else copied("C", C, backend)
-        return cls._of_pair(pair, rows, supports, rigid_modes, started, damping)
+        return cls._of_pair(pair, rows, supports, rigid_modes, start_time, damping)
 
     @classmethod
     @collective(ALONE)
@@ -231,12 +231,12 @@ class Structure(ReprMixin):
         InputError
             A file that cannot be read, with its line or byte; matrices that do not fit together.
         """
-        started = clock()
+        start_time = clock()
         choice("backend", backend, BACKENDS)
         read = read_pair(K, M, names)
         rows = dof_map(map, read.labels, read.K.shape[0])
         pair = copied("K", read.K, backend), copied("M", read.M, backend)
-        return cls._of_pair(pair, rows, supports, None, started)
+        return cls._of_pair(pair, rows, supports, None, start_time)
 
     @classmethod
     def _of_pair(
@@ -265,8 +265,8 @@ class Structure(ReprMixin):
         algebra.free_when_dropped(self.K, self.M)
         self.fixed = matrices.fixed
         self.rigid_modes = matrices.rigid_modes
-        owned = int((self.fixed < self.rows).sum())
-        self.dofs = self.size - self.comm.allreduce(owned)
+        owned_fixed = int((self.fixed < self.rows).sum())
+        self.dofs = self.size - self.comm.allreduce(owned_fixed)
         self.seconds = {"assembly": clock() - start_time}
 
     @property
@@ -295,10 +295,10 @@ class Structure(ReprMixin):
         if self._factored is not None and self._factored[0].columns < columns:
             self._factored = None
         if self._factored is None:
-            started = clock()
+            start_time = clock()
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor, shift = self.matrices.factored(columns)
-            self.seconds["factorization"] = clock() - started
+            self.seconds["factorization"] = clock() - start_time
             self._factored = factor, shift
         return self._factored[0]
 

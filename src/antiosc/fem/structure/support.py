@@ -83,12 +83,12 @@ class Support(FieldsRepr):
 
     def __post_init__(self, near: object, box: object, plane: object, nodes: object) -> None:
         places = {"where": self.where, "near": near, "box": box, "plane": plane, "nodes": nodes}
-        named = [name for name, value in places.items() if value is not None]
-        if len(named) > 1:
-            raise InputError(f"a Support takes one of {', '.join(places)}; got {named}.")
-        make = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
-        if named and named[0] in make:
-            store(self, where=make[named[0]](places[named[0]]))
+        given_places = [name for name, value in places.items() if value is not None]
+        if len(given_places) > 1:
+            raise InputError(f"a Support takes one of {', '.join(places)}; got {given_places}.")
+        regions = {"near": ball, "box": _box, "plane": _plane, "nodes": NumberedNodes.of}
+        if given_places and given_places[0] in regions:
+            store(self, where=regions[given_places[0]](places[given_places[0]]))
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
                 "where must be the name of a group or a function of coordinates x (3, n), or near, "
@@ -214,8 +214,8 @@ class NumberedNodes:
         marked = mesh.numbered(self.numbers)
         entities: dict[int, IntArray] = {}
         for dim in range(mesh.tdim):
-            inside = marked[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
-            entities[dim] = np.flatnonzero(inside).astype(np.int32)
+            selected = marked[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
+            entities[dim] = np.flatnonzero(selected).astype(np.int32)
         return entities
 
 
@@ -278,8 +278,8 @@ def _plane(value: object) -> Region:
     length = float(np.linalg.norm(normal))
     if length == 0:
         raise InputError("the normal of plane must not be the zero vector.")
-    across = ", ".join(f"{c:g}" for c in normal / length)
-    words = f"on the plane through {point_text(point)} across ({across})"
+    normal_text = ", ".join(f"{c:g}" for c in normal / length)
+    words = f"on the plane through {point_text(point)} across ({normal_text})"
     return Region(words, partial(_off_plane, point, normal / length))
 
 
@@ -346,8 +346,8 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     if not scale.all():
         fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
-    owned = fixed[fixed < len(fields)]
-    at_fixed = fields[owned]
+    owned_fixed = fixed[fixed < len(fields)]
+    at_fixed = fields[owned_fixed]
     stretch = dot(comm, springs, fields)
     gram = comm.allreduce(at_fixed.T @ at_fixed) + stretch.T @ stretch
     if not gram.any():
@@ -355,7 +355,7 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     combinations = (vectors / scale[:, None])[:, values < VANISHING]
     result = fields @ combinations
-    result[owned] = 0.0
+    result[owned_fixed] = 0.0
     return result
 
 
@@ -367,9 +367,9 @@ def first_elastic(
     count = 0
     for column, share in zip(fields.T, shares.T, strict=True):
         elastic = column - motions @ share
-        before, after = comm.allreduce(np.array([column @ column, elastic @ elastic]))
+        full_norm, elastic_norm = comm.allreduce(np.array([column @ column, elastic @ elastic]))
         # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
-        if after > STRAINING_SHARE**2 * before:
+        if elastic_norm > STRAINING_SHARE**2 * full_norm:
             fields[:, count] = elastic
             count += 1
     basis = orthonormal(comm, M, fields[:, :count], into=fields)
@@ -420,9 +420,9 @@ def _field(component: int, powers: tuple[int, ...]) -> Field:
         for axis in range(3):
             if axis == component or axis not in powers:
                 continue
-            rest = list(powers)
-            rest.remove(axis)
-            slope = powers.count(axis) * np.prod(s[:, rest], axis=1)
+            reduced_powers = list(powers)
+            reduced_powers.remove(axis)
+            slope = powers.count(axis) * np.prod(s[:, reduced_powers], axis=1)
             # curl of u e_c: component k gets ε_{k,axis,c} ∂u/∂axis
             k = 3 - axis - component
             sign = 1.0 if (k, axis, component) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
@@ -485,8 +485,8 @@ def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
     turning_ones = (motions @ right[:turning].T).T
     # spins in echelon form, so that axes of the mesh show where they are among them
     order = _reduced(turning_ones[:, [3, 4, 5, 0, 1, 2]], columns=3)
-    keep = np.eye(3) if not len(moves) else np.eye(3) - np.linalg.pinv(moves) @ moves
-    return moves, [(keep @ row[3:], row[:3]) for row in order]
+    projection = np.eye(3) if not len(moves) else np.eye(3) - np.linalg.pinv(moves) @ moves
+    return moves, [(projection @ row[3:], row[:3]) for row in order]
 
 
 def _reduced(rows: Array, columns: int | None = None) -> Array:
@@ -501,8 +501,8 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
             continue
         rows[[row, pivot]] = rows[[pivot, row]]
         rows[row] /= rows[row, column]
-        others = np.arange(len(rows)) != row
-        rows[others] -= np.outer(rows[others, column], rows[row])
+        other_rows = np.arange(len(rows)) != row
+        rows[other_rows] -= np.outer(rows[other_rows, column], rows[row])
         row += 1
     return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)
 
@@ -510,9 +510,12 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
 def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
     """One rotating motion as text: axis and a point on it; `spin` is in units of 1/size."""
     axis = spin / np.linalg.norm(spin)
-    along = float(velocity @ axis)
+    pitch_speed = float(velocity @ axis)
     words = f"rotation about {_name(axis)}"
-    if abs(along) > MOTION_ROUNDING * np.linalg.norm(velocity) and abs(along) > MOTION_ROUNDING:
+    if (
+        abs(pitch_speed) > MOTION_ROUNDING * np.linalg.norm(velocity)
+        and abs(pitch_speed) > MOTION_ROUNDING
+    ):
         words = f"a screw motion along {_name(axis)}"
     if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), MOTION_ROUNDING) == 2:
         return words  # with these translations the axis may lie anywhere

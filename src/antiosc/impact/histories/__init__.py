@@ -263,7 +263,7 @@ def _numbers(contact: ContactHistory) -> dict[str, object]:
 
 def error_scope(history: History) -> str:
     """Text: causes that the `error` of a history covers, and the place of the mesh error."""
-    bodies = [placed.body for placed in history.assembly.bodies.values()]
+    bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
     if not any(info.structure for info in facts):
         return "time integration"
@@ -282,8 +282,8 @@ def error_text(history: History) -> str:
     if budget:
         return budget.causes_text("peak_force")
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
-    known = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    numerical = f"numerical {known} ({error_scope(history)})"
+    error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
+    numerical = f"numerical {error_text} ({error_scope(history)})"
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))
 
 
@@ -296,6 +296,6 @@ def history_sites(history: History) -> dict[str, tuple[float, ...]]:
         return site_points(history.model)
     return {
         f"{name}:{site}" if site else name: point
-        for name, placed in history.assembly.bodies.items()
-        for site, point in site_points(placed.body).items()
+        for name, scene_body in history.assembly.bodies.items()
+        for site, point in site_points(scene_body.body).items()
     }

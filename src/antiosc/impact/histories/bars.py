@@ -126,9 +126,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def causes(self) -> tuple[str, ...]:
         """Causes of error to print; noise, band and stretch if present, the law if known."""
         bars = self.bars.values()
-        without = (*self.unknown, *(("law",) if self.law else ()))
-        known = (c for c in CAUSES if c not in without)
-        return tuple(c for c in known if c not in RARE or any(getattr(b, c) for b in bars))
+        omitted = (*self.unknown, *(("law",) if self.law else ()))
+        known_causes = (c for c in CAUSES if c not in omitted)
+        return tuple(c for c in known_causes if c not in RARE or any(getattr(b, c) for b in bars))
 
     @property
     def worst(self) -> float | None:

@@ -84,7 +84,7 @@ def replay(
             if b < depth.size - 1:
                 stored[b] = damping[b] = 0.0
             continue
-        before = law.lost(state)
+        lost_before = law.lost(state)
         for n in range(a, b + 1):
             delta = float(depth[n])
             if n > a:
@@ -92,8 +92,8 @@ def replay(
             if law.rate_dependent:
                 damping[n] = float(force[n]) - law.force(delta, 0.0, state)
             stored[n] = law.energy(delta, state)
-            plastic[n] += law.lost(state) - before
-            before = law.lost(state)
+            plastic[n] += law.lost(state) - lost_before
+            lost_before = law.lost(state)
         if b < depth.size - 1:
             stored[b] = damping[b] = 0.0
     return stored, np.cumsum(plastic), damping
@@ -106,18 +106,18 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     The state changes only at nodes where the indentation exceeds the turning point and all earlier
     indentations; there it does not depend on the nodes in between.
     """
-    before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
-    deeper = np.append(False, depth[1:] > before)
+    deepest_before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
+    deeper = np.append(False, depth[1:] > deepest_before)
     stored = law.energies(depth, state)
     losses = np.zeros(depth.size)
-    at = np.flatnonzero(deeper)
-    if not at.size:
+    nodes = np.flatnonzero(deeper)
+    if not nodes.size:
         return stored, losses, state
-    states = [law.advance(delta, 0.0, state) for delta in depth[at].tolist()]
-    losses[at] = np.diff([state[2], *(later[2] for later in states)])
-    returns = np.flatnonzero(np.diff(at, append=depth.size) > 1)
+    states = [law.advance(delta, 0.0, state) for delta in depth[nodes].tolist()]
+    losses[nodes] = np.diff([state[2], *(later[2] for later in states)])
+    returns = np.flatnonzero(np.diff(nodes, append=depth.size) > 1)
     for k in returns.tolist():
-        unloading = slice(at[k] + 1, at[k + 1] if k + 1 < at.size else None)
+        unloading = slice(nodes[k] + 1, nodes[k + 1] if k + 1 < nodes.size else None)
         stored[unloading] = law.energies(depth[unloading], states[k])
     return stored, losses, states[-1]
 
@@ -183,17 +183,17 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
         if np.any(a.system.loads):
             work[between] = _work(a, part, q, v)
         if a.system.first is not None:
-            pushed = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
+            contact_work = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
             stored_change = np.diff(kinetic[nodes] + modal[nodes])
-            braked[between] = work[between] - pushed - stored_change
+            braked[between] = work[between] - contact_work - stored_change
         elif a.system.damped:
             braked[between] = _damping_losses(a, part, q, v)
-    acting = a.pushes(run.time)
-    felt = acting - run.force @ a.G
+    external_forces = a.pushes(run.time)
+    felt = external_forces - run.force @ a.G
     residual = felt @ a.r
     work, braked = _work_and_losses(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
-        work = work + path_work(acting, residual).sum(axis=1)
+        work = work + path_work(external_forces, residual).sum(axis=1)
     return Energy(
         kinetic=kinetic,
         strain=modal + 0.5 * np.sum(felt * residual, axis=1),
@@ -212,12 +212,12 @@ def energy_gain(a: Assembly, run: Run) -> float:
     system = a.system
     if not all(map(is_compiled, system.laws)):
         return 0.0
-    doubted = run.gained > 0.1 * GAIN * run.highest
-    if not doubted and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
+    is_doubtful = run.gained > 0.1 * GAIN * run.highest
+    if not is_doubtful and (len(system.beta) == 1 or run.time.size > BALANCED_NODES):
         return 0.0
     if system.damped or (a.scene.loads and a.r.any()):
         energy = energy_balance(a, run)
-        present = energy.kinetic + energy.strain + energy.contact
+        current = energy.kinetic + energy.strain + energy.contact
         total = energy.total
     else:  # nothing between the ends of the steps is needed
         force = run.force[::2]
@@ -230,15 +230,15 @@ def energy_gain(a: Assembly, run: Run) -> float:
             energies += system.stretch_energy(q)
             if system.loads.any():
                 work[first:last] = _work_by_step(a, run_slice(run, first, last), q, v, energies)
-        present = mechanical.copy()
+        current = mechanical.copy()
         if system.R.any():
-            present += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
+            current += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
         stored, losses = contact_energies(a, run)
-        present += stored[::2]
-        total = present + losses[::2]
+        current += stored[::2]
+        total = current + losses[::2]
         if system.loads.any():
             total[1:] -= np.cumsum(work)
-    highest = float(present.max())
+    highest = float(current.max())
     if highest > 0:
         return float(total.max() - total[0]) / highest
     return 0.0
@@ -255,8 +255,8 @@ def _work_and_losses(
     if not (np.any(work) or a.system.damped):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = a.system.damped
-    pressed = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
-    flight_steps = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
+    in_contact = np.any(run.force != 0.0, axis=1)  # a body that stretches is never in flight
+    flight_steps = ~(in_contact[:-1:2] | in_contact[1::2] | in_contact[2::2])
     flight = np.repeat(flight_steps, 2)
     change = np.diff(mechanical)
     if damped:

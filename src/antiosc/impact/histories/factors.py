@@ -121,8 +121,8 @@ def spring_amplitudes(history: AnyHistory, times: Array, body: str) -> list[Arra
     """Factors (n, B) of the shapes for the spring of each Maxwell branch, at `times`."""
     modes = modes_of(history, body)
     motion = _motion_at(history, times, body)
-    none = np.zeros_like(motion.forces)
-    return [_factors(modes, q, none) for q in motion.springs]
+    no_forces = np.zeros_like(motion.forces)
+    return [_factors(modes, q, no_forces) for q in motion.springs]
 
 
 def unit_energy_factors(modes: ModalBody | SiteModes) -> tuple[Array, int]:

@@ -57,8 +57,8 @@ class RunHistory(OneContact):
         for contact in self.contact_histories:
             if contact.ends == ends:
                 return contact
-        listed = ", ".join(str(contact.ends) for contact in self.contact_histories)
-        raise InputError(f"there is no contact {ends!r} in the scene; it has {listed}.")
+        contact_names = ", ".join(str(contact.ends) for contact in self.contact_histories)
+        raise InputError(f"there is no contact {ends!r} in the scene; it has {contact_names}.")
 
     @cached_property
     def contact_histories(self) -> list[ContactHistory]:
@@ -182,10 +182,10 @@ class RunHistory(OneContact):
 
         For "structure", if no body has this name, it is the body with displacement shapes.
         """
-        placed = self.assembly.bodies[self.name_of(body)]
-        if isinstance(placed.body, RigidBody):
+        scene_body = self.assembly.bodies[self.name_of(body)]
+        if isinstance(scene_body.body, RigidBody):
             raise InputError(f"{body!r} is a RigidBody, which has no field.")
-        return placed.body, placed.modes
+        return scene_body.body, scene_body.modes
 
     def name_of(self, body: str) -> str:
         """The key in `bodies` to which the name `body` refers; see `of`."""
@@ -274,8 +274,8 @@ class RunHistory(OneContact):
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
-        acting = self.assembly.pushes(time) - force @ a.G
-        columns = q @ a.B + acting @ a.r
+        f = self.assembly.pushes(time) - force @ a.G
+        columns = q @ a.B + f @ a.r
         kinetic = 0.5 * v**2
         strain = 0.5 * (a.system.omega * q) ** 2
         load = a.load(time) - force @ a.system.beta
@@ -292,14 +292,14 @@ class RunHistory(OneContact):
             k = a.columns[name]
             stretch = a.stretched.get(name)
             stretching = 0.0 if stretch is None else stretch.energy(q[:, j] @ stretch.modes)
-            residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
+            residual = 0.5 * np.einsum("nk,kl,nl->n", f[:, k], a.r[k, k], f[:, k])
             histories[name] = BodyHistory(
                 placed=body,
                 time=time,
                 q=q[:, j],
                 v=v[:, j],
                 a=accelerations[:, j],
-                forces=acting[:, k],
+                forces=f[:, k],
                 kinetic=kinetic[:, j].sum(axis=1),
                 strain=strain[:, j].sum(axis=1) + residual + stretching,
                 _columns=columns[:, k],
@@ -315,10 +315,10 @@ class RunHistory(OneContact):
         """Checked times (n,) within the run; InputError for others."""
         times = checks.column("t", t)
         end = float(self.run.time[-1])
-        outside = (times < 0) | (times > end * (1 + 1e-12))
-        if np.any(outside):
+        is_outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(is_outside):
             raise InputError(
-                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[is_outside][0]:g} s."
             )
         return np.minimum(times, end)
 

@@ -191,8 +191,8 @@ class ContactHistory(OneContact, ReprMixin):
         nodes = [np.zeros(0, dtype=int)]
         steps = zip(self._touches[0]["first"], self._touches[0]["last"], strict=True)
         nodes += [np.arange(2 * a, 2 * b + 1) for a, b in steps]
-        at = np.concatenate(nodes)
-        return run.time[at], np.maximum(run.force[at, self._row], 0.0)
+        node_numbers = np.concatenate(nodes)
+        return run.time[node_numbers], np.maximum(run.force[node_numbers, self._row], 0.0)
 
     def _facts(self) -> list[tuple[str, str]]:
         return [

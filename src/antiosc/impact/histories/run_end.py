@@ -64,7 +64,7 @@ def open_contacts(run: Run, system: System) -> list[int]:
     if len(system.laws) == 1 and (not len(run.events) or run.events[-1, 2] == library.APART):
         return []
     events = run.events.tolist()
-    last = {which: piece for _, which, piece, _ in events}
+    last = {contact: piece for _, contact, piece, _ in events}
     touching = sorted(int(c) for c, piece in last.items() if piece != library.APART)
     parted = {which for _, which, piece, _ in events if piece == library.APART} if touching else ()
     return [c for c in touching if c in parted or not system.closed[c]]
@@ -132,10 +132,10 @@ def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
     contacts = [assembly.scene.contacts[c] for c in ended.open]
     if not contacts:
         return ""
-    named = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
+    names = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:_NAMED])
     ellipsis = ", ..." if len(contacts) > _NAMED else ""
     return (
-        f"The run ends during contact of {named}{ellipsis}: contact time, impulse and peak force"
+        f"The run ends during contact of {names}{ellipsis}: contact time, impulse and peak force"
         f" are those up to {ended.time:g} s; lengthen the duration."
     )
 
@@ -151,16 +151,16 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
     for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
         c = int(np.argmax(motion))
         contact = assembly.scene.contacts[c]
-        most = float(motion[c])
-        if most > 0:
+        rate = float(motion[c])
+        if rate > 0:
             return (
                 f"the gap of {system.offsets[0, c]:g} m of {contact.a!r}, {contact.b!r} closes at"
-                f" {most:g} {unit} at first and was not closed within {ended.time:g} s; lengthen"
+                f" {rate:g} {unit} at first and was not closed within {ended.time:g} s; lengthen"
                 f" the duration"
             )
         if np.any(motion < 0):
             return (
-                f"the gap of {contact.a!r}, {contact.b!r} opens at {-most:g} {unit} at first; if it"
+                f"the gap of {contact.a!r}, {contact.b!r} opens at {-rate:g} {unit} at first; if it"
                 f" should close, reverse the sign of the velocity or gravity or, in a scene, the"
                 f" ends"
             )
@@ -182,9 +182,11 @@ def warn_batch(results: Sequence[CheckResult]) -> None:
         if result.status or result.unusual:
             kinds.setdefault((result.status, result.unusual), []).append(i)
     for (status, _), scenes in kinds.items():
-        named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
+        scene_numbers = ", ".join(map(str, scenes[:_NAMED])) + (
+            ", ..." if len(scenes) > _NAMED else ""
+        )
         errors.warn(
-            f"{len(scenes)} of {len(results)} scenes ({named}), as scene {scenes[0]}:"
+            f"{len(scenes)} of {len(results)} scenes ({scene_numbers}), as scene {scenes[0]}:"
             f" {results[scenes[0]].message}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )

@@ -264,8 +264,8 @@ def clamped_count(Omega: Array, alpha: float, eta: float, length: float) -> NDAr
     (mu1, _), (mu2, _) = wave_roots(Omega, alpha, eta)
     y1 = np.sqrt(-mu1) * length / np.pi
     y2 = np.sqrt(np.maximum(-mu2, 0)) * length / np.pi
-    above = mu2 < 0
-    hinged = (y1 + 1) // 2 + y1 // 2 + np.where(above, (y2 + 1) // 2 + y2 // 2 + 1, 0)
+    below_cutoff = mu2 < 0
+    hinged = (y1 + 1) // 2 + y1 // 2 + np.where(below_cutoff, (y2 + 1) // 2 + y2 // 2 + 1, 0)
     even, odd = _half_stiffness(Omega, alpha, eta, length)
     return (hinged - (even[1, 1] < 0) - (odd[1, 1] < 0)).astype(np.int64)
 
@@ -312,10 +312,10 @@ class UnitBeam:
     def rigid(self) -> Array:
         """Rigid modes (p, q), w = p + qx and θ = q, as columns: shape (2, r)."""
         rows = [
-            (1.0, end) if which == 0 else (0.0, 1.0)
+            (1.0, end) if condition == 0 else (0.0, 1.0)
             for end, support in ((0.0, self.left), (1.0, self.right))
-            for which in ENDS[support]
-            if which < 2
+            for condition in ENDS[support]
+            if condition < 2
         ]
         if rows:
             return null_space(np.array(rows))
@@ -356,16 +356,16 @@ class UnitBeam:
             jump[:4] += ends[0][2, 1]
         if not at_right:
             jump[4 * last :] -= ends[last][2, 0]
-        for segment, end, support, struck in (
+        for segment, end, support, site_index in (
             (0, 0, self.left, at_left),
             (last, 1, self.right, at_right),
         ):
-            for which in ENDS[support]:
-                if not (struck and which == 2):
-                    row((segment, ends[segment][which, end]))
+            for condition in ENDS[support]:
+                if not (site_index and condition == 2):
+                    row((segment, ends[segment][condition, end]))
         if last == 1:
-            for which in (0, 1, 3):
-                row((0, ends[0][which, 1]), (1, -ends[1][which, 0]))
+            for condition in (0, 1, 3):
+                row((0, ends[0][condition, 1]), (1, -ends[1][condition, 0]))
         deflection = np.zeros(size)
         deflection[:4] = ends[0][0, 0 if at_left else 1]
         rows.append(jump if force else deflection)
@@ -400,7 +400,7 @@ class UnitBeam:
         shortest = float(np.sqrt(max(abs(mu1), abs(mu2))))
         nodes, weights = np.polynomial.legendre.leggauss(12)
         mass = 0.0
-        moved = np.zeros(2)
+        momentum = np.zeros(2)
         for start, length in self.segments:
             panels = int(np.ceil(shortest * length / 2)) + 1
             h = length / panels
@@ -408,10 +408,10 @@ class UnitBeam:
             w, theta = self.state(Omega, c, points)
             rule = h / 2 * np.tile(weights, panels)
             mass += float(rule @ (w**2 + self.alpha * theta**2))
-            moved += rule @ self.moved(points, w, theta)
+            momentum += rule @ self.moved(points, w, theta)
         at_site = self.state(Omega, c, np.array([self.site]))[0][0]
         shape = np.empty(0) if x is None else self.state(Omega, c, x)[0]
-        return Response(at_site if force else reaction, mass, moved, shape)
+        return Response(at_site if force else reaction, mass, momentum, shape)
 
     def _count(self, Omega: Array, *, constrained: bool) -> NDArray[np.int64]:
         """Number of eigenvalues below Ω, rigid-body ones included (Wittrick-Williams)."""
@@ -425,7 +425,7 @@ class UnitBeam:
             part = slice(2 * s, 2 * s + 4)
             K[:, part, part] += member_stiffness(Omega, alpha, eta, length)
             count += clamped_count(Omega, alpha, eta, length)
-        fixed = {which for which in ENDS[self.left] if which < 2}
+        fixed = {condition for condition in ENDS[self.left] if condition < 2}
         fixed |= {2 * nodes - 2 + which for which in ENDS[self.right] if which < 2}
         if constrained:
             fixed.add(0 if self.site == 0 else 2)
@@ -454,10 +454,10 @@ class UnitBeam:
         # Bisection in Ω^(1/4), in which the spectrum is evenly spread.
         lo = np.full(n, low**0.25)
         hi = np.full(n, high**0.25)
-        wanted = rigid + 1 + np.arange(n)
+        counts = rigid + 1 + np.arange(n)
         while np.any(hi - lo > 1e-12 * hi):
             middle = (lo + hi) / 2
-            high_enough = self._count(middle**4, constrained=constrained) >= wanted
+            high_enough = self._count(middle**4, constrained=constrained) >= counts
             lo = np.where(high_enough, lo, middle)
             hi = np.where(high_enough, middle, hi)
         return ((lo + hi) / 2) ** 4

@@ -184,19 +184,22 @@ class SupportedPlate:
             omega = self.kirchhoff(m[:, None], m).ravel()
             sines = np.outer(np.sin(m * np.pi * x / self.a), np.sin(m * np.pi * y / self.b))
             b2 = (4 / (self.surface_density * self.a * self.b) * sines**2).ravel()
-            keep = omega < limit
-            order = np.argsort(omega[keep], kind="stable")
-            omega = omega[keep][order]
-            b2 = b2[keep][order]
+            below_limit = omega < limit
+            order = np.argsort(omega[below_limit], kind="stable")
+            omega = omega[below_limit][order]
+            b2 = b2[below_limit][order]
             start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME_FREQUENCY * omega)
             sums = np.add.reduceat(b2, start)
             moving = b2 > UNOBSERVABLE_SHARE * b2.max()
             modes = np.add.reduceat(moving.astype(np.intp), start)
-            seen = np.flatnonzero(modes > 0)
-            if len(seen) >= n:
-                seen = seen[:n]
+            observable = np.flatnonzero(modes > 0)
+            if len(observable) >= n:
+                observable = observable[:n]
                 return Observable(
-                    omega[start][seen], sums[seen], modes[seen], int(seen[-1] + 1 - n)
+                    omega[start][observable],
+                    sums[observable],
+                    modes[observable],
+                    int(observable[-1] + 1 - n),
                 )
             count *= 2
 
@@ -466,6 +469,6 @@ def _compliance(nu: float) -> float:
     def in_logarithm(t: float) -> float:
         return exp(t) * difference(exp(t))
 
-    below = LONG * (1.5 * difference(LONG) - 0.5 * difference(2 * LONG))
-    above = quad(in_logarithm, log(LONG), log(SMOOTH / a), limit=1000, epsrel=1e-6)[0]
-    return float(below + above)
+    long_waves = LONG * (1.5 * difference(LONG) - 0.5 * difference(2 * LONG))
+    short_waves = quad(in_logarithm, log(LONG), log(SMOOTH / a), limit=1000, epsrel=1e-6)[0]
+    return float(long_waves + short_waves)

@@ -54,9 +54,9 @@ class SoilCone(FieldsRepr):
         """
         total = checks.nonnegative("mass", mass, "kg") + self.mass
         total = checks.positive("the mass of the footing and the soil", total, "kg")
-        none = np.zeros(0)
+        empty = np.zeros(0)
         damping = DampingMatrix(np.array([[self.damping]]))
-        return AntiOscillators(m0=total, k0=self.stiffness, m=none, omega=none, damping=damping)
+        return AntiOscillators(m0=total, k0=self.stiffness, m=empty, omega=empty, damping=damping)
 
     def modal(self) -> ModalBody:
         """The soil alone, without a footing, as a body of an impact or a floor of a drop.
@@ -64,8 +64,8 @@ class SoilCone(FieldsRepr):
         Soil without mass gets the mass `LIGHT` c^2/k, which has an effect above k/(LIGHT c)
         [rad/s].
         """
-        least = LIGHT * self.damping**2 / self.stiffness
-        return self.model(max(0.0, least - self.mass)).modal()
+        smallest_mass = LIGHT * self.damping**2 / self.stiffness
+        return self.model(max(0.0, smallest_mass - self.mass)).modal()
 
 
 def soil_cone(

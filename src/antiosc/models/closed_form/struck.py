@@ -72,13 +72,13 @@ class BeamModes(Body):
 
     def modal(self) -> ModalBody:
         """The beam as a body of an impact; its coordinates are the deflections at x."""
-        none = np.zeros(len(self.hidden))
+        zeros = np.zeros(len(self.hidden))
         weight = self.weight
         if self.inertia is not None:
-            weight = np.append(self.inertia.momentum[: none.size, 1], weight)
+            weight = np.append(self.inertia.momentum[: zeros.size, 1], weight)
         return ModalBody(
-            np.append(none, self.omega),
-            np.append(none, self.b),
+            np.append(zeros, self.omega),
+            np.append(zeros, self.b),
             self.r,
             weight=weight,
             shape=np.vstack((self.hidden, self.shapes)).T,
@@ -182,19 +182,19 @@ class StruckBeam:
         deflections at the points `x` (m), Article (8).
         """
         points = self._checked_points(x)
-        omega, m, psi, moved = self._constraint_modes(
+        omega, m, psi, momenta = self._constraint_modes(
             checks.whole("n", n, most=MOST_FREQUENCIES), points
         )
         psi0 = self._static_shape(points)
         moved0 = self._static.moved
         hidden, carried = self._hidden_motions(points)
-        inertia = self._inertia(np.vstack((moved0, moved, carried)))
+        inertia = self._inertia(np.vstack((moved0, momenta, carried)))
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
             k0=self.static_stiffness,
             m=m,
             omega=omega,
-            participation=np.concatenate(([moved0[0] - moved[:, 0].sum()], moved[:, 0])),
+            participation=np.concatenate(([moved0[0] - momenta[:, 0].sum()], momenta[:, 0])),
             shapes=np.column_stack((psi0, psi.T)) if points.size else None,
             direction=ACROSS,
             inertia=inertia,
@@ -214,11 +214,11 @@ class StruckBeam:
         checks.flag("static_correction", static_correction)
         omega = np.zeros(n)
         b = np.empty(n)
-        moved = np.empty((n, 2))
+        momenta = np.empty((n, 2))
         shapes = np.empty((n, len(points)))
         if rigid:
             b[0] = 1 / np.sqrt(self.static_mass)
-            moved[0] = b[0] * self._static.moved
+            momenta[0] = b[0] * self._static.moved
             shapes[0] = b[0] * self._static_shape(points)
         for j, zero in enumerate(self._unit.spectra(n)[1][: n - rigid], start=rigid):
             rough = self._unit.respond(zero, force=False)
@@ -226,7 +226,7 @@ class StruckBeam:
             response = self._unit.respond(zero, force=False, x=points / self.beam.length)
             omega[j] = np.sqrt(zero) * self.beam.omega_unit
             b[j] = 1 / np.sqrt(response.mass * self.beam.mass)
-            moved[j] = b[j] * response.moved * self.beam.mass
+            momenta[j] = b[j] * response.moved * self.beam.mass
             shapes[j] = b[j] * response.w
         r = 0.0
         residual = np.zeros(len(points))
@@ -236,9 +236,9 @@ class StruckBeam:
             r = r - modal @ b[rigid:]
             residual = residual - modal @ shapes[rigid:]
         hidden, carried = self._hidden_motions(points)
-        inertia = self._inertia(np.vstack((carried, moved)))
+        inertia = self._inertia(np.vstack((carried, momenta)))
         return BeamModes(
-            omega, b, moved[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
+            omega, b, momenta[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
         )
 
     # ---- how -----------------------------------------------------------------------------------
@@ -254,7 +254,7 @@ class StruckBeam:
         omega = np.empty(n)
         m = np.empty(n)
         psi = np.empty((n, len(x)))
-        moved = np.empty((n, 2))
+        momenta = np.empty((n, 2))
         for i, pole in enumerate(self._unit.spectra(n)[0]):
             rough = self._unit.respond(pole, force=True)
             pole -= rough.value / rough.mass
@@ -262,8 +262,8 @@ class StruckBeam:
             omega[i] = np.sqrt(pole) * self.beam.omega_unit
             m[i] = self.beam.mass / (pole**2 * response.mass)
             psi[i] = -response.w / (pole * response.mass)
-            moved[i] = -response.moved / (pole * response.mass) * self.beam.mass
-        return omega, m, psi, moved
+            momenta[i] = -response.moved / (pole * response.mass) * self.beam.mass
+        return omega, m, psi, momenta
 
     def _compliance(self, x: Array) -> tuple[float, Array]:
         """Elastic deflection at the site and at x (m) under a unit force, without rigid modes.
@@ -288,15 +288,15 @@ class StruckBeam:
     def _static(self) -> _Static:
         nodes, weights = np.polynomial.legendre.leggauss(4)  # exact: w² has degree 6
         mass = 0.0
-        moved = np.zeros(2)
+        momentum = np.zeros(2)
         for start, length in self._unit.segments:
             points = start + length * (nodes + 1) / 2
             w, theta = self._static_state(points)
             mass += length / 2 * np.sum(weights * (w**2 + self.beam.alpha * theta**2))
-            moved += length / 2 * (weights @ self._unit.moved(points, w, theta))
+            momentum += length / 2 * (weights @ self._unit.moved(points, w, theta))
         stiffness = 0.0 if self.rigid_modes else self._unit.solve(0.0, force=False)[1]
         unit = self.beam.EI / self.beam.length**3
-        return _Static(stiffness * unit, mass * self.beam.mass, moved * self.beam.mass)
+        return _Static(stiffness * unit, mass * self.beam.mass, momentum * self.beam.mass)
 
     def _hidden_motions(self, x: Array) -> tuple[Array, Array]:
         """(values (len(x), h) at x (m), momenta (h, 2)) of rigid motions, site at rest."""
@@ -304,8 +304,8 @@ class StruckBeam:
         motions = self._unit.rigid @ (null_space(at_site) if at_site.size else np.zeros((0, 0)))
         mass = np.array([[1, 0.5], [0.5, 1 / 3 + self.beam.alpha]])
         p, q = motions / np.sqrt(self.beam.mass * np.sum(motions * (mass @ motions), axis=0))
-        moved = np.column_stack((p + q / 2, q * (1 / 12 + self.beam.alpha)))
-        return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * moved
+        momenta = np.column_stack((p + q / 2, q * (1 / 12 + self.beam.alpha)))
+        return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * momenta
 
     def _inertia(self, moved: Array) -> Inertia | None:
         """The inertia of a free beam along x that moves along y; None for a supported one.

@@ -49,8 +49,8 @@ class HalvedBeams(MeshErrors):
         if site.point is None or site.direction is None:
             raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
         energies = self._energies(model, site, site.point, site.direction)
-        within = inside(self.part.mesh, site.point)
-        facts = {"inside_element": within, "model": beam_facts(self.part, site)}
+        in_element = inside(self.part.mesh, site.point)
+        facts = {"inside_element": in_element, "model": beam_facts(self.part, site)}
         return Estimate(energies, facts=facts)
 
     def _energies(
@@ -95,8 +95,8 @@ def excess(lacks: Array) -> Array:
     makes E semidefinite.
     """
     size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
-    over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    cosines = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
+    inverse_size = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    cosines = np.clip(inverse_size[:, None] * (lacks + lacks.T) / 2 * inverse_size, -1.0, 1.0)
     np.fill_diagonal(cosines, 1.0)
     negative = max(-float(np.linalg.eigvalsh(cosines)[0]), 0.0) + ROUNDING
     cosines = (cosines + negative * np.eye(len(cosines))) / (1 + negative)
@@ -122,15 +122,15 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
     """Interpolation matrix (fine rows, coarse rows) of displacements from a mesh to a finer one."""
     parent = np.asarray(fine.mesh.dolfinx.topology.original_cell_index) // 2
     ends = part.mesh.geometry.nodes[parent]
-    along = ends[:, 1] - ends[:, 0]
+    axes = ends[:, 1] - ends[:, 0]
     blocks: list[tuple[Array, IntArray, IntArray]] = []
     for path in part.form.components.values():
         dofs = compat.cell_dofs(fine.form.space, path, np.arange(len(parent)))
         where, x = compat.dof_coordinates(fine.form.space, path)
         place = np.zeros((compat.local_size(fine.form.space), 3))
         place[where] = x
-        reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], along)
-        X = reach / np.einsum("cd,cd->c", along, along)[:, None]
+        reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], axes)
+        X = reach / np.einsum("cd,cd->c", axes, axes)[:, None]
         table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
         parent_dofs = compat.cell_dofs(part.form.space, path, parent)
         parent_dofs = np.repeat(parent_dofs, dofs.shape[1], axis=0)
@@ -169,8 +169,8 @@ def inside(mesh: Mesh, point: Array) -> bool:
     """Whether a point lies within an element and not at a node."""
     ends = mesh.geometry.nodes[:, :2, : mesh.gdim]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    away = np.linalg.norm(ends - point[: mesh.gdim], axis=2) / lengths[:, None]
-    return bool(away.min() > AT_NODE)
+    distances = np.linalg.norm(ends - point[: mesh.gdim], axis=2) / lengths[:, None]
+    return bool(distances.min() > AT_NODE)
 
 
 def polygon(mesh: Mesh) -> str:
@@ -195,12 +195,12 @@ def _largest_angle(pieces: Pieces) -> float:
     cell = np.repeat(np.arange(len(cells)), 2)
     two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
     order = np.argsort(ends, kind="stable")
-    at = np.searchsorted(ends[order], two)
+    position = np.searchsorted(ends[order], two)
     outward = []
-    for number in (order[at], order[np.minimum(at + 1, len(order) - 1)]):
+    for number in (order[position], order[np.minimum(position + 1, len(order) - 1)]):
         far = cells[cell[number], 1 - number % 2]
-        along = pieces.points[far] - pieces.points[two]
-        outward.append(along / np.linalg.norm(along, axis=1, keepdims=True))
+        directions = pieces.points[far] - pieces.points[two]
+        outward.append(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     cosine = np.clip(-np.einsum("nd,nd->n", *outward), -1.0, 1.0)
     angle = np.degrees(np.arccos(cosine))
     return float(max(angle[(angle > LEAST_ANGLE) & (angle < MOST_ANGLE)], default=0.0))
@@ -227,10 +227,10 @@ def _divided(mesh: Mesh, share: float, point: Array | None) -> Mesh:
 def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
     """Cut the cell nearest to the point there, unless the point is close to a node."""
     ends = pieces.points[pieces.cells]
-    along = ends[:, 1] - ends[:, 0]
+    axes = ends[:, 1] - ends[:, 0]
     start = ends[:, 0] - point[: ends.shape[2]]
-    nearest = np.clip(-np.einsum("cd,cd->c", start, along) / (along**2).sum(axis=1), 0.0, 1.0)
-    distance = np.linalg.norm(start + nearest[:, None] * along, axis=1)
+    nearest = np.clip(-np.einsum("cd,cd->c", start, axes) / (axes**2).sum(axis=1), 0.0, 1.0)
+    distance = np.linalg.norm(start + nearest[:, None] * axes, axis=1)
     closest = int(np.argmin(distance))
     if AT_NODE < nearest[closest] < 1 - AT_NODE:
         cuts[closest] = nearest[closest]
@@ -239,18 +239,18 @@ def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
 def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
     """The mesh with cells cut at the shares `cuts` of their lengths; NaN: not cut."""
     cells = pieces.cells.astype(np.int64)
-    known = keys(cells)
-    if len(np.unique(known)) < len(known):
+    cell_keys = keys(cells)
+    if len(np.unique(cell_keys)) < len(cell_keys):
         return InputError("the error estimate of beams takes no two beams between the same nodes.")
     cut = np.isfinite(cuts)
     middle = np.full(len(cells), -1)
     middle[cut] = len(pieces.points) + np.arange(cut.sum())
-    order = np.argsort(known)
+    order = np.argsort(cell_keys)
     groups: dict[str, dict[int, NDArray[np.int64]]] = {}
     for name, parts in pieces.groups.items():
         groups[name] = {dim: rows.astype(np.int64) for dim, rows in parts.items()}
         if 1 in parts:
-            members = order[np.searchsorted(known[order], keys(groups[name][1]))]
+            members = order[np.searchsorted(cell_keys[order], keys(groups[name][1]))]
             groups[name][1] = _children(cells, middle, members)
     start, end = (pieces.points[cells[cut, side]] for side in (0, 1))
     points = np.vstack([pieces.points, start + cuts[cut, None] * (end - start)])
@@ -263,9 +263,9 @@ def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.
     cells.
     """
     ends = cells[which]
-    between = middle[which]
-    pairs = np.stack([ends[:, 0], between, between, ends[:, 1]], axis=1).reshape(-1, 2, 2)
-    pairs[between < 0, 0] = ends[between < 0]
+    middle_nodes = middle[which]
+    pairs = np.stack([ends[:, 0], middle_nodes, middle_nodes, ends[:, 1]], axis=1).reshape(-1, 2, 2)
+    pairs[middle_nodes < 0, 0] = ends[middle_nodes < 0]
     existing = np.ones((len(which), 2), dtype=bool)
-    existing[between < 0, 1] = False
+    existing[middle_nodes < 0, 1] = False
     return pairs[existing].astype(np.int64)

@@ -74,9 +74,9 @@ def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
     length = float(ends[1] - ends[0])
     _need(length >= LENGTH * side, f"the beam is shorter than {LENGTH:g} times its larger side")
     _need(side <= SIDES * min(height, width), f"one side is more than {SIDES:g} times the other")
-    at = float(site.point @ axis)
+    site_position = float(site.point @ axis)
     _need(
-        min(at - ends[0], ends[1] - at) >= FROM_ENDS * side,
+        min(site_position - ends[0], ends[1] - site_position) >= FROM_ENDS * side,
         f"the site is nearer to an end than {FROM_ENDS:g} times the larger side",
     )
     _need(NU[0] <= beam.nu <= NU[1], f"it is measured for Poisson's ratios of {NU[0]} to {NU[1]}")

@@ -52,27 +52,27 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
     if total == 0:
         return np.ones(len(energies))
     share = np.maximum(energies / (total / count), np.finfo(float).tiny)
-    wanted = share ** (-1 / (POWER[dim] + dim))
+    optimal = share ** (-1 / (POWER[dim] + dim))
 
     def sizes(scale: float) -> Array:
         """Size ratios for this log λ."""
-        return np.asarray(np.clip(exp(scale) * wanted, FINEST, COARSEST))
+        return np.asarray(np.clip(exp(scale) * optimal, FINEST, COARSEST))
 
-    def beyond(scale: float) -> float:
-        left = float(np.sum(sizes(scale) ** (2 * order) * energies))
-        return float(comm.allreduce(left)) / total - goal
+    def error_excess(scale: float) -> float:
+        total_error = float(np.sum(sizes(scale) ** (2 * order) * energies))
+        return float(comm.allreduce(total_error)) / total - goal
 
-    if beyond(-WIDEST) >= 0:
+    if error_excess(-WIDEST) >= 0:
         return sizes(-WIDEST)
-    if beyond(WIDEST) <= 0:
+    if error_excess(WIDEST) <= 0:
         return sizes(WIDEST)
-    return sizes(brentq(beyond, -WIDEST, WIDEST, xtol=1e-12, rtol=1e-14))
+    return sizes(brentq(error_excess, -WIDEST, WIDEST, xtol=1e-12, rtol=1e-14))
 
 
 def growth(comm: MPI.Comm, ratio: Array, dim: int) -> float:
     """Ratio of the number of cells after a change of sizes by `ratio` to the present number."""
-    new, old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
-    return float(new / old)
+    n_new, n_old = comm.allreduce(np.array([np.sum(ratio ** -float(dim)), float(len(ratio))]))
+    return float(n_new / n_old)
 
 
 def edge_lengths(mesh: Mesh) -> Array:
@@ -173,10 +173,10 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     The new values are those of the parents times the old size over the new one.
     """
     arguments = np.ascontiguousarray(pieces.cells), pieces.points, cell, 1
-    old = compat.create_mesh(MPI.COMM_SELF, *arguments)
-    input_cells = np.asarray(old.topology.original_cell_index)
+    old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
+    input_cells = np.asarray(old_mesh.topology.original_cell_index)
     marked = pieces.values[input_cells] < DIVIDED
-    new = compat.refined(old, np.unique(compat.cell_entities(old, 1)[marked]))
+    new = compat.refined(old_mesh, np.unique(compat.cell_entities(old_mesh, 1)[marked]))
     gdim = pieces.points.shape[1]
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(pieces, x)
@@ -184,8 +184,8 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     fresh = replace(pieces, points=x, cells=cells, groups={})
     parent = _positions(_carriers(support, cells), pieces.cells)
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
-        turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
-        cells[turned] = cells[turned][:, [0, 2, 1]]
+        cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
+        cells[cosine] = cells[cosine][:, [0, 2, 1]]
         fresh = replace(fresh, cells=cells)
     values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(fresh)
     groups = {
@@ -217,8 +217,8 @@ def _supports(pieces: Pieces, x: Array) -> IntArray:
     first, second = np.triu_indices(pieces.cells.shape[1], 1)
     edges = np.stack([pieces.cells[:, first].ravel(), pieces.cells[:, second].ravel()], axis=1)
     edges = np.unique(np.sort(edges, axis=1), axis=0)
-    alone = np.repeat(np.arange(len(pieces.points))[:, None], 2, axis=1)
-    pairs = np.vstack([alone, edges])
+    old_points = np.repeat(np.arange(len(pieces.points))[:, None], 2, axis=1)
+    pairs = np.vstack([old_points, edges])
     _, nearest = cKDTree(pieces.points[pairs].mean(axis=1)).query(x)
     return np.asarray(pairs[nearest])
 
@@ -243,11 +243,11 @@ def _positions(rows: IntArray, among: IntArray) -> IntArray:
     """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
     code = keys(among.astype(np.int64))
     order = np.argsort(code)
-    wanted = keys(rows.astype(np.int64))
-    at = np.minimum(np.searchsorted(code[order], wanted), max(len(code) - 1, 0))
+    row_keys = keys(rows.astype(np.int64))
+    position = np.minimum(np.searchsorted(code[order], row_keys), max(len(code) - 1, 0))
     if not len(code):
         return np.full(len(rows), -1)
-    return np.where(code[order][at] == wanted, order[at], -1)
+    return np.where(code[order][position] == row_keys, order[position], -1)
 
 
 def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:

@@ -54,8 +54,8 @@ def _angles(x: Array, corners: IntArray) -> Array:
         return np.zeros(0)
     points = x[corners]
     if corners.shape[1] == 2:
-        along = points[:, 1] - points[:, 0]
-        normals = np.column_stack([-along[:, 1], along[:, 0], 0 * along[:, 0]])
+        edge = points[:, 1] - points[:, 0]
+        normals = np.column_stack([-edge[:, 1], edge[:, 0], 0 * edge[:, 0]])
     elif corners.shape[1] == 3:
         normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     else:
@@ -65,9 +65,9 @@ def _angles(x: Array, corners: IntArray) -> Array:
     sides = np.sort(np.concatenate([corners[:, list(place)] for place in places]), axis=1)
     facet = np.tile(np.arange(len(corners)), len(places))
     order = np.lexsort(sides.T)
-    shared = (np.diff(sides[order], axis=0) == 0).all(axis=1)
-    first = facet[order[:-1][shared]]
-    second = facet[order[1:][shared]]
+    same_side = (np.diff(sides[order], axis=0) == 0).all(axis=1)
+    first = facet[order[:-1][same_side]]
+    second = facet[order[1:][same_side]]
     cosine = np.abs(np.einsum("nd,nd->n", normals[first], normals[second]))
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
@@ -86,9 +86,9 @@ def mean_gaps(faces: Faces) -> tuple[Array, Array]:
     faces_of_ranks = mesh.comm.allgather((numbers, faces.corners, faces.normals))
     first = sum(len(arrays[0]) for arrays in faces_of_ranks[: mesh.comm.rank])
     vertices, x, normals = (np.concatenate(arrays) for arrays in zip(*faces_of_ranks, strict=True))
-    around = AROUND[vertices.shape[1]]
-    gap = _gaps(vertices[:, around], x[:, around], normals)
-    area = _areas(faces.corners[:, around])
+    neighbours = AROUND[vertices.shape[1]]
+    gap = _gaps(vertices[:, neighbours], x[:, neighbours], normals)
+    area = _areas(faces.corners[:, neighbours])
     return gap[first : first + len(area)], area
 
 
@@ -100,8 +100,8 @@ def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
     size = np.linalg.norm(to_next, axis=2)
     weight = 1 / size
     if corners > 2:
-        other = np.linalg.norm(to_previous, axis=2)
-        weight = np.linalg.norm(np.cross(to_next, to_previous), axis=2) / (size * other) ** 2
+        length = np.linalg.norm(to_previous, axis=2)
+        weight = np.linalg.norm(np.cross(to_next, to_previous), axis=2) / (size * length) ** 2
     n = _normals(vertices.ravel(), np.repeat(normals, corners, axis=0), weight.ravel())
     n = n.reshape(x.shape)
     bent = np.einsum("fvd,fvd->f", np.roll(n, -1, axis=1) - n, to_next)
@@ -114,8 +114,8 @@ def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
     """
     count = len(vertex)
     _, number = np.unique(vertex, return_inverse=True)
-    at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
-    pairs = (at @ at.T).tocoo()
+    incidence = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
+    pairs = (incidence @ incidence.T).tocoo()
     cosine = np.einsum("nd,nd->n", normals[pairs.row], normals[pairs.col])
     smooth = cosine > np.cos(np.radians(MOST_ANGLE))
     share = weights[pairs.col] * smooth

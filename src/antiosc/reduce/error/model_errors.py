@@ -74,9 +74,9 @@ class ModelErrors:
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
-        started = time.perf_counter()
+        start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
-        seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - started}
+        seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
         info = replace(
             model.info,
             not_included=self._errors.not_included or None,

@@ -169,10 +169,10 @@ class OfGeometry(MeshSource):
         """
         if self._divided is not None:
             return self._divided.finer(mesh, ratio)
-        wanted = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
+        cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         wished = wished_sizes(mesh, ratio)
         if wished is not None:
-            sizes = np.array(wished.sizes) * (wished.expected() / wanted) ** (1 / mesh.tdim)
+            sizes = np.array(wished.sizes) * (wished.expected() / cell_goal) ** (1 / mesh.tdim)
             wished = replace(wished, sizes=sizes.tolist())
         return self._meshed(mesh, wished, GRADING)
 
@@ -229,8 +229,8 @@ class OfLines(MeshSource):
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """All cells halved, as often as `ratio` requires, at least once."""
-        wanted = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
-        for _ in range(max(1, round(-np.log2(wanted)))):
+        smallest_ratio = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
+        for _ in range(max(1, round(-np.log2(smallest_ratio)))):
             self._size /= 2
             mesh = halved(mesh) if self._path is None else mesh
         if self._path is None:
@@ -297,8 +297,8 @@ def measures(mesh: Mesh) -> tuple[float, float]:
     cells = cells[:, : mesh.tdim + 1]
     facets = compat.exterior_facets(mesh.dolfinx)
     sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
-    both = np.array([_measure(x[cells]), _measure(x[sides])])
-    volume, surface = mesh.comm.allreduce(both)
+    measures = np.array([_measure(x[cells]), _measure(x[sides])])
+    volume, surface = mesh.comm.allreduce(measures)
     return float(volume), float(surface)
 
 

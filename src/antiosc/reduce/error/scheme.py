@@ -86,12 +86,12 @@ class StrainErrors(MeshErrors):
         part = on_mesh(structure).unloaded
         assert part is not None  # of a prestress
         stiffness = dot(comm, shapes, multiply(part.K, shapes))
-        added = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
+        loads_stiffness = dot(comm, shapes, multiply(structure.K, shapes)) - stiffness
         relative_error = float(self.gram(q)[0, 0]) / float(dot(comm, q, multiply(part.K, q))[0, 0])
-        least = np.finfo(float).tiny
-        ratios = np.diag(energies) / np.maximum(np.diag(stiffness), least)
+        tiny = np.finfo(float).tiny
+        ratios = np.diag(energies) / np.maximum(np.diag(stiffness), tiny)
         share = (relative_error * np.clip(ratios, relative_error, 1.0)) ** 0.25
-        values, vectors = np.linalg.eigh((added + added.T) / 2)
+        values, vectors = np.linalg.eigh((loads_stiffness + loads_stiffness.T) / 2)
         return np.asarray(share[:, None] * ((vectors * np.abs(values)) @ vectors.T) * share)
 
 

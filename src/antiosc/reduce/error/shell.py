@@ -109,9 +109,9 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
         smooth &= ~np.isin(edges, mesh.groups[name][1])
     ends = edge_ends[edges[smooth]]
     a, b = pairs[:, smooth]
-    turned = _ahead(corners[a], ends) == _ahead(corners[b], ends)
+    opposite = _ahead(corners[a], ends) == _ahead(corners[b], ends)
     number = _connected(count, a, b)
-    side = _sides(number, a, b, turned, mesh.name)
+    side = _sides(number, a, b, opposite, mesh.name)
     # layers have a side of their own, which turns with the surface, or the piece ends there
     layered = np.array([material.section.has_sides for material, _ in part.parts])[material_number]
     number = 2 * number + (layered & (side != axes.side))
@@ -147,8 +147,8 @@ def neighbours(cell_edges: IntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 def _tangents(axis: Array, normals: Array) -> Array:
     """Unit vectors (n, 3) along axes projected on the surface."""
-    along = axis - np.einsum("ni,ni->n", axis, normals)[:, None] * normals
-    return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
+    projected = axis - np.einsum("ni,ni->n", axis, normals)[:, None] * normals
+    return np.asarray(projected / np.linalg.norm(projected, axis=1, keepdims=True))
 
 
 def angles(vectors: Array, places: IntArray) -> Array:
@@ -166,9 +166,9 @@ def _largest(values: Array) -> float:
 
 def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
     """Mask (cells,): whether a cell traverses an edge from its first end to its second."""
-    at = np.argmax(corners == ends[:, :1], axis=1)
-    after = (at + 1) % corners.shape[1]
-    return np.asarray(corners[np.arange(len(at)), after] == ends[:, 1])
+    corner = np.argmax(corners == ends[:, :1], axis=1)
+    next_corner = (corner + 1) % corners.shape[1]
+    return np.asarray(corners[np.arange(len(corner)), next_corner] == ends[:, 1])
 
 
 def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: str) -> Array:
@@ -204,10 +204,10 @@ def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray
     some normal of the piece, the cells have no common one: each gets the axis farthest from its own
     normal. `along` (cells, 3): cosines between the axes and the normals of a cell.
     """
-    near = np.zeros((int(number.max()) + 1, 3))
-    np.maximum.at(near, number, along)
-    best = np.argmin(near, axis=1)
-    cut = (near.min(axis=1) > NEAR)[number]
+    axis_cosines = np.zeros((int(number.max()) + 1, 3))
+    np.maximum.at(axis_cosines, number, along)
+    best = np.argmin(axis_cosines, axis=1)
+    cut = (axis_cosines.min(axis=1) > NEAR)[number]
     return np.where(cut, np.argmin(along, axis=1), best[number]), cut
 
 
@@ -248,8 +248,8 @@ class StrainsOfSheets:
         # the field whose components along two reference directions b are interpolated, as values of
         # its interpolant along a: (points, a, b) from the functions
         on_edges = compat.tabulate(space, path, compat.edge_points())
-        near = compat.edge_interpolation(self.X) @ on_edges
-        self._interpolation = near.reshape(4 * len(self.X), -1)
+        interpolation = compat.edge_interpolation(self.X) @ on_edges
+        self._interpolation = interpolation.reshape(4 * len(self.X), -1)
         middles = [material.section.middle for material, _ in part.parts]
         self._middle = np.array(middles)[part.part_of_cells()]
 
@@ -283,11 +283,11 @@ class StrainsOfSheets:
         dr = slopes(turn, axes[:, :2])
         theta = axes @ (self._values @ turn).reshape(len(cell_of_point), 3, k)
         # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
-        lean = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
-        across = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
-        near = (self._interpolation @ turn).reshape(len(cell_of_point), 2, 6, k)
-        near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
-        gap = np.swapaxes(along, 1, 2) @ near - lean
+        leaning = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
+        rotated_tangents = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
+        interpolated = (self._interpolation @ turn).reshape(len(cell_of_point), 2, 6, k)
+        interpolated = (rotated_tangents.reshape(-1, 1, 1, 6) @ interpolated)[:, :, 0]
+        gap = np.swapaxes(along, 1, 2) @ interpolated - leaning
         strains = np.empty((len(cell_of_point), STRAINS, k))
         strains[:, 0] = du[:, 0, 0]
         strains[:, 1] = du[:, 1, 1]
@@ -295,7 +295,7 @@ class StrainsOfSheets:
         strains[:, 3] = dr[:, 1, 0]
         strains[:, 4] = -dr[:, 0, 1]
         strains[:, 5] = dr[:, 1, 1] - dr[:, 0, 0]
-        strains[:, SHEAR] = du[:, 2] + lean + gap
+        strains[:, SHEAR] = du[:, 2] + leaning + gap
         strains[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
         strains[:, DRILLING] -= self._middle[cell_of_point, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
         area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
@@ -338,7 +338,7 @@ class SheetRecovery:
         all_cells = np.arange(compat.cell_map(part.mesh.dolfinx).size_local)
         dofs = compat.cell_dofs(self._space, (0,), all_cells).astype(np.int64)
         # a function of its own for each piece
-        known, dofs = np.unique(
+        corner_nodes, dofs = np.unique(
             pieces.number[:, None] * (dofs.max() + 1) + dofs, return_inverse=True
         )
         self._dofs = dofs.reshape(len(all_cells), -1)
@@ -347,8 +347,8 @@ class SheetRecovery:
         width = max(1, BLOCK_NUMBERS // (STRAINS * self._points * self.count))
         # the strains of all blocks may not fit the memory: they are taken anew
         self._blocks: list[tuple[slice, scipy.sparse.csr_matrix]] = []
-        mass = scipy.sparse.csc_matrix((len(known), len(known)))
-        loads = np.zeros((len(known), STRAINS * self.count))
+        mass = scipy.sparse.csc_matrix((len(corner_nodes), len(corner_nodes)))
+        loads = np.zeros((len(corner_nodes), STRAINS * self.count))
         for first in range(0, len(all_cells), width):
             block = slice(first, min(first + width, len(all_cells)))
             strains_here = strains.at(all_cells[block])
@@ -357,7 +357,7 @@ class SheetRecovery:
             values = np.tile(table, (rows // self._points, 1))
             starts = np.arange(rows + 1) * columns.shape[1]
             at = scipy.sparse.csr_matrix(
-                (values.ravel(), columns.ravel(), starts), shape=(rows, len(known))
+                (values.ravel(), columns.ravel(), starts), shape=(rows, len(corner_nodes))
             )
             self._blocks.append((block, at))
             weighted = at.T @ scipy.sparse.diags(strains_here.weights)
@@ -482,16 +482,16 @@ def _side(
     nodes = compat.geometry_nodes(part.mesh.dolfinx)[cells[:, None], ends]
     ends = np.take_along_axis(ends, np.argsort(nodes, axis=1), axis=1)
     corners = part.mesh.geometry.corners[ends]  # (edges, ends, 2)
-    along = np.repeat(corners[:, 1] - corners[:, 0], len(POINTS), axis=0)
-    X = np.repeat(corners[:, 0], len(POINTS), axis=0) + np.tile(POINTS, len(cells))[:, None] * along
-    where = np.repeat(cells, len(POINTS))
-    at = PointsInCells(part, np.zeros((0, 0)), where, X)
-    tangent = np.einsum("pcd,pd->pc", at.J, along)
+    edge = np.repeat(corners[:, 1] - corners[:, 0], len(POINTS), axis=0)
+    X = np.repeat(corners[:, 0], len(POINTS), axis=0) + np.tile(POINTS, len(cells))[:, None] * edge
+    cell_of_point = np.repeat(cells, len(POINTS))
+    points = PointsInCells(part, np.zeros((0, 0)), cell_of_point, X)
+    tangent = np.einsum("pcd,pd->pc", points.J, edge)
     length = np.linalg.norm(tangent, axis=1)
     tangent /= length[:, None]
-    frame = pieces.axes.frame(at)
+    frame = pieces.axes.frame(points)
     c, s = (np.einsum("pc,pc->p", tangent, axis) for axis in (frame.e1, frame.e2))
-    strains, D = recovery.at(where, X)
+    strains, D = recovery.at(cell_of_point, X)
     moments = D[:, BENDING, MEMBRANE] @ strains[:, MEMBRANE]
     moments += D[:, BENDING, BENDING] @ strains[:, BENDING]
     # M_ns of M1, M2, M12, the normal being (s, -c)
@@ -516,8 +516,8 @@ def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
     for axis, name in enumerate(("rx", "ry", "rz")):
         dofs = compat.cell_dofs(form.space, form.components[name], cells)
         # two nodes of a cubic triangle lie on each edge between its corners, in the edges' order
-        inside = 3 + 2 * (places % EDGES)
-        fixed[:, axis] = np.isin(dofs[np.arange(len(cells)), inside], part.fixed)
+        inner_dofs = 3 + 2 * (places % EDGES)
+        fixed[:, axis] = np.isin(dofs[np.arange(len(cells)), inner_dofs], part.fixed)
     return np.asarray(np.any(~fixed & (np.abs(normal) > ALONG), axis=1))
 
 
@@ -565,8 +565,8 @@ class ShellErrors(StrainErrors):
         for block in recovery.blocks():
             strains = block.strains
             recovered = block.recovered
-            left = recovered - strains.own
-            E += _products(left, block.D, left, strains.weights)
+            gap = recovered - strains.own
+            E += _products(gap, block.D, gap, strains.weights)
             S = block.D[:, SHEAR, SHEAR]
             work += _products(recovered[:, SHEAR], S, strains.gap, strains.weights)
         return (E + E.T) / 2, work + work.T
@@ -579,12 +579,12 @@ class ShellErrors(StrainErrors):
         """Σ_j ∫ e_j:C:e_j over each cell (cells,)."""
         recovery = SheetRecovery(self.part, shapes, self._pieces)
         layers = layers_of(self.part, self._pieces, recovery)
-        along = layers.weights * (layers.m**2).sum(axis=1)
+        line_weights = layers.weights * (layers.m**2).sum(axis=1)
         count = compat.cell_map(self.part.mesh.dolfinx).size_local
-        energies = np.asarray(np.bincount(layers.cells, along, minlength=count), dtype=float)
+        energies = np.asarray(np.bincount(layers.cells, line_weights, minlength=count), dtype=float)
         for block in recovery.blocks():
-            left = block.recovered - block.strains.own
-            at_points = np.einsum("pik,pik->p", left, block.D @ left) * block.strains.weights
+            gap = block.recovered - block.strains.own
+            at_points = np.einsum("pik,pik->p", gap, block.D @ gap) * block.strains.weights
             energies_here = energies[block.cells]
             energies_here += at_points.reshape(len(energies_here), -1).sum(axis=1)
         return energies

@@ -61,8 +61,8 @@ class Quadrature:
         self.mesh = mesh
         self.X, weights = compat.quadrature(mesh.cell, degree)
         slopes = mesh.geometry.slopes(self.X)
-        owned = compat.cell_map(mesh.dolfinx).size_local
-        nodes = mesh.geometry.nodes[:owned, :, : mesh.gdim]
+        owned_cells = compat.cell_map(mesh.dolfinx).size_local
+        nodes = mesh.geometry.nodes[:owned_cells, :, : mesh.gdim]
         if mesh.geometry.affine:
             slopes = slopes[:1]
         self.inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
@@ -211,8 +211,8 @@ class Projection:
         if not len(cells):
             return np.zeros((0, values.shape[1]))
         table = compat.tabulate(self._space, (), X)
-        at = compat.cell_dofs(self._space, (0,), cells)
-        return np.asarray(np.einsum("na,naf->nf", table, values[at]))
+        cell_dofs = compat.cell_dofs(self._space, (0,), cells)
+        return np.asarray(np.einsum("na,naf->nf", table, values[cell_dofs]))
 
     def with_ghosts(self, values: Array) -> Array:
         """Corner values of this rank extended to its ghosts."""
@@ -280,8 +280,8 @@ class SolidErrors(StrainErrors):
 
     def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
         shapes = shapes_of(model)
-        energies, outside = self.gram_and_layers(shapes, self._layers)
-        gaps = self._gaps(outside, model.k0 == 0)
+        energies, layer_energies = self.gram_and_layers(shapes, self._layers)
+        gaps = self._gaps(layer_energies, model.k0 == 0)
         facts = {"patch": patch_of(structure, site), "geometry": gaps}
         return Estimate(energies + self.of_state(structure, shapes, energies), facts=facts)
 
@@ -311,7 +311,7 @@ class SolidErrors(StrainErrors):
         strains = self._strains(shapes)
         count = strains.count
         total = np.zeros((count, count))
-        outside = np.zeros(count)
+        layer_energies = np.zeros(count)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))
@@ -322,12 +322,12 @@ class SolidErrors(StrainErrors):
                 total += flat.T @ flat
             flat = projection.owned(loads.reshape(len(loads), -1))
             recovered = projection.solve(flat)
-            rest = flat + projection.residual(flat, recovered)
-            half = rest.reshape(-1, count).T @ recovered.reshape(-1, count)
+            corrected_loads = flat + projection.residual(flat, recovered)
+            half = corrected_loads.reshape(-1, count).T @ recovered.reshape(-1, count)
             total -= (half + half.T) / 2
             if self.part.comm.allreduce(len(layers)):
-                outside += self._outside(projection, cells, recovered, layers, count)
-        return self.part.comm.allreduce(total), self.part.comm.allreduce(outside)
+                layer_energies += self._outside(projection, cells, recovered, layers, count)
+        return self.part.comm.allreduce(total), self.part.comm.allreduce(layer_energies)
 
     def _outside(
         self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
@@ -352,8 +352,8 @@ class SolidErrors(StrainErrors):
             recovered = projection.with_ghosts(projection.solve(flat))
             for block, strains_here, weights in _scaled(strains, root, cells):
                 smooth = projection.at_points(block, recovered)
-                left = smooth.reshape(-1, *loads.shape[1:]) - np.swapaxes(strains_here, 0, 1)
-                at_points = np.einsum("pmk,pmk,p->p", left, left, weights)
+                error = smooth.reshape(-1, *loads.shape[1:]) - np.swapaxes(strains_here, 0, 1)
+                at_points = np.einsum("pmk,pmk,p->p", error, error, weights)
                 energies[cells[block]] = at_points.reshape(len(cells[block]), -1).sum(axis=1)
         return energies
 
@@ -363,14 +363,14 @@ class SolidErrors(StrainErrors):
     def _regions(self) -> Iterator[tuple[Array, IntArray]]:
         """Yield (root R of a stiffness RᵀR, owned cells that have it)."""
         mesh = self.part.mesh
-        owned = compat.cell_map(mesh.dolfinx).size_local
+        owned_cells = compat.cell_map(mesh.dolfinx).size_local
         regions: dict[bytes, tuple[Array, list[IntArray]]] = {}
         for material, cells in self.part.parts:
             root = np.linalg.cholesky(stiffness(material, mesh.gdim)).T
             regions.setdefault(root.tobytes(), (root, []))[1].append(cells)
         for root, groups in regions.values():
             cells = np.concatenate(groups)
-            yield root, cells[cells < owned]
+            yield root, cells[cells < owned_cells]
 
 
 def _scaled(

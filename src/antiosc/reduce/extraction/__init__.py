@@ -153,7 +153,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_RIGID_SHARE))
     unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(columns) == 1 else 1.0
-    moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
+    rigid_displacements = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong = R[:, :q]
     nodal = R[:, q:]
     slides = dot(comm, nodal, B)
@@ -162,7 +162,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
     weak[weak_modes, q + weak_modes] = slides[weak_modes, q + weak_modes]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
-    phi = strong / moved[:q]
+    phi = strong / rigid_displacements[:q]
     k0 = np.zeros_like(W)
     strain = np.zeros(len(columns))
     if q < len(columns):
@@ -188,7 +188,7 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
         m_phi=m_phi,
         k0=(k0 + k0.T) / 2,
         mass=dot(comm, phi, m_phi),
-        moved=moved,
+        moved=rigid_displacements,
         nodal=nodal,
         weak=weak,
         missed=slides - weak,
@@ -212,13 +212,17 @@ def _basis(
     B = B[:, columns]
     Y = Y[:, columns]
     W = np.eye(len(columns))
-    for again in (False, True):
-        if again and len(columns) > 1:  # differences of nearly equal loads are solved for anew
+    for reorthogonalised in (False, True):
+        if (
+            reorthogonalised and len(columns) > 1
+        ):  # differences of nearly equal loads are solved for anew
             Y = solver.solve_block(B @ W)
         C = dot(comm, B @ W, Y)
         L = np.linalg.cholesky((C + C.T) / 2)
-        along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
-        V, sigma, U = np.linalg.svd(along)
+        rigid_coupling = scipy.linalg.solve_triangular(
+            L, dot(comm, R, B @ W).T / root, lower=True
+        ).T
+        V, sigma, U = np.linalg.svd(rigid_coupling)
         turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
         if len(columns) == 1:  # a single site keeps its own unit, and no rounding is added
             turn = U.T
@@ -238,20 +242,20 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
     schur = unit.copy()
-    chosen = []
+    independent_columns = []
     while schur.size and schur.diagonal().max() > FOLLOWS:
         pivots = schur.diagonal()
         # the first of nearly equal pivots, so that rounding does not choose between equal sites
         k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
-        chosen.append(k)
+        independent_columns.append(k)
         schur = schur - np.outer(schur[k], schur[k]) / pivots[k]
         schur[k] = 0.0
         schur[:, k] = 0.0
-    columns = np.sort(np.array(chosen, dtype=int))
-    follow = np.linalg.solve(unit[np.ix_(columns, columns)], unit[columns]).T
-    follow = follow * size[:, None] * scale[columns]
-    follow[columns] = np.eye(len(columns))
-    return columns, follow
+    columns = np.sort(np.array(independent_columns, dtype=int))
+    dependence = np.linalg.solve(unit[np.ix_(columns, columns)], unit[columns]).T
+    dependence = dependence * size[:, None] * scale[columns]
+    dependence[columns] = np.eye(len(columns))
+    return columns, dependence
 
 
 def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
@@ -301,12 +305,12 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
         y = y + step * p
         r = load(r - step * Kp)
         z = shape(factor.solve(r))
-        rz, before = float(dot(comm, r, z)), rz
+        rz, previous_rz = float(dot(comm, r, z)), rz
         idle = 0 if rz < best else idle + 1
         best = min(best, rz)
         if rz <= STATIC_TOL**2 * first or (idle == STATIC_IDLE and best <= STATIC_SOUND**2 * first):
             return shape(y)
-        p = z + rz / before * p
+        p = z + rz / previous_rz * p
     raise NotConvergedError(
         f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge: "
         f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "

@@ -95,13 +95,13 @@ def lowest(search: ModeSearch) -> tuple[Array, Array]:
 def _by_arpack(search: ModeSearch) -> tuple[Array, Array]:
     """(ω², shapes) of the search by ARPACK, for SciPy matrices."""
     structure = search.structure
-    known = search.known
-    known_loads = multiply(structure.M, known)
+    modes = search.known
+    known_loads = multiply(structure.M, modes)
 
     def inverse(r: Array) -> Array:
         """The operator for ARPACK: `search.inverse`."""
         x = search.inverse(r)
-        return np.asarray(x - known @ (known_loads.T @ x))
+        return np.asarray(x - modes @ (known_loads.T @ x))
 
     shape = (structure.size, structure.size)
     try:
@@ -277,9 +277,11 @@ class ModeSolver:
         """
         structure = self._structure
         known = self._found
-        before = len(known.omega)
+        known_count = len(known.omega)
         shapes = np.column_stack([self._rigid, known.phi])
-        search = ModeSearch(structure, self._held, shapes, count - before, self.limit - before)
+        search = ModeSearch(
+            structure, self._held, shapes, count - known_count, self.limit - known_count
+        )
         with doing(f"search of {search.computed} modes of {structure.dofs} dofs"):
             values, vectors = lowest(search)
         # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
@@ -302,7 +304,7 @@ class ModeSolver:
         right = residuals(structure, modes, self._held) <= limit
         if not right.all() and structure.size <= DENSE_MANY:
             raise NotConvergedError("shapes are not what the search takes them for")  # to LAPACK
-        if right.all() or right.sum() <= before:
+        if right.all() or right.sum() <= known_count:
             return modes
         self._found = Modes(modes.omega[right], modes.phi[:, right], False)
         return self._by_krylov(count)
@@ -363,13 +365,15 @@ def _expected(omega: Array, reach: float) -> int:
     The modal density grows as ω^-1/2 in beams, ω^0 in plates and ω² in solids. A good estimate
     saves rounds of the search, each of which builds a new Krylov space.
     """
-    known = len(omega)
-    more = max(FEWEST_MORE, known // 2)
-    if known < FEWEST_MORE or not omega[known // 2 - 1] > 0:
-        return known + more
-    octaves = np.log2(omega[-1] / omega[known // 2 - 1])
+    known_count = len(omega)
+    extra_modes = max(FEWEST_MORE, known_count // 2)
+    if known_count < FEWEST_MORE or not omega[known_count // 2 - 1] > 0:
+        return known_count + extra_modes
+    octaves = np.log2(omega[-1] / omega[known_count // 2 - 1])
     power = np.clip(1 / max(octaves, 1 / 3), 0.5, 3.0)
-    return known + int(np.clip(known * ((reach / omega[-1]) ** power - 1), more, 4 * known))
+    return known_count + int(
+        np.clip(known_count * ((reach / omega[-1]) ** power - 1), extra_modes, 4 * known_count)
+    )
 
 
 def _dense_modes(
@@ -386,10 +390,10 @@ def _dense_modes(
     shapes = basis @ vectors
     # displacements without mass have no frequency: what they seem to have is rounding of M's terms
     terms = np.einsum("ij,ij->j", np.abs(shapes), np.abs(mass) @ np.abs(shapes))
-    keep = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
-    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
-    phi = np.zeros((K.shape[0], int(keep.sum())))
-    phi[free] = shapes[:, keep][:, ::-1]
+    is_elastic = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
+    omega = np.sqrt(np.maximum(1 / theta[is_elastic] - sigma, 0.0))[::-1]
+    phi = np.zeros((K.shape[0], int(is_elastic.sum())))
+    phi[free] = shapes[:, is_elastic][:, ::-1]
     return omega, phi
 
 

@@ -96,11 +96,11 @@ def models_of(
     errors: ModelErrors | None,
 ) -> list[AntiOscillators]:
     """The models of groups of sites; `spent`: seconds that the factorization took."""
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     terms = structure.matrices.dissipation()
     if terms and (options.method == "modes" or errors is not None):
-        what = 'method="modes"' if options.method == "modes" else 'error="estimate"'
-        raise InputError(f"{what} does not take dampers, nor layers that relax: leave it out.")
+        argument = 'method="modes"' if options.method == "modes" else 'error="estimate"'
+        raise InputError(f"{argument} does not take dampers, nor layers that relax: leave it out.")
     loads = [
         np.column_stack([c.b for columns in group.values() for c in columns]) for group in groups
     ]
@@ -126,22 +126,26 @@ def models_of(
     models: list[AntiOscillators] = []
     for group, static, n in zip(groups, statics, counts, strict=True):
         modes, remainder = computed.pop(0)
-        known = lumped(structure, static, modes)
-        selected = every_mode(known, n) if terms else oscillators(known, n, options.tol)
+        lumped_modes = lumped(structure, static, modes)
+        selected = (
+            every_mode(lumped_modes, n) if terms else oscillators(lumped_modes, n, options.tol)
+        )
         at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
         band: Band | None = None
         if options.band is not None and isinstance(remainder, Reached):
             band = _band(remainder.bottom, options.band, remainder.error)
         elif options.band is not None and callable(remainder):
             omega = selected.omega if at_site is None else at_site.omega
-            bound, lowest = error_bound(structure, known, remainder, selected, options.band, omega)
+            bound, lowest = error_bound(
+                structure, lumped_modes, remainder, selected, options.band, omega
+            )
             band = _band(lowest, options.band, bound)
-        seconds = {"site": spent, "modes": (time.perf_counter() - started) / (len(models) + 1)}
-        record = info_of_model(structure, group, known, selected, options.method)
+        seconds = {"site": spent, "modes": (time.perf_counter() - start_time) / (len(models) + 1)}
+        record = info_of_model(structure, group, lumped_modes, selected, options.method)
         info = replace(record, band=band, seconds={**structure.seconds, **seconds})
         elastic = len(selected.omega)
         complete = modes.complete
-        del known, modes  # as large as the shapes
+        del lumped_modes, modes  # as large as the shapes
         if at_site is None:
             model = model_of_named_sites(structure, group, static, selected, info)
         else:
@@ -336,7 +340,7 @@ def extract(
         with finite_element_packages():
             from antiosc.reduce.error.model_errors import ModelErrors  # needs dolfinx
         errors = ModelErrors(structure, len(names))
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
     width = _models_at_once(structure, options)
@@ -346,7 +350,7 @@ def extract(
     ):  # one model has as many anti-oscillators for several sites, and a static shape of each
         columns = 1 + (sum(1 + len(target.across) for target in targets) - 1) / SOLVES
     structure.factorize(max(columns, AS_SITES) if method == "modes" else columns)
-    spent = time.perf_counter() - started
+    spent = time.perf_counter() - start_time
     if not factored:
         spent -= structure.seconds["factorization"]
     groups: list[Columns] = [{UNNAMED: [target]} for target in targets]
@@ -395,9 +399,9 @@ def _checked_options(
             "ask for fewer anti-oscillators."
         )
     if band is None:
-        what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
+        basis_text = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
         free = on_root(structure.comm, process.free_memory) / structure.comm.size
-        process.require(16 * (n + 2) * structure.rows, what, "reduce n", free)
+        process.require(16 * (n + 2) * structure.rows, basis_text, "reduce n", free)
     else:
         band = checks.band(band)
     accuracy = positive("accuracy", accuracy)

@@ -100,9 +100,9 @@ def with_damping(
     if model.hidden is not None:
         V = np.column_stack([V, model.hidden])
     elif static.nodal.size:
-        left = np.trace(projected(structure.comm, terms, static.nodal).matrix)
+        rigid_damping = np.trace(projected(structure.comm, terms, static.nodal).matrix)
         total_damping = np.trace(projected(structure.comm, terms, V).matrix)
-        if left > UNBRAKED * total_damping:
+        if rigid_damping > UNBRAKED * total_damping:
             raise InputError(
                 "a damper brakes a rigid-body motion that the site does not see, and that matrices "
                 "without coordinates do not tell: give them a map with coordinates."
@@ -263,7 +263,7 @@ class Lanczos:
         k = self._locked + self.steps
         V = self._V[:, :k]
         w = self._constrained(w)
-        before = max(float(dot(self._comm, w, load)), size)
+        load_energy = max(float(dot(self._comm, w, load)), size)
         # VᵀAw = Vᵀ load but for the solver's error: V does not feel the forces that hold the sites
         w = self._constrained(w - V @ dot(self._comm, V, load))
         f = multiply(self._A, w)
@@ -271,14 +271,14 @@ class Lanczos:
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
         h[: self._locked] = dot(self._comm, self._forces, w)
         w = self._constrained(w - V @ h)
-        left = float(dot(self._comm, w, f))
+        energy = float(dot(self._comm, w, f))
         if self.steps == self._most:  # rounding may produce directions outside the space
             return 0.0
-        if not left > EXHAUSTED**2 * before:
-            return EXHAUSTED * float(np.sqrt(max(before, 0.0)))
+        if not energy > EXHAUSTED**2 * load_energy:
+            return EXHAUSTED * float(np.sqrt(max(load_energy, 0.0)))
         if k == self._V.shape[1]:
             self._V = np.concatenate([self._V.T, np.empty((BASIS_STEP, len(w)))]).T
-        self._V[:, k] = w / np.sqrt(left)
+        self._V[:, k] = w / np.sqrt(energy)
         self.steps += 1
         return 0.0
 
@@ -341,9 +341,9 @@ class Lanczos:
         first = self.steps
         for i, (w, load) in enumerate(zip(solutions.T, self.load.T, strict=True)):
             energy = float(dot(self._comm, w, load))
-            dropped = self._solver.error * np.sqrt(max(energy, 0.0))
+            dropped_norm = self._solver.error * np.sqrt(max(energy, 0.0))
             size = energy if i >= self._inertial else 0.0
-            self._dropped[int(self.applied >= 0)] += dropped + self._add(w, load, size)
+            self._dropped[int(self.applied >= 0)] += dropped_norm + self._add(w, load, size)
         self.applied = first
         self.load = self._project()
         new = self.vectors[:, first:]
@@ -368,16 +368,16 @@ class Lanczos:
         """Bound on ‖Z - Z_N‖₂ for the first n <= `applied` vectors, at complex x."""
         theta, eigenvectors = self.ritz(n)
         start = eigenvectors.T @ self._c[:n]
-        rest = self._c[n:]
+        truncated = self._c[n:]
         shift = self._shift
-        following = self.H[n:, :n] @ eigenvectors
-        none, dropped_norms = self._dropped
+        coupling = self.H[n:, :n] @ eigenvectors
+        zero_rows, dropped_norms = self._dropped
 
         def bound(x: ComplexArray) -> Array:
             z = x + shift
             X = start / (1 - z[:, None] * theta)[:, :, None]
-            Q = spectral_norms(rest + z[:, None, None] * (following @ X))
-            Q += none + dropped_norms * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
+            Q = spectral_norms(truncated + z[:, None, None] * (coupling @ X))
+            Q += zero_rows + dropped_norms * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
             return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
 
         return bound
@@ -417,50 +417,52 @@ def by_krylov(
     Each step solves one block of right-hand sides.
     """
     # room for a few more than are wanted: the system gives memory only to what is written
-    runs = [
+    lanczos = [
         Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
     results: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
     if band is None:
-        results = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
-    with doing("extracting anti-oscillators", structure.comm.rank) as further:
+        results = {i: (run.modes(0), None) for i, run in enumerate(lanczos) if counts[i] == 0}
+    with doing("extracting anti-oscillators", structure.comm.rank) as report:
         step = 0
-        while len(results) < len(runs):
+        while len(results) < len(lanczos):
             step += 1
-            further(f"step {step}, about {max(counts)}; {len(results)} of {len(runs)} models done")
-            active = [i for i in range(len(runs)) if i not in results]
-            loads = [runs[i].load for i in active]
+            report(
+                f"step {step}, about {max(counts)}; {len(results)} of {len(lanczos)} models done"
+            )
+            active = [i for i in range(len(lanczos)) if i not in results]
+            loads = [lanczos[i].load for i in active]
             shapes = statics[0].solver.solve_block(np.hstack(loads))
             ends = np.cumsum([load.shape[1] for load in loads])
             for i, solution in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
-                before = runs[i].steps
-                runs[i].advance(solution)
+                steps_before = lanczos[i].steps
+                lanczos[i].advance(solution)
                 bound: Remainder | Reached | None = None
                 if terms:
-                    count, bound = _enough(runs[i], counts[i], band, accuracy)
+                    count, bound = _enough_damped(lanczos[i], counts[i], band, accuracy)
                 else:
-                    count = _finished(runs[i], before, counts[i], tol, band, accuracy)
-                    bound = None if band is None or count is None else runs[i].remainder(count)
+                    count = _finished(lanczos[i], steps_before, counts[i], tol, band, accuracy)
+                    bound = None if band is None or count is None else lanczos[i].remainder(count)
                 if count is not None:
-                    results[i] = runs[i].modes(count), bound
-                    runs[i].release()
-            log.debug("Krylov step: %d of %d models done", len(results), len(runs))
-    return [results[i] for i in range(len(runs))]
+                    results[i] = lanczos[i].modes(count), bound
+                    lanczos[i].release()
+            log.debug("Krylov step: %d of %d models done", len(results), len(lanczos))
+    return [results[i] for i in range(len(lanczos))]
 
 
-def _enough(
+def _enough_damped(
     run: Lanczos, n: int, band: float | None, accuracy: float
 ) -> tuple[int | None, Reached | None]:
     """(vectors to keep of a damped model, or None to continue; its error bound)."""
     if band is None:
         return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
-    tried = min(run.steps if run.exhausted else run.applied, n)
-    if not tried:
+    count = min(run.steps if run.exhausted else run.applied, n)
+    if not count:
         return None, None
-    reached = run.damped_error(tried, band)
-    sufficient = tried == n or run.exhausted or reached.error <= accuracy
-    return (tried if sufficient else None), reached
+    bound = run.damped_error(count, band)
+    sufficient = count == n or run.exhausted or bound.error <= accuracy
+    return (count if sufficient else None), bound
 
 
 def _finished(

@@ -103,8 +103,8 @@ def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
 def _excess(mass: Array, P: Array) -> float:
     """Largest relative excess of the modes' masses over the mass of the static shapes."""
     scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
-    left = (mass - P.T @ P) * scale[:, None] * scale
-    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+    remaining_mass = (mass - P.T @ P) * scale[:, None] * scale
+    return max(0.0, -float(np.linalg.eigvalsh(remaining_mass)[0]))
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:

@@ -102,17 +102,17 @@ def model_of_named_sites(
     }
     firsts = [of_site[0] for of_site in sites.values()]
     directions = [column.direction for of_site in sites.values() for column in of_site]
-    placed = all(direction is not None for direction in directions)
+    has_directions = all(direction is not None for direction in directions)
     info = replace(info, independent=static.kept.tolist())
-    if placed:
+    if has_directions:
         places = {name: of_site[0].point for name, of_site in sites.items()}
         points = {name: place.tolist() for name, place in places.items() if place is not None}
         info = replace(info, points=points)
     unit = static.phi @ static.W.T
     shapes = np.hstack([unit, selected.phi])
     model = AntiOscillators(
-        m0=_turned(static.W, selected.m0),
-        k0=_turned(static.W, static.k0),
+        m0=_in_site_basis(static.W, selected.m0),
+        k0=_in_site_basis(static.W, static.k0),
         P=static.W @ selected.P.T,
         omega=selected.omega,
         sites=tuple(sites),
@@ -122,9 +122,9 @@ def model_of_named_sites(
         slide=static.slide,
         local_compliance=np.array([first.local_compliance for first in firsts]),
         radius=tuple(first.radius for first in firsts),
-        participation=weights_of(structure, shapes) if placed else None,
+        participation=weights_of(structure, shapes) if has_directions else None,
         shapes=shapes,
-        direction=np.array(directions) if placed else None,
+        direction=np.array(directions) if has_directions else None,
         inertia=inertia_of(structure, shapes, static.nodal),
         hidden=static.nodal,
         info=info,
@@ -154,7 +154,7 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     return replace(model, info=replace(model.info, second_order=by_site))
 
 
-def _turned(W: Array, matrix: Array) -> Array:
+def _in_site_basis(W: Array, matrix: Array) -> Array:
     """W matrix Wᵀ, without negative eigenvalues that are due to rounding."""
     values, vectors = np.linalg.eigh(matrix)
     factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))

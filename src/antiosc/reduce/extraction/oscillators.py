@@ -189,21 +189,21 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
     poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
     # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
-    seen = np.flatnonzero(shares_at_sites(static.k0, known.m0, P, poles) > tol)
-    modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in seen)}.values())
-    order = seen[np.argsort(poles[seen], kind="stable")[:n]]
+    observable = np.flatnonzero(shares_at_sites(static.k0, known.m0, P, poles) > tol)
+    modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in observable)}.values())
+    order = observable[np.argsort(poles[observable], kind="stable")[:n]]
     turn = np.zeros((len(omega), len(order)))
     for column, i in enumerate(order):
         turn[mixed[i][0], column] = mixed[i][1]
-    dropped = known.P - turn @ P[order]  # what is not kept goes back to m0
+    lumped_rows = known.P - turn @ P[order]  # what is not kept goes back to m0
     return Selection(
-        m0=semidefinite(known.m0 + dropped.T @ dropped),
+        m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P[order],
         omega=np.sqrt(poles[order]),
-        residual=known.residual + known.modes.phi @ dropped,
+        residual=known.residual + known.modes.phi @ lumped_rows,
         phi=known.modes.phi @ turn,
         unobservable=len(omega) - modes,
-        merged=modes - len(seen),
+        merged=modes - len(observable),
     )
 
 
@@ -213,14 +213,14 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
     order = order[known.poles[order] > 0][:n]
     P = known.P[order].copy()
     if P.shape[1] == 1:
-        least = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
-        P = np.where(np.abs(P) < least, least, P)
-    dropped = np.delete(known.P, order, axis=0)
+        threshold = LEAST_SHARE * np.sqrt(known.static.mass[0, 0])
+        P = np.where(np.abs(P) < threshold, threshold, P)
+    lumped_rows = np.delete(known.P, order, axis=0)
     return Selection(
-        m0=semidefinite(known.m0 + dropped.T @ dropped),
+        m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P,
         omega=known.modes.omega[order],
-        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ dropped,
+        residual=known.residual + np.delete(known.modes.phi, order, axis=1) @ lumped_rows,
         phi=known.modes.phi[:, order],
         unobservable=0,
         merged=0,
@@ -272,21 +272,26 @@ def by_modes(
 ) -> tuple[Modes, Remainder | None]:
     """The lowest constraint modes until n of them are observable, or Z is accurate enough."""
     solver = ModeSolver(structure, static)
-    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    limit = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
     count = n + 2 if n and band is None else min(n, DEFAULT_COUNT)
     while True:
         modes = solver.lowest(count)
-        known = lumped(structure, static, modes)
-        selected = oscillators(known, n, tol)
-        remainder = None if band is None else left_out(known)
+        constraint_modes = lumped(structure, static, modes)
+        selected = oscillators(constraint_modes, n, tol)
+        remainder = None if band is None else left_out(constraint_modes)
         sufficient = (
-            modes.complete or count >= most or len(selected.omega) >= n or not known.m0.any()
+            modes.complete
+            or count >= limit
+            or len(selected.omega) >= n
+            or not constraint_modes.m0.any()
         )
         if not sufficient and remainder is not None and band is not None:
-            sufficient = error_bound(structure, known, remainder, selected, band)[0] <= accuracy
+            sufficient = (
+                error_bound(structure, constraint_modes, remainder, selected, band)[0] <= accuracy
+            )
         if sufficient:
             return modes, remainder
-        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        count = min(limit, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:
@@ -357,8 +362,8 @@ def error_bound(
         np.inf,
     )
     # with the weak rigid-body modes: H = H_e - a aᵀ/x
-    moved = static.weak.T @ static.weak / x[:, None, None]
-    ratio = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
+    weak_mobility = static.weak.T @ static.weak / x[:, None, None]
+    ratio = np.linalg.inv(np.eye(len(static.W)) - weak_mobility @ elastic)  # H_e⁻¹ H, its inverse
     dropped_error = dropped_error * spectral_norms(ratio)
     # displacements of the sites in rigid-body motions: their rounding, and what is left out
     rounding = spectral_norms(static.uncertainty[None])

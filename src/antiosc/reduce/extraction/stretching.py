@@ -72,7 +72,7 @@ def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> 
     assert body.shape is not None
     modes = candidates(body.omega, body.B, MOST if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
-    return replace(model, stretch=_found(structure, modes, phi, count))
+    return replace(model, stretch=_stretch_of_motions(structure, modes, phi, count))
 
 
 def stretch_of_map(
@@ -90,10 +90,10 @@ def stretch_of_map(
         blocks = [flexible**power * b.T for power in (1, 2, 3)]
         unit = np.hstack([block / np.linalg.norm(block, axis=0) for block in blocks])
         modes = np.linalg.svd(unit, full_matrices=False)[0][:, :MOST_OF_MAP]
-    return replace(_found(structure, modes, phi @ modes, count), shapes=None)
+    return replace(_stretch_of_motions(structure, modes, phi @ modes, count), shapes=None)
 
 
-def _found(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
+def _stretch_of_motions(structure: Structure, modes: Array, phi: Array, count: Count) -> Stretch:
     """The `Stretch` of motions phi (rows, m), which are combinations `modes` (J, m) of the free
     modes.
     """
@@ -132,8 +132,8 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
             size = np.linalg.norm(block, axis=0)
             block = block - basis @ (basis.T @ block)
             block = block[:, np.linalg.norm(block, axis=0) > EXHAUSTED * size]
-        left, sizes, _ = np.linalg.svd(block / np.linalg.norm(block, axis=0), full_matrices=False)
-        block = left[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
+        U, sizes, _ = np.linalg.svd(block / np.linalg.norm(block, axis=0), full_matrices=False)
+        block = U[:, sizes > EXHAUSTED * sizes.max(initial=0.0)]
         basis = np.hstack([basis, block])
         block = flexible * block
     return basis[:, :count]
@@ -149,9 +149,9 @@ def tensors(structure: Structure, points: PartPoints, phi: Array) -> tuple[Array
     slopes = [points.slopes(mode) for mode in phi.T]
     g = _pair_loads(points, slopes, pairs)
     g[points.held] = 0.0
-    follows = -_static(structure, g, phi)
-    quartic = _quartic(points, slopes, pairs) + g.T @ follows / 2
-    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), follows
+    static_response = -_static(structure, g, phi)
+    quartic = _quartic(points, slopes, pairs) + g.T @ static_response / 2
+    return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
 
 
 def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
@@ -160,8 +160,8 @@ def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, 
     loads = []
     for i, j in pairs:
         strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
-        pushed = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
-        loads.append(points.load(strained, pushed / 2))
+        slope_forces = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
+        loads.append(points.load(strained, slope_forces / 2))
     return np.column_stack(loads)
 
 
@@ -182,13 +182,13 @@ def work_on(
     three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
     stresses = [points.stress(motion_slopes) for motion_slopes in slopes]
     for p, (i, j) in enumerate(pairs):
-        moved = points.slopes(follows[:, p])
+        response_slopes = points.slopes(follows[:, p])
         tension = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
-        tension = tension + points.stress(moved)
+        tension = tension + points.stress(response_slopes)
         for k, slope in enumerate(slopes):
-            strained = points.weighted_stress(points.second(slope, moved))
-            pushed = points.along(tension, slope) + points.along(stresses[k], moved)
-            three[k, p] = points.load(strained, pushed) @ motions
+            strained = points.weighted_stress(points.second(slope, response_slopes))
+            slope_forces = points.along(tension, slope) + points.along(stresses[k], response_slopes)
+            three[k, p] = points.load(strained, slope_forces) @ motions
     return _pair_loads(points, slopes, pairs).T @ motions, three
 
 
@@ -201,8 +201,8 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
     g = g - m_rigid @ (rigid.T @ g)
     displacement = np.zeros_like(g)
     for _ in range(SOLVES_OF_FREE if rigid.shape[1] else 1):
-        left = g if not displacement.any() else g - multiply(structure.K, displacement)
-        displacement = displacement + factor.solve_block(left)
+        residual = g if not displacement.any() else g - multiply(structure.K, displacement)
+        displacement = displacement + factor.solve_block(residual)
         displacement = displacement - rigid @ (m_rigid.T @ displacement)
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 

@@ -165,11 +165,11 @@ def natural_modes(structure: Structure, n: int = 10) -> StructureModes:
     shapes = rigid
     if elastic:
         solver = ModeSolver(structure)
-        more = BEYOND
-        modes = solver.lowest(elastic + more)
+        extra_modes = BEYOND
+        modes = solver.lowest(elastic + extra_modes)
         while not modes.complete and modes.omega[-1] <= (1 + REPEATED) * modes.omega[elastic - 1]:
-            more *= 2
-            modes = solver.lowest(len(modes.omega) + more)
+            extra_modes *= 2
+            modes = solver.lowest(len(modes.omega) + extra_modes)
         check_modes(structure, modes)
         omega = np.append(omega, modes.omega)
         shapes = np.hstack([rigid, modes.phi])
@@ -259,7 +259,7 @@ class NaturalModes(ReprMixin, Body):
         basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
         count = 0 if self.hidden is None else self.hidden.shape[1]
         size = count + self.n
-        none = np.zeros(count)
+        zeros = np.zeros(count)
         weight = self.weight
         if weight is not None and self.inertia is not None and self.direction is not None:
             weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
@@ -268,10 +268,10 @@ class NaturalModes(ReprMixin, Body):
             basis = (*basis, self.residual[:, None])
             shape = np.eye(size + 1, size)
             residual = np.eye(size + 1)[size]
-        omega = np.append(none, self.omega)
+        omega = np.append(zeros, self.omega)
         return ModalBody(
             omega,
-            np.append(none, self.b),
+            np.append(zeros, self.b),
             self.r,
             decay=None if self.damping is None else self.damping.decay(omega),
             weight=weight,
@@ -323,18 +323,18 @@ def superposition(
     checked_damping = as_damping(damping)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
-    where = functional(structure, site)
+    site_load = functional(structure, site)
     structure.factorize(AS_SITES)
-    static = site_shapes(structure, where.b[:, None])
+    static = site_shapes(structure, site_load.b[:, None])
     solver = ModeSolver(structure)
     count = n + 2
-    most = SEARCHED * (n + DEFAULT_COUNT)
+    mode_limit = SEARCHED * (n + DEFAULT_COUNT)
     while True:
         modes = solver.lowest(count)
-        visible = _seen(structure, where, static, modes, COUNTED)
-        if len(visible.omega) >= n or modes.complete or count >= most:
+        visible = _observable_modes(structure, site_load, static, modes, COUNTED)
+        if len(visible.omega) >= n or modes.complete or count >= mode_limit:
             break
-        count = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+        count = min(mode_limit, len(modes.omega) + max(8, len(modes.omega) // 2))
     if len(visible.omega) < n and not modes.complete:
         message = (
             f"only {len(visible.omega)} of the first {len(modes.omega)} modes are observable at "
@@ -344,7 +344,7 @@ def superposition(
     selected = Modes(visible.omega[:n], visible.phi[:, :n], len(visible.omega) <= n)
     all_kept = selected.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
-    model = _model(structure, site, where, static, selected, correction, "superposition")
+    model = _model(structure, site, site_load, static, selected, correction, "superposition")
     return replace(model, damping=checked_damping)
 
 
@@ -374,13 +374,13 @@ def full(
             "coarser mesh, or superposition() or extract() with a growing n."
         )
     checked_damping = as_damping(damping)
-    where = functional(structure, site)
-    static = site_shapes(structure, where.b[:, None])
+    site_load = functional(structure, site)
+    static = site_shapes(structure, site_load.b[:, None])
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
-    visible = _seen(structure, where, static, modes, UNOBSERVABLE)
+    visible = _observable_modes(structure, site_load, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    model = _model(structure, site, where, static, visible, massless, "full")
+    model = _model(structure, site, site_load, static, visible, massless, "full")
     return replace(model, damping=checked_damping)
 
 
@@ -390,7 +390,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
     refuse_dampers(structure, "a model of natural modes")
 
 
-def _seen(
+def _observable_modes(
     structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
 ) -> Modes:
     """The modes that move the site, with equal frequencies merged; the rigid-body mode comes first.

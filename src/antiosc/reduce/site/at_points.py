@@ -66,13 +66,13 @@ def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Funct
     """The functional with its load vector on q instead of u; InputError if nothing at the site can
     move.
     """
-    joined = _each(structure.joined, functional)
+    on_q = _each(structure.joined, functional)
     comm = structure.workers
-    if norm(comm, joined.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
+    if norm(comm, on_q.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
-        named = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
-        raise SiteError(constrained(f"the site {named}"))
-    return joined
+        place = repr(site.point) if isinstance(site.point, str) else f"at {text(functional.point)}"
+        raise SiteError(constrained(f"the site {place}"))
+    return on_q
 
 
 def before_joining(
@@ -83,7 +83,7 @@ def before_joining(
     `part_of` returns the structure of a part, with or without its supports.
     """
     by_site: dict[int, Functional] = {}
-    struck: dict[str, tuple[Member, dict[int, Site]]] = {}
+    sites_by_part: dict[str, tuple[Member, dict[int, Site]]] = {}
     for k, unplaced in enumerate(sites):
         site = unplaced if unplaced.face is None else on_face(structure, unplaced)
         site = site if site.node is None else at_node(structure, site)
@@ -94,17 +94,17 @@ def before_joining(
             by_site[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
             continue
         member, aim = _in_part(structure, site, direction)
-        struck.setdefault(member.name, (member, {}))[1][k] = aim
-    for member, sites_of_part in struck.values():
+        sites_by_part.setdefault(member.name, (member, {}))[1][k] = aim
+    for member, sites_of_part in sites_by_part.values():
         part = part_of(member)
-        laid = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
-        on_neighbours = _beyond_seams(structure, member, laid, part_of)
-        total_share = laid.share + sum(share for _, share, _ in on_neighbours)
-        warn_of_doubts(part, replace(laid, share=np.minimum(total_share, 1.0)))
-        for i, load in enumerate(_of_sites(part, list(sites_of_part.values()), laid)):
+        patched_sites = _on_mesh(part, list(sites_of_part.values()), member.at.placed)
+        on_neighbours = _beyond_seams(structure, member, patched_sites, part_of)
+        total_share = patched_sites.share + sum(share for _, share, _ in on_neighbours)
+        warn_of_doubts(part, replace(patched_sites, share=np.minimum(total_share, 1.0)))
+        for i, load in enumerate(_of_sites(part, list(sites_of_part.values()), patched_sites)):
             placed_load = _placed(structure, member, load)
-            if on_neighbours and total_share[i] > laid.share[i]:
-                placed_load.b[:] *= laid.share[i] / total_share[i]
+            if on_neighbours and total_share[i] > patched_sites.share[i]:
+                placed_load.b[:] *= patched_sites.share[i] / total_share[i]
                 for neighbour, share, b in on_neighbours:
                     placed_load.b[neighbour.rows] += share[i] / total_share[i] * b[i]
             by_site[list(sites_of_part)[i]] = placed_load
@@ -132,9 +132,9 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
             (member,) = nearest_parts(structure, x, direction)
         point = member.at.own(x)[0]
     direction_of_part = direction @ member.at.rotation
-    at = tuple(point.tolist())
+    point_key = tuple(point.tolist())
     towards = tuple(direction_of_part.tolist())
-    return member, replace(site, point=at, direction=towards, snap=snap, part=None)
+    return member, replace(site, point=point_key, direction=towards, snap=snap, part=None)
 
 
 def _placed(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
@@ -146,10 +146,10 @@ def _placed(structure: MeshedParts, member: Member, functional: Functional) -> F
         b = np.zeros(algebra.size(structure.K))  # u and q have as many dofs
         b[member.rows] = functional.b
     x = member.at.placed(functional.point[None])[0]
-    along = member.at.rotation @ functional.direction
+    d = member.at.rotation @ functional.direction
     tangential = tuple(_placed(structure, member, side) for side in functional.across)
     name = member.name or None
-    return replace(functional, b=b, point=x, direction=along, across=tangential, part=name)
+    return replace(functional, b=b, point=x, direction=d, across=tangential, part=name)
 
 
 def _without_mesh(
@@ -191,10 +191,10 @@ def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> li
     if not isinstance(structure, AssembledMatrices) or len(members) == 1:
         return members * len(points)
     distance = np.array([m.closest(points).distance for m in members])
-    near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
+    is_nearest = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
     parts = []
-    for point, which in zip(points, near.T, strict=True):
-        candidates = [m for m, is_near in zip(members, which, strict=True) if is_near]
+    for point, is_nearest_part in zip(points, is_nearest.T, strict=True):
+        candidates = [m for m, is_near in zip(members, is_nearest_part, strict=True) if is_near]
         facing = partial(_facing, point=point, direction=direction)
         parts.append(candidates[0] if len(candidates) == 1 else min(candidates, key=facing))
     return parts
@@ -263,18 +263,22 @@ def _beyond_seams(
     for neighbour in structure.members():
         if neighbour is member or not neighbour.part.kind.sheet or neighbour.at != member.at:
             continue
-        near = cut[neighbour.closest(x).distance < laid.radii[cut]]
-        if not len(near):
+        overlapping = cut[neighbour.closest(x).distance < laid.radii[cut]]
+        if not len(overlapping):
             continue
         part = part_of(neighbour)
-        patches_near = (laid.points[near], laid.radii[near], laid.contact.of(near))
+        patches_near = (
+            laid.points[overlapping],
+            laid.radii[overlapping],
+            laid.contact.of(overlapping),
+        )
         weighted, share = patches(part.faces, *patches_near, faces_before)
         faces_before.append(part.faces)
         shares = np.zeros(len(laid))
         b = np.zeros((len(laid), neighbour.size))
-        shares[near] = share
-        columns = on_free_dofs(part, loads(part, weighted, laid.directions[near]))
-        b[near] = columns.toarray().T
+        shares[overlapping] = share
+        columns = on_free_dofs(part, loads(part, weighted, laid.directions[overlapping]))
+        b[overlapping] = columns.toarray().T
         on_neighbours.append((neighbour, shares, b))
     return on_neighbours
 

@@ -109,14 +109,14 @@ def _of_patches(sites: Sites) -> Iterator[Doubt]:
 
 def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
     """The sites on a solid that have no radius."""
-    which = np.isnan(sites.radii)
-    if not which.any():
-        return Doubt(which, "", "")
-    size = size_at(structure.mesh, closest(structure.mesh, sites.points[np.argmax(which)]))
+    without_radius = np.isnan(sites.radii)
+    if not without_radius.any():
+        return Doubt(without_radius, "", "")
+    size = size_at(structure.mesh, closest(structure.mesh, sites.points[np.argmax(without_radius)]))
     remedy = f"radius={rounded_up(size):g} (the element there measures {size:.2g} m"
     reason = "the compliance under a point load on a solid grows without limit as the mesh is"
     return Doubt(
-        which,
+        without_radius,
         f"{reason} refined: give the site a radius, here for instance {remedy}; its radius should "
         "not be smaller).",
         f"{reason} refined, at {{}}: give a radius, for instance {remedy})",
@@ -127,23 +127,23 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
     """The sites whose patch is smaller than the facets or cells under it."""
     kind = structure.kind
     times = 1.0 if kind.outside else COARSE_SHEET
-    which = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
+    is_coarse = np.asarray(sites.size > (1 + SIZE_ROUNDING) * times * sites.radii)
     if kind.sheet and sites.contact is not None:
         default_radii = [material.patch_radius for material, _ in structure.parts]
         thickness = np.array(default_radii, dtype=float)
-        which &= sites.size < THIN * thickness[sites.contact.label]
-    i = int(np.argmax(np.where(which, sites.size / sites.radii, 0.0)))
+        is_coarse &= sites.size < THIN * thickness[sites.contact.label]
+    i = int(np.argmax(np.where(is_coarse, sites.size / sites.radii, 0.0)))
     size, radius = sites.size[i], sites.radii[i]
-    what, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
-    if not which.any():
-        return Doubt(which, "", "")
+    entities, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
+    if not is_coarse.any():
+        return Doubt(is_coarse, "", "")
     larger = f"measure {size:.2g} m, more than {rule}the radius {radius:g} m"
     remedy = f"radius={rounded_up(size / times):g}"
     return Doubt(
-        which,
-        f"the {what} at the site {larger}: the patch is not resolved; read the geometry with "
+        is_coarse,
+        f"the {entities} at the site {larger}: the patch is not resolved; read the geometry with "
         f"refine=[(point, {times * radius:g})] or take {remedy}.",
-        f"the {what} at {{}} {larger} (a smaller size helps, or {remedy})",
+        f"the {entities} at {{}} {larger} (a smaller size helps, or {remedy})",
     )
 
 
@@ -151,12 +151,12 @@ def _along_surface(sites: Sites, normals: Array, depth: Array) -> Doubt:
     """The sites struck along the surface; `normals` (P, 3) and `depth` (P,) are of the contact."""
     cosines = np.abs(np.einsum("pd,pd->p", sites.directions, normals))
     on_face = np.isfinite(depth) & (sites.share >= WHOLE_PATCH)
-    which = np.asarray(on_face & (cosines < ALONG_SURFACE))
-    i = int(np.argmax(which))
+    is_tangential = np.asarray(on_face & (cosines < ALONG_SURFACE))
+    i = int(np.argmax(is_tangential))
     angle = f"{90 - degrees(acos(min(cosines[i], 1.0))):.2g}°"
     normal = ", ".join(f"{c:.3g}" for c in normals[i].round(9) + 0.0)
     return Doubt(
-        which,
+        is_tangential,
         f"the direction of the site lies along the surface, {angle} from it: an impactor slides "
         "there and does not strike; give the direction in which it flies, against the normal "
         f"({normal}).",

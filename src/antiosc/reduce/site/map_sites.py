@@ -63,22 +63,22 @@ class MapSites:
         rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
         rows |= {"loads": self.sites.loads[:, which], "weighted": None, "contact": None}
         sites = replace(self.sites, **rows)
-        nothing = np.zeros((0, 3), dtype=int)
+        no_elements = np.zeros((0, 3), dtype=int)
         numbers_kept = self.kept[which]
         names = self.names[which]
-        return replace(self, sites=sites, elements=nothing, kept=numbers_kept, names=names)
+        return replace(self, sites=sites, elements=no_elements, kept=numbers_kept, names=names)
 
 
 def targets(where: object) -> Sequence[str] | None:
     """Names of the surfaces of a map; None if `where` is None or a list of points."""
     if where is None or isinstance(where, str):
         return None if where is None else [where]
-    listed = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
-    listed = listed if isinstance(listed, list | tuple) else []
-    names = [name for name in listed if isinstance(name, str)]
+    where_list = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
+    where_list = where_list if isinstance(where_list, list | tuple) else []
+    names = [name for name in where_list if isinstance(name, str)]
     if not names:
         return None
-    if len(names) < len(listed):
+    if len(names) < len(where_list):
         raise InputError(
             "where lists names and points; give names of groups and parts alone, or points alone."
         )
@@ -158,7 +158,7 @@ def sites_of(
             return _at_points(structure, where, direction, radius)
         surfaces = []
         for name in names:
-            member, group = _named(structure, name)
+            member, group = _part_and_group(structure, name)
             on_part = _on_part(structure, member, group, direction, radius, name)
             surfaces.append(movable(on_part, name))
         return joined(surfaces)
@@ -180,7 +180,7 @@ def movable(sites: MapSites, where: object) -> MapSites:
     return sites
 
 
-def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
+def _part_and_group(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
     """(part, group) for the name of a group of one mesh, "part:group", or "part"."""
     if not isinstance(structure, AssembledMatrices):
         return structure.members()[0], name
@@ -201,11 +201,11 @@ def _at_points(
     if isinstance(structure, AssembledMatrices):
         distance = np.min([m.closest(points).distance for m in members], axis=0)
         on_structure(points, distance, structure.layout.size)
-    struck = nearest_parts(structure, points, _in_space(direction))
+    nearest = nearest_parts(structure, points, _in_space(direction))
     of_parts = []
     order = []
     for member in members:
-        of_part = np.flatnonzero([struck_part.name == member.name for struck_part in struck])
+        of_part = np.flatnonzero([struck_part.name == member.name for struck_part in nearest])
         if len(of_part):
             points_in_part = member.at.own(points[of_part])
             of_parts.append(
@@ -226,9 +226,9 @@ def _on_part(
 ) -> MapSites:
     """Sites of a part in the axes of the assembly, possibly none."""
     if direction is None and not member.part.kind.outside:
-        which = f" (the part {member.name!r})" if member.name else ""
+        suffix = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
-            f"shells and beams have no outward normal{which}: give the direction of impact, for "
+            f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
             "instance direction=(0, 0, -1)."
         )
     R = member.at.rotation
@@ -242,7 +242,7 @@ def _on_part(
     if structure.assembled:
         size = scipy.sparse.linalg.norm(loads, axis=0)
         moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
-    placed = replace(
+    in_assembly = replace(
         sites,
         points=member.at.placed(sites.points),
         directions=sites.directions @ R.T,
@@ -250,7 +250,7 @@ def _on_part(
         weighted=None,
     )
     names = np.full(len(sites), name)
-    return replace(map_sites, sites=placed, names=names).only(moves)
+    return replace(map_sites, sites=in_assembly, names=names).only(moves)
 
 
 def sites_on(
@@ -268,7 +268,7 @@ def sites_on(
     ground = (
         surface(structure, where)
         if where is None or isinstance(where, str)
-        else _given(structure, where, unit_direction)
+        else _sample(structure, where, unit_direction)
     )
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
@@ -277,12 +277,12 @@ def sites_on(
     on_face = np.isnan(candidates.radii) | (
         (candidates.share > 0) & (candidates.depth <= candidates.radii)
     )
-    keep = on_face & (candidates.moving > LEAST_FREE_SHARE_ON_MAP)
+    is_movable = on_face & (candidates.moving > LEAST_FREE_SHARE_ON_MAP)
     names = np.full(count, where if isinstance(where, str) else "")
     dimension = structure.mesh.tdim
     all_sites = MapSites(candidates, ground.elements, np.arange(count), count, names, dimension)
-    result = all_sites.only(keep)
-    if keep.any():
+    result = all_sites.only(is_movable)
+    if is_movable.any():
         warn_of_doubts(structure, result.sites, marked=True)
     return result
 
@@ -290,8 +290,8 @@ def sites_on(
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
     """Vertices of a group of facets, or of cells for shells and beams; None: the whole surface."""
     mesh = structure.mesh
-    outside = structure.kind.outside
-    faces = Faces(mesh, not outside)
+    is_solid = structure.kind.outside
+    faces = Faces(mesh, not is_solid)
     in_group = np.ones(len(faces.facets), dtype=bool)
     if group is not None:
         in_group = np.isin(faces.facets, mesh.group(group).get(faces.dim, []))
@@ -301,7 +301,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
             "needs a surface; name one, or leave it out for all."
         )
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices[in_group]]
-    normals = faces.normals[in_group] if outside else np.zeros((int(in_group.sum()), 3))
+    normals = faces.normals[in_group] if is_solid else np.zeros((int(in_group.sum()), 3))
     of_rank = numbers, faces.corners[in_group], normals
     numbers, x, normals = (
         np.concatenate(arrays) for arrays in zip(*mesh.comm.allgather(of_rank), strict=True)
@@ -338,7 +338,7 @@ def _in_space(direction: Sequence[float]) -> Array:
     return in_space(components)
 
 
-def _given(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
+def _sample(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
     """A `SurfaceSample` at points that the caller gives; `along`: the direction of impact."""
     at = points_given(points, along)
     mesh = structure.mesh

@@ -121,9 +121,9 @@ def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: A
     b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
     index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
-    known = nodes[order][index] == matrices.map.node
+    is_mapped = nodes[order][index] == matrices.map.node
     axis = matrices.map.component - 1
-    moving = known & (axis >= 0) & (axis < 3)
+    moving = is_mapped & (axis >= 0) & (axis < 3)
     b[moving] = weights[order][index[moving]] * direction[axis[moving]]
     return b
 
@@ -164,8 +164,8 @@ def _at_point(
     if isinstance(site.point, str):
         raise InputError("matrices have no groups: give the point's coordinates.")
     points, _ = matrices.nodes()
-    known = np.isfinite(matrices.map.points).all(axis=1)
-    numbers = np.unique(matrices.map.node[known])
+    located = np.isfinite(matrices.map.points).all(axis=1)
+    numbers = np.unique(matrices.map.node[located])
     point = in_space(site.point or ())
     tree = cKDTree(points)
     if site.radius is None:
@@ -180,34 +180,34 @@ def _at_point(
                 "away; use that, Site(..., snap=True), or a patch with radius=."
             )
         return numbers[[nearest]], np.ones(1), points[nearest]
-    around = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
-    if len(around):
-        around = around[~_covered(points[around], direction, site.radius)]
+    candidates = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
+    if len(candidates):
+        candidates = candidates[~_covered(points[candidates], direction, site.radius)]
     inside = np.zeros(0, dtype=bool)
-    if len(around):
-        inside = np.linalg.norm(points[around] - point, axis=1) < site.radius
+    if len(candidates):
+        inside = np.linalg.norm(points[candidates] - point, axis=1) < site.radius
     if not inside.any():
         distance, nearest = tree.query(point)
         raise InputError(
             f"the patch of radius {site.radius:g} m has no node on the surface: the nearest node, "
             f"{numbers[nearest]}, is {distance:.3g} m away; increase the radius or refine the mesh."
         )
-    across = points[around] - point
-    across = across - np.outer(across @ direction, direction)
-    next_to = cKDTree(across).query(_hertz(site.radius, direction))[1]
-    weights = np.bincount(next_to, minlength=len(around)) / len(next_to)
-    chosen = weights > 0
-    return numbers[around[chosen]], weights[chosen], point
+    offsets = points[candidates] - point
+    offsets = offsets - np.outer(offsets @ direction, direction)
+    next_to = cKDTree(offsets).query(_hertz(site.radius, direction))[1]
+    weights = np.bincount(next_to, minlength=len(candidates)) / len(next_to)
+    loaded = weights > 0
+    return numbers[candidates[loaded]], weights[loaded], point
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:
     """Mask of the points that lie behind another point, seen along the direction of impact."""
     covered = np.zeros(len(points), dtype=bool)
     for k, point in enumerate(points):
-        to = points - point
-        distance = np.linalg.norm(to, axis=1)
-        before = (-(to @ direction) > COVERS * distance) & (distance > AT_NODE * radius)
-        covered[k] = before.any()
+        offsets = points - point
+        distance = np.linalg.norm(offsets, axis=1)
+        in_front = (-(offsets @ direction) > COVERS * distance) & (distance > AT_NODE * radius)
+        covered[k] = in_front.any()
     return covered
 
 

@@ -59,8 +59,8 @@ class Element:
         largest_force = np.abs(self.forces(comm, rigid)).max(initial=0.0)
         assert self.term.c is not None
         terms = np.abs(self.term.c) @ (abs(self.term.G) @ np.abs(rigid))
-        named = largest_force > INTERNAL * terms.max(initial=0.0)
-        if named:
+        is_grounded = largest_force > INTERNAL * terms.max(initial=0.0)
+        if is_grounded:
             return self
         return replace(self, name="")
 
@@ -94,8 +94,8 @@ class Released:
         self._motions = np.zeros((0, 0))
         self._springs: list[Element] = []
         self._damping: list[Element] = []
-        self.centres, pulled = matrices.decided(lambda: self._released(supports))
-        self.pulled: Array = matrices.own(pulled)
+        self.centres, forces = matrices.decided(lambda: self._released(supports))
+        self.pulled: Array = matrices.own(forces)
 
     def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
         """(M g, M r), rows of this rank, for the motions g of the supports and rigid motions r.
@@ -169,10 +169,10 @@ class Released:
         comm = self._of.workers
         rigid = self._of.places.rigid_motions(np.zeros(3))
         if self._assembly:
-            added = self._assembly.added
+            attached = self._assembly.added
             for kind, springs_or_terms in (
-                (springs, added.springs()),
-                (terms, added.dissipation(on_u=True)),
+                (springs, attached.springs()),
+                (terms, attached.dissipation(on_u=True)),
             ):
                 elements = [
                     Element(term.name, term.point, slice(None), term) for term in springs_or_terms
@@ -183,8 +183,8 @@ class Released:
             prefix = f"{member.name}:" if member.name else ""
             for kind, springs_or_terms in ((springs, [*part.springs]), (terms, part.dissipation())):
                 for term in springs_or_terms:
-                    at = None if term.point is None else member.at.placed(term.point[None])[0]
-                    kind.append(Element(term.name and prefix + term.name, at, member.rows, term))
+                    point = None if term.point is None else member.at.placed(term.point[None])[0]
+                    kind.append(Element(term.name and prefix + term.name, point, member.rows, term))
         springs = [spring for spring in springs if spring.name]
         return springs, sorted(terms, key=lambda one: one.term.matrix is not None)
 
@@ -205,8 +205,8 @@ class Released:
             prefix = f"{member.name}:" if member.name else ""
             for name, dofs in held_dofs(member.part).items():
                 centres[prefix + name] = centre = _centre(member, dofs)
-                moved = member.places.rigid_motions(centre, dofs)
-                supported.append((prefix + name, member.first + dofs, moved))
+                support_motions = member.places.rigid_motions(centre, dofs)
+                supported.append((prefix + name, member.first + dofs, support_motions))
         constraints = self._assembly.constraints if self._assembly else None
         names = names_of(supports, centres) if constraints else []
         rows = constraints.rows if constraints else []
@@ -228,8 +228,8 @@ class Released:
             )
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}
         motions = np.zeros((len(places.kind), 6 * len(centres)))
-        for name, dofs, moved in supported:
-            motions[dofs, column[name]] = moved
+        for name, dofs, support_motions in supported:
+            motions[dofs, column[name]] = support_motions
         if constraints:
             prescribed = [np.asarray(-constraint.matrix @ motions) for constraint in rows]
             for name, constraint, values in zip(names, rows, prescribed, strict=False):
@@ -244,11 +244,11 @@ class Released:
             assert eliminated.particular is not None
             motions = motions + eliminated.particular
         self._motions = motions
-        pulled = -self._forces("K", motions)
+        forces = -self._forces("K", motions)
         for spring in self._springs:
             rigid = places.rigid_motions(centres[spring.name])
-            pulled[:, column[spring.name]] += self._on_free(spring.loads(self._of.workers, rigid))
-        return centres, pulled
+            forces[:, column[spring.name]] += self._on_free(spring.loads(self._of.workers, rigid))
+        return centres, forces
 
     def _part(self, member: Member) -> MeshedStructure:
         """A part without its supports and its prestress."""
@@ -270,9 +270,9 @@ class Released:
         free = self._on_free(forces)
         if self._assembly is None:
             return free
-        added = self._assembly.added
-        more = added.forces(motions) if which == "K" else added.inertial_loads(motions)[0]
-        return np.asarray(free + more)
+        attached = self._assembly.added
+        extra = attached.forces(motions) if which == "K" else attached.inertial_loads(motions)[0]
+        return np.asarray(free + extra)
 
     def _on_free(self, forces: Array) -> Array:
         """Forces on u (rows of this rank, k) as forces on the free dofs."""

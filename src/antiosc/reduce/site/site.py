@@ -123,8 +123,8 @@ class Site(FieldsRepr):
                 "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
             )
         direction = floats("direction", self.direction, (None,))
-        named = isinstance(self.point, str) or at_node
-        point = direction if named else floats("point", self.point, (None,))
+        is_named = isinstance(self.point, str) or at_node
+        point = direction if is_named else floats("point", self.point, (None,))
         if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
                 f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
@@ -137,7 +137,7 @@ class Site(FieldsRepr):
             )
         store(self, direction=tuple(direction.tolist()))
         if not at_node:
-            store(self, point=text("point", self.point) if named else tuple(point.tolist()))
+            store(self, point=text("point", self.point) if is_named else tuple(point.tolist()))
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,8 @@ def tangents(directions: Array, plane: bool) -> list[Array]:
     if plane:
         return [np.cross([0.0, 0.0, 1.0], directions)]
     # rounded, so that rounding errors do not decide between equally oblique axes
-    least = np.argmin(np.abs(directions).round(6), axis=1)
-    first = np.cross(np.eye(3)[least], directions)
+    helper_axis = np.argmin(np.abs(directions).round(6), axis=1)
+    first = np.cross(np.eye(3)[helper_axis], directions)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return [first, np.cross(directions, first)]
 

@@ -123,8 +123,8 @@ def _rule_on_faces(
     comm = faces.mesh.comm
     normal = normals[part]
     # between axes that are equally oblique rounding must not decide how the rule is oriented
-    least = np.argmin(np.abs(normal).round(6), axis=1)
-    first = np.cross(normal, np.eye(3)[least])
+    helper_axis = np.argmin(np.abs(normal).round(6), axis=1)
+    first = np.cross(normal, np.eye(3)[helper_axis])
     if rule.shape[1] == 1:
         first = np.cross(normal, [0.0, 0.0, 1.0])
     size = np.linalg.norm(first, axis=1, keepdims=True)
@@ -136,14 +136,14 @@ def _rule_on_faces(
     face, xi, distance = faces.along(*line)
     ranks = np.array(comm.allgather(distance))
     hit = np.isfinite(ranks).any(axis=0)
-    for others in used_faces:
-        hit &= ~np.isfinite(comm.allgather(others.along(*line)[2])).any(axis=0)
+    for used in used_faces:
+        hit &= ~np.isfinite(comm.allgather(used.along(*line)[2])).any(axis=0)
     share = (np.tile(weights, len(part)) * hit).reshape(len(part), count).sum(axis=1)
-    owned = np.flatnonzero(hit & (ranks.argmin(axis=0) == comm.rank))
-    at = owned // count
-    weight = np.tile(weights, len(part))[owned] / share[at]
-    reference = faces.reference(face[owned], xi[owned])
-    return Points(part[at], faces.cells[face[owned]], reference, weight), share
+    owned_points = np.flatnonzero(hit & (ranks.argmin(axis=0) == comm.rank))
+    site_index = owned_points // count
+    weight = np.tile(weights, len(part))[owned_points] / share[site_index]
+    reference = faces.reference(face[owned_points], xi[owned_points])
+    return Points(part[site_index], faces.cells[face[owned_points]], reference, weight), share
 
 
 def loads(structure: MeshedStructure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
@@ -194,8 +194,8 @@ def _columns(
     first = structure.form.space.dofmap.index_map.local_range[0] * structure.block
     entries = [(row[~ghost], site[~ghost], value[~ghost])]
     for number, sites_sent, values_sent in structure.comm.allgather(sent):
-        owned = (number >= first) & (number < first + size)
-        entries.append((number[owned] - first, sites_sent[owned], values_sent[owned]))
+        is_owned = (number >= first) & (number < first + size)
+        entries.append((number[is_owned] - first, sites_sent[is_owned], values_sent[is_owned]))
     row, site, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     return scipy.sparse.csr_matrix((value, (row, site)), shape=(size, count))
 
@@ -272,8 +272,8 @@ def located(
         faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
         if not has_radius[patch].all():
-            near = np.full(count, ON_SHEET * mesh.extent())
-            part = faces.contact(points, directions, near, labels).label
+            reach = np.full(count, ON_SHEET * mesh.extent())
+            part = faces.contact(points, directions, reach, labels).label
             radii = np.where(has_radius, radii, default_radii[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
         on_patches, share[patch] = patches(faces, points[patch], radii[patch], contact)

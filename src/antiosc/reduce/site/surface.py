@@ -59,19 +59,19 @@ def surface_at(
     corner = corner_radius(structure)
 
     def work() -> Surface:
-        at = _Struck.of(matrices, point, direction, part)
-        material = at.material
+        struck = _Struck.of(matrices, point, direction, part)
+        material = struck.material
         matter = _matter(material)
         if matter is None:
             raise InputError("a plane part has no surface in space.")
         if isinstance(material, Beam):
             return _of_bar(material, matter, radius)
-        curved = at.curvature(lengths)
+        curved = struck.curvature(lengths)
         surface = placed(curved, matter, corner, radius)
         if curved.kind in SHARP:
             return surface
-        room, meets = _room(matrices, curved, radius or 0.0)
-        return replace(surface, largest_ball=room, meets=meets)
+        room, second_contact = _room(matrices, curved, radius or 0.0)
+        return replace(surface, largest_ball=room, meets=second_contact)
 
     return matrices.decided(work)
 
@@ -85,7 +85,7 @@ def _room(
     `near`: radius of the patch [m].
     """
     best = inf
-    meets = None
+    second_contact = None
     for member in matrices.members():
         if member.part.mesh.tdim < 2:
             continue
@@ -95,8 +95,8 @@ def _room(
         if radius < best:
             best = radius
             x, y, z = member.at.placed(met[None])[0].tolist()
-            meets = (x, y, z)
-    return best, meets
+            second_contact = (x, y, z)
+    return best, second_contact
 
 
 def curvature_at(
@@ -125,13 +125,13 @@ def curvature_at(
         Matrices without a mesh; beams and plane parts, which have no surface in space.
     """
     matrices = with_parts(structure, NO_SURFACE)
-    way = None
+    unit_direction = None
     x = in_space(checks.coordinates("point", point))
     if direction is not None:
-        way = in_space(checks.coordinates("direction", direction, ""))
-        if not way.any():
+        unit_direction = in_space(checks.coordinates("direction", direction, ""))
+        if not unit_direction.any():
             raise InputError("direction must not be the zero vector.")
-    return matrices.decided(lambda: _Struck.of(matrices, x, way).curvature(lengths))
+    return matrices.decided(lambda: _Struck.of(matrices, x, unit_direction).curvature(lengths))
 
 
 def material_at(structure: Structure, point: Array, direction: Array | None = None) -> Any:
@@ -155,8 +155,8 @@ class _Struck:
         """The struck part of a structure; `name`: name of the part, by default the nearest one."""
         point_row = point[None]
         if name is None:
-            way = np.zeros(3) if direction is None else direction
-            (member,) = nearest_parts(matrices, point_row, way)
+            unit_direction = np.zeros(3) if direction is None else direction
+            (member,) = nearest_parts(matrices, point_row, unit_direction)
         else:
             (member,) = matrices.members(name)
         direction_of_part = None if direction is None else direction @ member.at.rotation
