@@ -273,6 +273,19 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     assert headline_of_map(timed).numbers[1:] == [
         ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
     ]  # fmt: skip
+    assert headline_of_map(timed).caution.startswith("There is no error bar")
+    assert "smaller radius of the patch (on the page" in headline_of_map(timed).sentences[2]
+    most = dataclasses.replace(timed, doubtful=np.ones(2, dtype=bool))
+    assert headline_of_map(most).caution.startswith("This map is no answer for the part: 2 doubt")
+    blow = {"impactor": ao.RigidMass(0.01, 1.0), "contact": ao.Hertz(1e12)}
+    assert (
+        "strike such a site by itself"
+        in headline_of_map(dataclasses.replace(timed, **blow)).caution
+    )
+    assert (
+        ": the anti-oscillators"
+        not in headline_of_map(dataclasses.replace(most, band=1e9, **blow)).caution
+    )
     softest = f"k0 of {engineering(found.models.k0[0], 'N/m')}, is at (60, 40, 30) mm"
     assert softest in headline_of_map(timed).sentences[1]
     stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)

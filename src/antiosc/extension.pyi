@@ -173,8 +173,10 @@ from antiosc.strikes.impact_map import (
     on_plane as on_plane,
 )
 from antiosc.strikes.map_results import (
+    doubts_remedy as doubts_remedy,
     doubts_text as doubts_text,
     hardest as hardest,
+    low_band as low_band,
     trusted as trusted,
 )
 from antiosc.strikes.map_stresses import (

@@ -125,7 +125,9 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         for (name, _), value in zip(NUMBERS[:3], values, strict=True)
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    return Headline(about, numbers, [*_verdict(fall, worst), how_it_ended(fall.message)])
+    caution = "" if bar else "There is no error bar: the error of the contact's law is not known."
+    sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
+    return Headline(about, numbers, sentences, caution=caution)
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:

@@ -39,8 +39,10 @@ from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
     QUANTITIES,
     ErrorBudget,
+    doubts_remedy,
     doubts_text,
     hardest,
+    low_band,
     softest_model,
     trusted,
     weaker_side,
@@ -324,13 +326,15 @@ STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 class Headline(NamedTuple):
     """Striker and part, the numbers (name, value with error bar), and sentences of the verdict.
 
-    `kinds` of the sentences tell the page how to replace them when a slider is moved.
+    `caution`: what must be read before the numbers, "" if nothing must. `kinds` of the sentences
+    tell the page how to replace them when a slider is moved.
     """
 
     about: str
     numbers: list[tuple[str, str]]
     sentences: list[str]
     kinds: Sequence[str] = ()
+    caution: str = ""
 
 
 def headline_of_history(
@@ -358,14 +362,31 @@ def headline_of_history(
         *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
         ("energy", _absorbed(hit)),
         ("doubt", piercing(hit.model, hit.impactor)),
-        ("accuracy", _accuracy(budget, structure)),
+        ("accuracy", "" if budget is None else _accuracy(budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    return Headline(_struck(hit, structure), numbers, list(sentences), kinds)
+    caution = no_bar(budget, structure)
+    return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
+
+
+def map_cautions(impact_map: ImpactMap) -> list[str]:
+    """Sentences on a map that is no answer: most sites doubtful, or models of too low a band."""
+    number, count = int(impact_map.doubtful.sum()), len(impact_map)
+    cautions = []
+    if 2 * number > count:
+        rest = f"the other {count - number}" if number < count else "these"
+        cautions.append(
+            f"This map is no answer for the part: {doubts_text(impact_map)}, of {count} sites."
+            f" The numbers are those of {rest}."
+        )
+    if sentence := low_band(impact_map):
+        cautions.append(capitalised(sentence))
+    return cautions
 
 
 def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -> Headline:
     """The headline of a map; with its structure it has the error bar of the largest force."""
+    bar = None
     numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
     if impact_map.peak_force is not None and impact_map.contact_time is not None:
@@ -379,10 +400,13 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
         where = point_text(impact_map.points[worst_site])
         bar = None if structure is None else map_bar(impact_map, structure)
         shown = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
-        sentences.append(f"The largest force, {shown}, arises at {where}.")
+        of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
+        sentences.append(f"The largest force{of_sites}, {shown}, arises at {where}.")
         sentences.append(_softest(impact_map))
         if impact_map.doubtful.any():
-            sentences.append(f"Left out of these: {doubts_text(impact_map)}.")
+            remedy = doubts_remedy(impact_map)
+            doubts = f"{doubts_text(impact_map)}; {remedy}".removesuffix("; ")
+            sentences.append(f"Left out of these: {doubts}.")
     if impact_map.peak_stress is not None:
         sentences.append(_most_dangerous(impact_map))
     elif impact_map.impactor:
@@ -390,13 +414,17 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
     worst = float(impact_map.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
-        f" {engineering(impact_map.band, 'Hz')}; the mesh's error is not estimated."
+        f" {engineering(impact_map.band, 'Hz')}."
     )
+    cautions = map_cautions(impact_map)
+    if bar is None:
+        cautions.append("There is no error bar: the mesh's error is not estimated.")
     about = (
         f"{_body(impact_map.impactor)} strikes "
         f"{_named(impact_map.info.get('structure', 'a part'))}."
     )
-    return Headline(about if impact_map.impactor else "Models over a surface", numbers, sentences)
+    about = about if impact_map.impactor else "Models over a surface"
+    return Headline(about, numbers, sentences, caution=" ".join(cautions))
 
 
 def _softest(impact_map: ImpactMap) -> str:
@@ -570,15 +598,20 @@ def without_bars(structure: Structure) -> str:
     return ""
 
 
-def _accuracy(budget: ErrorBudget | None, structure: Structure | None) -> str:
+def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
+    """Sentence that a result has no error bar, the reason and the remedy; "" if it has one."""
+    if budget is not None:
+        return ""
+    reason = "There is no error bar, for the mesh's error is not estimated"
+    if structure is None:
+        return f"{reason}."
+    if refused := without_bars(structure):
+        return f"{reason}: {refused}"
+    return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'
+
+
+def _accuracy(budget: ErrorBudget) -> str:
     """Sentence on the cause that limits the accuracy, and the remedy."""
-    if budget is None:
-        reason = "There is no error bar, for the mesh's error is not estimated"
-        if structure is not None and structure.matrices.assembled:
-            return f"{reason}: {without_bars(structure)}"
-        if structure is None or not has_bars(structure):
-            return f"{reason}."
-        return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     largest = (

@@ -457,7 +457,8 @@ class Opened:
         data = live_data.data_of_map(impact_map, blow.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        return {"map": data, "verdict": live.headline_of_map(impact_map, blow.structure).sentences}
+        head = live.headline_of_map(impact_map, blow.structure)
+        return {"map": data, "caution": head.caution, "verdict": head.sentences}
 
     def _names(self, _: Table) -> Data:
         """The names of the scene and the report that would be written, and their folder, to be
@@ -562,6 +563,7 @@ def _told(blow: PageImpact) -> Data:
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
         "about": head.about,
+        "caution": head.caution if blow.settled else "",
         "verdict": _said(head, blow.settled),
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},
@@ -582,6 +584,7 @@ def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:
         **falls.data_of_fall(dropped.fall, worst),
         "settled": worst is not None,
         "about": head.about,
+        "caution": head.caution,
         "verdict": head.sentences,
     }
 

@@ -42,7 +42,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import mesh_note, without_bars
+from antiosc_app.live import map_cautions, mesh_note, no_bar
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
@@ -390,11 +390,10 @@ def _impact(results: SceneResults) -> Presentation:
         bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
-    part = results.structure
-    jointed = budget is None and part is not None and part.matrices.assembled
-    accuracy = without_bars(part) if jointed else str(budget or "")
+    caution = no_bar(budget, results.structure)
+    text = [caution, hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
-        text=[hit.summary(), doubt, accuracy, format_rows([*probe_rows, *stresses])],
+        text=text,
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
@@ -848,7 +847,7 @@ def _map(results: SceneResults) -> Presentation:
     table |= {f"{axis} (m)": impact_map.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
     return Presentation(
-        text=[format_rows(rows)],
+        text=[*map_cautions(impact_map), format_rows(rows)],
         tables={"map.csv": table | {heads[name]: values for name, values in quantities.items()}},
         numbers={"map": numbers | {"doubtful": impact_map.doubtful}},
         plotted={"map": impact_map},

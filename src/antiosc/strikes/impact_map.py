@@ -55,10 +55,11 @@ from antiosc.impact.histories.linear_theory import (
 )
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
-from antiosc.impact.two_bodies import Impact, impact_band
+from antiosc.impact.two_bodies import Impact
 from antiosc.models import driving_point, free_modes
 from antiosc.models.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of, met_by
 from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
+from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, PIERCED
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import ModalBody
 from antiosc.models.stretch import MOST, Count, Stretch, checked_count
@@ -72,11 +73,20 @@ from antiosc.reduce.extraction.oscillators import (
     oscillators,
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
-from antiosc.reduce.site.doubts import CUT, doubtful_patches
+from antiosc.reduce.site.doubts import doubtful_patches
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
-from antiosc.strikes.map_results import ImpactMap, MapInfo, doubted, doubts_text, hardest
+from antiosc.strikes.map_results import (
+    ImpactMap,
+    MapInfo,
+    doubted,
+    doubts_remedy,
+    doubts_text,
+    excited_by,
+    hardest,
+    low_band,
+)
 from antiosc.strikes.map_stresses import largest_stresses
 
 #: With second-order forces: on a plate of 300 × 200 × 1 mm forces of 31 sites are then within 0.1 %
@@ -193,7 +203,7 @@ def impact_map(
     law = None
     if impactor is not None:
         law = on_plane(structure, impactor, AUTO if contact is None else contact)
-    excited = _excited(impactor, law) if band is None and modes is None else None
+    excited = excited_by(impactor, law) if band is None and modes is None else None
     counts = (COUNTS[0],) if excited is None else COUNTS
     if n is not None:
         counts = (whole("n", n),)
@@ -301,9 +311,9 @@ def _laws(
                 pierced[i] = striker is not None and met_by(of_site, striker) is not None
             ready(i + 1)
     return laws, {
-        "an edge or a corner is struck": sharp,
-        "a hollow is too narrow for the striker": hollow,
-        "the striker pierces the part elsewhere": pierced,
+        EDGE: sharp,
+        HOLLOW: hollow,
+        PIERCED: pierced,
     }
 
 
@@ -333,13 +343,6 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
     if not (peak > 0 and contact_time > 0):
         return None
     return error_of_peak(choice, peak, contact_time)
-
-
-def _excited(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
-    """The band [rad/s] that the impact of a moving impactor excites."""
-    if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
-        return None
-    return 2 * math.pi * impact_band(impactor, contact)
 
 
 def _hertz(omega: float) -> str:
@@ -432,22 +435,14 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 def _tell_doubts(result: ImpactMap) -> None:
     """Warn of the doubtful sites, as the summary counts them."""
     if result.doubtful.any():
-        remedy = " (a smaller radius leaves fewer)" if CUT in result.reasons else ""
-        doubts = f"{doubts_text(result)}{remedy}"
+        doubts = f"{doubts_text(result)}; {doubts_remedy(result)}"
         warn(f"left out of the ranges of {len(result)} sites are {doubts}.", AccuracyWarning)
 
 
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
     """Warn of impacts that excite frequencies beyond the models of the map."""
-    excited = _excited(impactor, contact)
-    if excited is not None and 2 * math.pi * result.band < excited:
-        warn(
-            f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
-            f" up to {_hertz(excited)}: the anti-oscillators are too few for this contact where"
-            " the part is thin, and forces are too large there;"
-            " give band=ao.impact_band(impactor, contact).",
-            AccuracyWarning,
-        )
+    if sentence := low_band(replace(result, impactor=impactor, contact=contact)):
+        warn(sentence, AccuracyWarning)
 
 
 def _tell_deflection(
@@ -506,7 +501,7 @@ def _struck(
         forces = [force for batch, _ in parts for force in batch.force]
         stresses = largest_stresses(structure, stressed, forces, duration)._asdict()
         seconds["stresses"] = time.perf_counter() - struck
-    result = doubted(result, peaks > (1 + BEYOND) * on_wall, "the force exceeds that on a wall")
+    result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
     return replace(
         result,
         **stresses,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,8 +19,10 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, engineering, percent, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
+from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
+from antiosc.models.doubts import REMEDIES
 from antiosc.models.free_modes import SiteModels
 
 if TYPE_CHECKING:
@@ -249,6 +252,12 @@ def doubts_text(impact_map: ImpactMap) -> str:
     return f"{total}: {', '.join(named)}" if named else total
 
 
+def doubts_remedy(impact_map: ImpactMap) -> str:
+    """What leaves fewer sites of the most frequent reason doubtful; "" if unknown."""
+    reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
+    return REMEDIES.get(str(reasons[np.argmax(counts)]), "") if len(reasons) else ""
+
+
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:
     """Numbers of the reliable sites among `sites` (all if None); all of these if none is
     reliable.
@@ -270,3 +279,24 @@ def hardest(
     assert values is not None
     sites = trusted(impact_map, sites)
     return int(sites[np.argmax(np.nan_to_num(values[sites], nan=-1.0))])
+
+
+def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:
+    """The band [rad/s] that the impact of a moving impactor excites."""
+    if impactor is None or contact is None or not getattr(impactor, "velocity", 0.0) > 0:
+        return None
+    return 2 * math.pi * impact_band(impactor, contact)
+
+
+def low_band(result: ImpactMap) -> str:
+    """Sentence on a blow that excites frequencies beyond the models of a map; "" if not."""
+    excited = excited_by(result.impactor, result.contact)
+    if excited is None or 2 * math.pi * result.band >= excited:
+        return ""
+    return (
+        f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
+        f" up to {engineering(excited / (2 * math.pi), 'Hz')}: the anti-oscillators are too few"
+        " for this contact where the part is thin, and forces are too large there; strike such a"
+        " site by itself (on the page: click it), or give band=ao.impact_band(impactor, contact)"
+        f" (in a scene: [map] band = {excited / (2 * math.pi):.2g})."
+    )

@@ -375,7 +375,8 @@ class Bench {
     for (const name of ["settled", "drawn", "complete"]) document.documentElement.dataset[name] = this.turn;
   }
 
-  show_fall({ fall, about, verdict }) {
+  show_fall({ fall, about, caution, verdict }) {
+    this.warn(caution);
     if (this.page) this.page.stop();
     this.page = globalThis.page = new FallPage(fall, this.view);
     if (this.view) this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
@@ -404,7 +405,7 @@ class Bench {
     document.documentElement.dataset.complete = this.turn;
   }
 
-  show({ blow, place, about, verdict, settled, python, site }, part) {
+  show({ blow, place, about, caution, verdict, settled, python, site }, part) {
     this.site = site;
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
@@ -420,9 +421,13 @@ class Bench {
     find("python").value = python;
     find("case").textContent = settled ? "" : "bars follow …";
     this.heads("before", "Map");
+    this.warn(caution);
     this.tell(verdict);
     globalThis.page = this.page;
   }
+
+  // What must be read before the numbers.
+  warn(caution) { Object.assign(find("caution"), { textContent: caution, hidden: !caution }); }
 
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
@@ -434,6 +439,7 @@ class Bench {
     if (!found) return;
     this.page.stop();
     this.page = globalThis.page = new Page({ ...found.map, fixed: true }, this.engine, this.view, true);
+    this.warn(found.caution);
     this.tell(found.verdict);
     this.heads("computed", "Back to the blow");
   }

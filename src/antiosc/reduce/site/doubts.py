@@ -14,6 +14,7 @@ from antiosc.base.texts import percent
 from antiosc.fem.mesh.closest import closest, size_at
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.models.doubts import CUT, SUPPORTED
 from antiosc.reduce.site.sites import Sites
 
 #: A patch counts as whole if at least this share of its load is on the face,
@@ -26,8 +27,6 @@ SIZE_ROUNDING = 1e-6
 COARSE_SHEET = 8.0
 #: Size of the cells over the thickness above which bending hides this error.
 THIN = 4.0
-#: Name of a reason of `doubtful_patches`.
-CUT = "an edge cuts the patch"
 #: An impact is along the surface if its cosine with the normal is below this.
 ALONG_SURFACE = 0.1
 
@@ -69,7 +68,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
 
 def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
     """Reason -> mask (P,) of the sites whose patch does not have the half-space compliance."""
-    return {CUT: _cut(sites), "supports hold a part of it": _supported(sites)}
+    return {CUT: _cut(sites), SUPPORTED: _supported(sites)}
 
 
 def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
