@@ -6,13 +6,12 @@ with realistic materials, is used.
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -31,6 +30,8 @@ if TYPE_CHECKING:
     from antiosc import Mesh, Structure
     from antiosc.io.neutral import FileMesh
     from antiosc.io.reading import Piece
+
+T = TypeVar("T")
 
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
@@ -234,38 +235,52 @@ def _option_notes(read: Read) -> list[str]:
 def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
     """The model of a deck in the unit in which its materials are the most realistic."""
     from antiosc.extension import with_parts
+    from antiosc_decks.from_deck import materials_of_deck
 
-    reason: InputError | None = None
+    unit, ((families, extent), read, _) = _first_unit(materials_of_deck, path, free, units)
+    best = unit_of(families, extent, unit, units, "density" in read)
+    units = list(dict.fromkeys([best, *units]))
+    _, (structure, read, pieces) = _first_unit(antiosc.read_model, path, free, units)
+    members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
+    mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
+    notes = [
+        *_described(pieces),
+        *_option_notes(read),
+        *structure.plausibility.get("doubts", ()),
+    ]
+    return ForeignPart(mesh, read, structure, notes, pieces)
+
+
+def _first_unit(
+    reader: Callable[..., T], path: Path, free: bool, units: Sequence[str]
+) -> tuple[str, tuple[T, Read, Sequence[Piece]]]:
+    """(unit, what `reader` makes of a deck) in the first unit in which the deck is not refused.
+
+    Raises the first InputError; a reason that is the same in two units does not depend on the unit.
+    """
+    reasons: list[InputError] = []
     for unit in units:
         try:
-            structure, read, pieces = _model(path, unit, free)
+            return unit, _read_deck(reader, path, unit, free)
         except InputError as error:
-            reason = reason or error
-            continue
-        best = unit_of(structure, unit, units, "density" in read)
-        if best != unit:
-            with contextlib.suppress(InputError):
-                structure, read, pieces = _model(path, best, free)
-        members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
-        mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
-        notes = [
-            *_described(pieces),
-            *_option_notes(read),
-            *structure.plausibility.get("doubts", ()),
-        ]
-        return ForeignPart(mesh, read, structure, notes, pieces)
-    assert reason is not None
-    raise reason
+            reasons.append(error)
+            if len(reasons) > 1 and str(error) == str(reasons[-2]):
+                break
+    raise reasons[0]
 
 
-def _model(path: Path, unit: str, free: bool) -> tuple[Structure, Read, Sequence[Piece]]:
-    """(structure of a deck, options of reading, pieces); density or piece are set if needed."""
+def _read_deck(
+    reader: Callable[..., T], path: Path, unit: str, free: bool
+) -> tuple[T, Read, Sequence[Piece]]:
+    """(what `reader` makes of a deck, options of reading, pieces); density or piece are set if
+    needed.
+    """
     pieces: Sequence[Piece] = ()
     read: Read = {"unit": unit, **({"free": True} if free else {})}
     while True:
         try:
             with warnings_to(list[str]().append):
-                return antiosc.read_model(str(path), **read), read, pieces
+                return reader(str(path), **read), read, pieces
         except PiecesError as error:
             if "piece" in read:
                 raise

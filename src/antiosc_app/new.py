@@ -6,7 +6,6 @@ Family, unit, supports and site are guessed, so that the scene runs without chan
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
 import re
@@ -35,10 +34,10 @@ from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
 from antiosc_app.live import has_bars
 from antiosc_app.report import rendered
+from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read, without_line
 from antiosc_app.scene_file.outline import Outline, check_size
-from antiosc_app.scene_file.run import results
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -172,6 +171,7 @@ class Inspection:
     notes : decisions made while reading, one sentence each.
     flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
     pieces : if the part is in several pieces, these, the largest first.
+    structure : that of a deck as it was read.
     """
 
     family: str
@@ -196,6 +196,7 @@ class Inspection:
     room: float = inf
     others: Sequence[tuple[list[float], list[float], float | None, float]] = ()
     pieces: Sequence[Piece] = ()
+    structure: Structure | None = field(default=None, repr=False)
     cell: float | None = None
     material: str = MATERIAL
     bars: bool = True
@@ -349,7 +350,9 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
     check_size(path)
     part = foreign_part(path, free, unit)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure)
-    return replace(inspection, notes=tuple(part.notes), pieces=part.pieces)
+    return replace(
+        inspection, notes=tuple(part.notes), pieces=part.pieces, structure=part.structure
+    )
 
 
 def inspect_structure(part: Structure) -> Inspection:
@@ -1022,7 +1025,7 @@ def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: b
         few = replace(trial, count=min(trial.count, MOST_OSCILLATORS))
         scene.write_text(text(name, part, few, drop), encoding="utf-8")
         try:
-            trial = replace(trial, cell=_try(scene, name))
+            trial = replace(trial, cell=_try(scene, inspection.structure))
         except SiteError:
             raise
         except InputError as error:
@@ -1036,32 +1039,36 @@ def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: b
     raise reason
 
 
-def _try(scene: Path, name: str) -> float | None:
+def _try(scene: Path, structure: Structure | None) -> float | None:
     """Strike the part for a moment, or drop it once; InputError if that is refused.
 
     Returns the largest allowed cell [m] at the site, if the present cells there are larger.
+    `structure`: that of its deck, which is not read again.
     """
     calls = compiled(read(scene))
-    brief: dict[str, dict[str, object]] = {
-        "history": {"duration": MOMENT},
-        "fall": {"until": 1},
-        "model": {"error": None},  # which tells the size of the cells; the history's has the bars
-    }
-    for what, options in brief.items():
-        call = getattr(calls, what)
-        if call is not None:
-            setattr(calls, what, replace(call, arguments={**call.arguments, **options}))
+    evaluate = Evaluation(calls.document)
+    if structure is not None and calls.structure is not None:
+        evaluate.know(calls.structure, structure)
+    hit = None
     try:
-        with contextlib.redirect_stderr(io.StringIO()):
-            computed = results(
-                calls, ("structure", "model", "impactor", "contact", "history", "fall")
-            )
+        with warnings_to(list[str]().append), progress.doing("a trial of the new scene"):
+            if calls.history is not None:
+                hit = evaluate(_with(calls.history, duration=MOMENT))
+            if calls.fall is not None:
+                evaluate(_with(calls.fall, until=1))
     except AntioscError as error:
         kind = SiteError if isinstance(error.__cause__, SiteError) else InputError
         raise kind(without_line(error)) from None
-    hit = computed.history
-    cell = hit and coarse_at(computed.model, "", hit.assembly.contact_time_estimate)
+    if hit is None:
+        return None
+    without_bars = replace(hit.model, strain_error=None, strain_misfit=None)
+    cell = coarse_at(without_bars, "", hit.assembly.contact_time_estimate)
     return float(f"{cell.allowed:.1g}") if cell else None
+
+
+def _with(call: Call, **options: object) -> Call:
+    """A call with other arguments."""
+    return replace(call, arguments={**call.arguments, **options})
 
 
 def _absent(target: Path) -> None:

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from math import isclose, log10
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.materials import names, record
 from antiosc.base.plausible import MASSLESS_WAVE
-from antiosc.extension import with_parts
 from antiosc.io.neutral import UnitSystem
 from antiosc.models.body import GRAVITY
-
-if TYPE_CHECKING:
-    from antiosc import Structure
 
 #: The units that are tried, the most frequent first.
 UNITS = ("mm", "m", "in", "mm-kg", "ft")
@@ -41,18 +37,16 @@ DUMMY = 2.0
 EQUAL = 0.5
 
 
-def unit_of(structure: Structure, unit: str, units: Sequence[str], density_given: bool) -> str:
+def unit_of(
+    families: Sequence[Any], extent: float, unit: str, units: Sequence[str], density_given: bool
+) -> str:
     """The likeliest of some units of a deck that was read in `unit`.
 
-    `density_given`: its densities are not those of the deck.
+    `families`, `extent` [m]: of its elements; `density_given`: densities are not those of the deck.
     """
-    members = with_parts(structure).members()
-    materials = np.array(
-        [_modulus_and_density(material) for member in members for material, _ in member.part.parts]
-    )
+    materials = np.array([_modulus_and_density(family) for family in families])
     if density_given:
         materials[:, 1] = np.nan
-    extent = max(member.part.mesh.extent() for member in members)
     read = UnitSystem.of(unit)
     return likeliest(materials / [read.stress, read.density], extent / read.length, units)
 

@@ -286,6 +286,28 @@ def outline_of_deck(
     return list(names), list(raws.values())
 
 
+def materials_of_deck(
+    path: str | Path, unit: str | float = "m", **options: Any
+) -> tuple[list[Family], float]:
+    """(families of a deck, length [m] of the longest side of its largest part).
+
+    Nothing is assembled. `options` are those of `read_model` for its reader.
+    """
+    raws = _reader(checked_path("path", path), unit, **options)()
+    families = [family for raw in raws.values() for family in _families(raw, None).values()]
+    return families, max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
+
+
+def _families(raw: RawMesh, yield_strength: float | None) -> dict[str, Family]:
+    """The family of each group of a part's cells."""
+    model = _model(raw)
+    return {
+        group: _family(kind, arguments, place, yield_strength)
+        for group, kind, arguments, place in model["families"]
+        if not model["joined"] or raw.groups.get(group)
+    }
+
+
 def _reader(
     file: Path,
     unit: str | float,
@@ -376,11 +398,7 @@ def _part(
     """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
-    families = {
-        group: _family(kind, arguments, place, yield_strength)
-        for group, kind, arguments, place in model["families"]
-        if not model["joined"] or raw.groups.get(group)
-    }
+    families = _families(raw, yield_strength)
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
     supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]

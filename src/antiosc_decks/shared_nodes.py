@@ -88,11 +88,10 @@ class NumberedMesh:
             self.member.part.mesh.dolfinx.geometry.x[self._rows[self.at_cell[number]]]
         )
 
-    def motion(self, layout: Layout, number: int, names: tuple[str, ...]) -> Sparse:
-        """Displacement or rotation (3, n) of a node in the assembly's axes, by n dofs."""
-        cell, local = self.at_cell[number]
-        X = self.reference_points[[local]]
-        return layout.at_points(self.member, np.array([cell]), X, names)
+    def motions(self, layout: Layout, numbers: Sequence[int], names: tuple[str, ...]) -> Sparse:
+        """Displacements or rotations (3 nodes, n) of nodes in the assembly's axes, by n dofs."""
+        cells, local = np.array([self.at_cell[number] for number in numbers]).T
+        return layout.at_points(self.member, cells, self.reference_points[local], names)
 
     @cached_property
     def edges(self) -> set[tuple[int, int]]:
@@ -235,12 +234,38 @@ class CoincidentNodes:
             for cell, local in zip(*np.nonzero(np.isin(mesh.numbers, leading)), strict=True):
                 self.cells.setdefault(int(mesh.numbers[cell, local]), set()).add((k, int(cell)))
 
-    def displacement(
-        self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
-    ) -> Sparse | None:
-        """One motion at the weighted mean place of some nodes, by the cell to which all are tied.
+    def displacements(
+        self,
+        means: Sequence[tuple[Sequence[int], Array]],
+        motion: int,
+        rows: Mapping[int, int],
+    ) -> dict[int, Row]:
+        """One motion at weighted mean places of nodes, by the cell to which all these are tied.
 
-        `rows`: node -> index of its constraint. None if they are not all tied to one cell.
+        `means`: (nodes, weights) of each place; `rows`: node -> index of its constraint. The result
+        has the rows by index of the place, of those whose nodes are all tied to one cell.
+        """
+        names = ROTATIONS if motion >= 3 else DISPLACEMENTS
+        by_mesh: dict[int, list[tuple[int, int, Array]]] = {}
+        for index, (numbers, weights) in enumerate(means):
+            place = self._place(numbers, weights, motion, rows)
+            if place is not None:
+                k, cell, X = place
+                by_mesh.setdefault(k, []).append((index, cell, X))
+        result = {}
+        for k, places in by_mesh.items():
+            indices, cells, X = zip(*places, strict=True)
+            member = self.nodes.meshes[k].member
+            motions = self.nodes.layout.at_points(member, np.array(cells), np.array(X), names)
+            motions = motions[motion % 3 :: 3]
+            result |= {index: row_of(motions, i) for i, index in enumerate(indices)}
+        return result
+
+    def _place(
+        self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
+    ) -> tuple[int, int, Array] | None:
+        """(part, cell, reference point) of the weighted mean place of some nodes, or None if they
+        are not all tied to one cell.
         """
         if not all(number in rows for number in numbers):
             return None
@@ -268,8 +293,7 @@ class CoincidentNodes:
                 continue
             positions = mesh.numbers[cell].tolist()
             X = sum(w * mesh.reference_points[positions.index(n)] for n, w in total.items())
-            three = self.nodes.layout.at_points(mesh.member, np.array([cell]), X[None], names)
-            return three[[motion % 3]]
+            return k, cell, np.asarray(X)
         return None
 
     def _position(self, number: int) -> Array:
@@ -372,15 +396,19 @@ def _followers(
     beam = mesh.member.part.mesh.tdim == 1
     dofs = list(_dofs(mesh, motion, rows, among))
     nodes.prepare((n, motion) for _, numbers, _ in dofs for n in numbers)
-    for column, numbers, weights in dofs:
-        if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
-            continue
-        if not _determined(nodes, numbers, motion, rows, equations):
-            continue
+    following_dofs = [
+        (column, numbers, weights)
+        for column, numbers, weights in dofs
+        if (not beam or _in_one_body(numbers, dependent, equations, nodes.layout.plane))
+        and _determined(nodes, numbers, motion, rows, equations)
+    ]
+    means = [] if beam else [(numbers, weights) for _, numbers, weights in following_dofs]
+    tied_motions = tied.displacements(means, motion, rows)
+    for index, (column, numbers, weights) in enumerate(following_dofs):
         terms = [(np.array([column]), np.ones(1))]
-        tied_motion = None if beam else tied.displacement(numbers, weights, motion, rows)
-        if tied_motion is not None:
-            yield _sum([*terms, (tied_motion.indices, -tied_motion.data)])
+        if index in tied_motions:
+            columns, values = tied_motions[index]
+            yield _sum([*terms, (columns, -values)])
             continue
         for node, weight in zip(numbers, weights, strict=True):
             columns, values = nodes.single(node, motion)
@@ -646,10 +674,11 @@ def _on_middles(nodes: Nodes) -> Sparse:
             rotate = mesh.member.has_rotations and other.member.has_rotations
             kinds = (DISPLACEMENTS, ROTATIONS) if rotate else (DISPLACEMENTS,)
             common = vertices.intersection(middles.ravel().tolist()) if other is not mesh else ()
+            numbers = sorted(common)
             rows += [
-                mesh.motion(layout, number, names) - other.motion(layout, number, names)
-                for number in sorted(common)
+                mesh.motions(layout, numbers, names) - other.motions(layout, numbers, names)
                 for names in kinds
+                if numbers
             ]
     result = scipy.sparse.vstack(rows).tocsr()
     result.eliminate_zeros()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import wraps
 from pathlib import Path
 
 import meshio
@@ -64,6 +65,27 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     found = inspect_part(deck(tmp_path / "a.inp", unit))
     assert (found.read, found.of_deck) == ({"unit": unit}, True)
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
+
+
+def test_a_deck_is_assembled_and_reduced_once(tmp_path, monkeypatch):
+    """Its unit is known without; the trial of the scene takes the structure that was looked at."""
+    path = deck(tmp_path / "a.inp", "in")
+    counts = {"read_model": 0, "extract": 0}
+
+    def counted(name):
+        function = getattr(ao, name)
+
+        @wraps(function)
+        def called(*args, **options):
+            counts[name] += 1
+            return function(*args, **options)
+
+        return called
+
+    for name in counts:
+        monkeypatch.setattr(ao, name, counted(name))
+    new.write_scene(tmp_path / "a.toml", str(path))
+    assert counts == {"read_model": 1, "extract": 1}
 
 
 def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
@@ -206,7 +228,7 @@ def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkey
     found = inspect_part(_block(tmp_path))
     tried = []
 
-    def refuse_once(scene, name):
+    def refuse_once(scene, structure):
         (site,) = tomllib.loads(scene.read_text())["sites"].values()
         tried.append(site["point"])
         if len(tried) == 1:
@@ -219,7 +241,7 @@ def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkey
     assert tried[0] != tried[1]
     assert struck.bars == found.bars
 
-    def refuse(scene, name):
+    def refuse(scene, structure):
         raise SiteError("the surfaces fit into each other")
 
     monkeypatch.setattr(new, "_try", refuse)

@@ -27,8 +27,9 @@ def main() -> None:
     for line in requests:
         request = json.loads(line)
         sys.path[:] = request.pop("sys_path")
-        code, answer = _in_a_fork(request, nowhere)
-        answers.write(json.dumps({"code": code, "size": len(answer)}).encode() + b"\n")
+        code, answer, seconds = _in_a_fork(request, nowhere)
+        head = {"code": code, "size": len(answer), "seconds": seconds}
+        answers.write(json.dumps(head).encode() + b"\n")
         answers.write(answer)
         answers.flush()
 
@@ -41,7 +42,7 @@ def _hollow_package(folder: Path) -> None:
 
 
 def _in_a_fork(request, nowhere):  # type: ignore[no-untyped-def]
-    """(exit code, response) of a fork of this process that reads one file."""
+    """(exit code, response, processor time [s]) of a fork of this process that reads one file."""
     from antiosc.io.table import reader_of
 
     with contextlib.suppress(Exception):  # the fork raises it again, and says it
@@ -60,7 +61,8 @@ def _in_a_fork(request, nowhere):  # type: ignore[no-untyped-def]
             os._exit(code)  # without the finalizers, in which gmsh may crash
     os.close(writing)
     answer = _answer_of(pid, reading)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), answer
+    _, status, used = os.wait4(pid, 0)
+    return os.waitstatus_to_exitcode(status), answer, used.ru_utime + used.ru_stime
 
 
 def _answer_of(pid: int, reading: int) -> bytes:

@@ -30,6 +30,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.progress import doing
 from antiosc.io import child
+from antiosc.io.cad import ATTEMPTS
 from antiosc.io.neutral import FileMesh, Json, unpacked
 from antiosc.io.request import OVERTIME
 
@@ -59,7 +60,9 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
         if options.get("trust"):  # a trusted script may refer to files in the working folder
             folder = os.getcwd()
         place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
-        with doing(f"{'meshing' if geometry else 'reading'} {path.name}"):
+        attempt = options.get("attempt", 0)
+        way = f" {ATTEMPTS[attempt].about}" if attempt else ""
+        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{way}"):
             code, answer = ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
         raise _broken_off(
@@ -172,10 +175,17 @@ ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
 _owner = 0
+_seconds = 0.0
+
+
+def processor_time() -> float:
+    """Processor time [s] of all files that were read so far."""
+    return _seconds
 
 
 def ask(request: Json) -> tuple[int, bytes]:
     """Read one file in the other process: (exit code, response); see `child`."""
+    global _seconds
     with _lock:
         process = _running()
         try:
@@ -186,6 +196,7 @@ def ask(request: Json) -> tuple[int, bytes]:
             process.stdin.write(json.dumps(line).encode() + b"\n")
             process.stdin.flush()
             head = json.loads(process.stdout.readline())
+            _seconds += head["seconds"]
             return int(head["code"]), process.stdout.read(head["size"])
         except (OSError, ValueError):  # it has ended
             _end()

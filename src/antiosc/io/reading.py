@@ -25,7 +25,7 @@ from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
 from antiosc.io.geo_script import CAD
-from antiosc.io.isolation import read_apart
+from antiosc.io.isolation import processor_time, read_apart
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -314,9 +314,17 @@ def read(
     def read_attempt(attempt: int) -> RawMesh:
         content = _content(path, timeout, unit, merge, attempt=attempt, **options)
         raw = selected(content, cells, order, path.name)
-        if piece is None or (one_solid and raw.kind.dim == 3):
+        if piece is not None and not (one_solid and raw.kind.dim == 3):
+            raw = one_piece(raw, piece, path.name)
+        try:
             return sound(raw)
-        return sound(one_piece(raw, piece, path.name))
+        except UnmeshableError as error:
+            if merge is None:
+                raise
+            raise MeshError(  # of the joined nodes, which no other attempt avoids
+                f"{str(error).rstrip('.')}; its nodes are joined up to {merge:g} m: take a smaller "
+                "merge=, or piece=1, the largest piece alone."
+            ) from None
 
     geometry = path.suffix.lower() in GEOMETRY
     if geometry or options.get("solid"):
@@ -324,14 +332,22 @@ def read(
     return read_attempt(0)
 
 
+#: No further attempt to mesh a geometry begins after this processor time [s] of all before it.
+ATTEMPTS_TIME = 30.0
+
+
 def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> RawMesh:
-    """The mesh of the first successful attempt; the first error if none succeeds.
+    """The mesh of the first successful attempt; the first error if none succeeds in time.
 
     `is_cad`: the geometry has curvatures; that of triangles has none.
     """
     reason: UnmeshableError | None = None
     ways = [(k, way) for k, way in enumerate(ATTEMPTS) if way.suits(is_cad)]
-    for number, attempt in ways:
+    started = processor_time()
+    for tried, (number, attempt) in enumerate(ways):
+        if processor_time() - started > ATTEMPTS_TIME:
+            ways = ways[:tried]
+            break
         try:
             raw = once(number)
         except UnmeshableError as error:

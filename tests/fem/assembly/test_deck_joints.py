@@ -10,6 +10,7 @@ import scipy.linalg
 
 import antiosc as ao
 from abaqus_decks import column
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.reduce.site import functional
 from assemblies import compliances
@@ -126,6 +127,46 @@ def test_equations_hold_what_lies_between_their_nodes(tmp_path):
     assert part.mass == pytest.approx(2000, rel=1e-12)
     for point in ((1, 0, L), (0.3, 0.8, L)):
         assert k0(part, point) == pytest.approx(E * A / L, rel=1e-9)
+
+
+def rows_of_bricks(count: int, tied: bool) -> str:
+    """Two rows of unit bricks, one on the other: their nodes coincide, and are `tied` or not."""
+    x = [(i, j, k) for k in (0, 1, 1, 2) for i in range(count + 1) for j in (0, 1)]
+    level = 2 * (count + 1)
+    lines = ["*NODE", *(f"{n},{i},{j},{k}" for n, (i, j, k) in enumerate(x, 1))]
+    lines.append("*ELEMENT, TYPE=C3D8, ELSET=ALL")
+    for first in (1, 1 + 2 * level):
+        for i in range(count):
+            side = [first + 2 * i + n for n in (0, 2, 3, 1)]
+            corners = ",".join(map(str, [*side, *(n + level for n in side)]))
+            lines.append(f"{first + i},{corners}")
+    lines.append("*BOUNDARY")
+    lines += [f"{n},1,3" for n in range(1, level + 1)]
+    upper = range(2 * level + 1, 3 * level + 1) if tied else ()
+    ties = [f"2\n{n},{m},1.,{n - level},{m},-1." for n in upper for m in (1, 2, 3)]
+    return "\n".join([*lines, *["*EQUATION"] * tied, *ties, ""]) + SOLID + MATERIAL
+
+
+def test_meshes_tied_at_their_nodes_are_one_mesh_in_a_few_calls(tmp_path, monkeypatch):
+    """As if they shared nodes; motions between nodes are evaluated once for each mesh."""
+    calls = []
+    evaluate = Layout.at_points
+
+    def counted(*args):
+        calls.append(args)
+        return evaluate(*args)
+
+    monkeypatch.setattr(Layout, "at_points", counted)
+    numbers = []
+    for count in (1, 4):
+        calls.clear()
+        part = read(tmp_path, rows_of_bricks(count, tied=True))
+        numbers.append(len(calls))
+    assert numbers[0] == numbers[1]
+    one = read(tmp_path, rows_of_bricks(4, tied=False), merge=1e-6)
+    for direction in ((0, 0, 1), (0.6, 0, 0.8)):
+        softness = k0(part, (0, 0, 2.0), direction)
+        assert softness == pytest.approx(k0(one, (0, 0, 2.0), direction), rel=1e-9)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ pytest.importorskip("dolfinx")
 
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
+from antiosc.io import reading
 from antiosc.io.cad import ATTEMPTS, in_order, label_of
 from antiosc.io.facets import volumes
 from antiosc.io.neutral import RawMesh, kind_of
@@ -130,6 +131,20 @@ def test_other_ways_to_mesh_are_tried_and_told():
 
     with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
         _meshed(never, "part.step")
+
+
+def test_no_further_attempt_begins_after_their_time(monkeypatch):
+    seconds = [0.0]
+    monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
+
+    def late(attempt: int) -> RawMesh:
+        seconds[0] += 0.6 * reading.ATTEMPTS_TIME
+        raise UnmeshableError("PLC error.")
+
+    with pytest.raises(ao.MeshError) as refusal:
+        _meshed(late, "part.step")
+    assert seconds[0] == pytest.approx(1.2 * reading.ATTEMPTS_TIME)
+    assert f"nor {ATTEMPTS[1].about}: repair" in str(refusal.value)
 
 
 def test_the_volume_of_a_closed_surface():
