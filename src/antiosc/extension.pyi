@@ -92,6 +92,7 @@ from antiosc.impact.bodies import (
     scene_body as scene_body,
 )
 from antiosc.impact.error_budget import (
+    CUT_PATCH as CUT_PATCH,
     SAFETY as SAFETY,
 )
 from antiosc.impact.histories import (
@@ -112,6 +113,7 @@ from antiosc.impact.histories.run_end import (
 )
 from antiosc.impact.histories.verdict import (
     contact_zone as contact_zone,
+    unknown_dent as unknown_dent,
     weaker_side as weaker_side,
     yield_share as yield_share,
 )

@@ -37,6 +37,7 @@ from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
+    CUT_PATCH,
     QUANTITIES,
     ErrorBudget,
     doubts_remedy,
@@ -45,6 +46,7 @@ from antiosc.extension import (
     low_band,
     softest_model,
     trusted,
+    unknown_dent,
     weaker_side,
 )
 from antiosc.models.auto_contact import piercing
@@ -164,7 +166,7 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
     if shared["law"]["yields"]:
-        shared["law"]["yields"]["side"] = weaker_side(hit)
+        shared["law"]["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
     return {
         **shared,
         "ratio": _ratio(hit.model),
@@ -278,7 +280,8 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     if not budget:
         return {"shares": {}, "variants": {}, "word": ""}
     causes = budget.causes
-    shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in budget.items()}
+    barred = {name: bar for name, bar in budget.items() if name not in budget.incomparable}
+    shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in barred.items()}
     if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
         return {"shares": {}, "variants": {}, "word": ""}
     model = hit.model
@@ -601,7 +604,7 @@ def without_bars(structure: Structure) -> str:
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence that a result has no error bar, the reason and the remedy; "" if it has one."""
     if budget is not None:
-        return ""
+        return CUT_PATCH if CUT_PATCH in budget.notes else ""
     reason = "There is no error bar, for the mesh's error is not estimated"
     if structure is None:
         return f"{reason}."

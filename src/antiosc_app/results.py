@@ -22,7 +22,6 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
 from antiosc.extension import (
-    CAUSES,
     MAP_QUANTITIES,
     QUANTITIES,
     ErrorBudget,
@@ -385,9 +384,7 @@ def _impact(results: SceneResults) -> Presentation:
             groups.append(group := {"time (s)": probe.times})
         group |= probe.table()
     names = (f"probes_{k + 1}.csv" if k else "probes.csv" for k in range(len(groups)))
-    bars = {}
-    for name, bar in (budget or {}).items():
-        bars[name] = {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
+    bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     caution = no_bar(budget, results.structure)
@@ -435,9 +432,11 @@ def _errors(hit: History) -> list[Block]:
     table: Columns = {"Error budget": [_words(name) for name in budget]}
     table["value"] = [engineering(bar.value, QUANTITIES[n], 4) for n, bar in budget.items()]
     for cause in budget.causes:
-        table[cause] = [percent(getattr(bar, cause)) for bar in budget.values()]
+        shares = [budget.shares(name)[cause] for name in budget]
+        table[cause] = ["–" if share is None else percent(share) for share in shares]
     table["numerical" if budget.law else "total"] = [
-        percent(bar.without_law + (bar.law or 0.0)) for bar in budget.values()
+        "–" if name in budget.incomparable else percent(bar.without_law + (bar.law or 0.0))
+        for name, bar in budget.items()
     ]
     return [rows, table, *filter(None, [budget.law]), *budget.notes]
 

@@ -22,6 +22,7 @@ from antiosc.impact.error_budget import (
 from antiosc.impact.histories.bars import CAUSES, FLOOR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
 from antiosc.models.body import ModalModel
+from antiosc_app.live import _bars
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 
@@ -139,6 +140,33 @@ def test_the_patch_counts_by_its_second_radius():
     assert budget["peak_force"].patch == pytest.approx(changed["peak_force"], rel=0.1)
     assert budget["peak_force"].patch > 1e-4
     assert not budget.notes
+
+
+@pytest.mark.parametrize(("cut", "note"), [(0.0, "the radius"), (1.0, "which an edge cuts")])
+def test_a_patch_without_an_estimate_is_no_row_of_zeros(cut, note):
+    given = model(local_compliance=2e-8, radius=2e-3, info={"patch": {"faces": 1e-3, "cut": cut}})
+    budget = struck(given).error_budget
+    assert "patch" not in budget.causes
+    assert budget.shares("peak_force")["patch"] is None
+    assert "patch " not in str(budget).splitlines()[0]
+    assert note in budget.notes[0]
+
+
+def test_runs_of_other_numbers_of_contacts_leave_the_contact_time_without_a_bar(monkeypatch):
+    corrected = ao.AntiOscillators.corrected
+    harder = lambda one: replace(corrected(one), k0=40 * one.k0, strain_error=None)  # noqa: E731
+    monkeypatch.setattr(ao.AntiOscillators, "corrected", harder)
+    hit = ao.simulate(model(), ao.RigidMass(5.0, 1.0), LAW, 0.05)
+    budget = hit.error_budget
+    assert len(hit.contacts) != len(
+        ao.simulate(harder(model()), ao.RigidMass(5.0, 1.0), LAW, 0.05).contacts
+    )
+    assert budget.incomparable == ("contact_time",)
+    assert "not comparable" in budget.notes[0]
+    assert budget.shown("contact_time").endswith("no error bar")
+    assert set(budget.shares("contact_time").values()) == {None}
+    assert "contact_time" not in _bars(hit, budget, 0.0)["shares"]
+    assert "±" in budget.shown("peak_force")
 
 
 @pytest.mark.parametrize("share", [0.04, 0.06])

@@ -218,8 +218,14 @@ MOST = 1e-4
 INSTANTS = 200
 #: Largest change of stiffness or mass assumed for the gaps between flat faces and the true surface.
 MOST_GAP = 0.5
-#: Note if a second radius gives no estimate.
+#: Notes if a second radius gives no estimate.
 NO_PATCH = "Not included: the radius of the patch."
+CUT_PATCH = (
+    "Not included: the patch, which an edge cuts, so that the half-space of the contact law does"
+    " not hold: move the site away from the edge, or take smaller elements beside it."
+)
+#: Part of the note on runs with different numbers of contacts.
+INCOMPARABLE = "the contact times are not comparable"
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
@@ -277,8 +283,11 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         linear = ""
         left_out = f"{left_out} {NOT_ESTIMATED}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
+    if patch_notes:
+        unknown += ("patch",)
+    incomparable = ("contact_time",) if any(INCOMPARABLE in doubt for doubt in doubts) else ()
     notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
-    return ErrorBudget(by_quantity, share, notes, safety, left_out, unknown)
+    return ErrorBudget(by_quantity, share, notes, safety, left_out, unknown, incomparable)
 
 
 #: Factor of safety on the change by two more second-order modes, and least error, which is that of
@@ -358,7 +367,8 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
         doubts.insert(
             0,
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
-            f"{len(softer.contacts)} corrected): the contact times are not comparable.",
+            f"{len(softer.contacts)} corrected): {INCOMPARABLE}; a finer mesh"
+            " decides.",
         )
     truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
     return mesh, truncation_errors, share, safety, doubts
@@ -441,7 +451,8 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     if model.radius is None:
         return bars.NO_ERROR, []
     if second_patch is None or "compliance" not in second_patch:
-        return bars.NO_ERROR, [NO_PATCH]
+        cut = second_patch is not None and second_patch.get("cut")
+        return bars.NO_ERROR, [CUT_PATCH if cut else NO_PATCH]
     change = abs(float(second_patch["compliance"]))
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted

@@ -43,12 +43,13 @@ class Band(TypedDict, total=False):
 class PatchData(TypedDict, total=False):
     """Data of a site's patch for the error budget.
 
-    faces : size of the faces under the patch [m]; radius : radius of a second patch [m]; compliance
-        : its
-    change of the part's compliance beyond the half-space's [m/N].
+    faces : size of the faces under the patch [m]; cut : 1 if an edge cuts it; radius : radius of
+    a second patch [m]; compliance : its change of the part's compliance beyond the half-space's
+    [m/N].
     """
 
     faces: float
+    cut: float
     radius: float
     compliance: float
 

@@ -183,6 +183,14 @@ class Page {
     return `${plain}${word ? ", " : ""}${word || " "}± ${percent(bar)}`;
   }
 
+  // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
+  plain(name, value, unit) {
+    if (name === "contacts") return String(value);
+    const { unknown } = this.blow.law.yields || {};
+    if (name === "dent" && !(value > 0) && unknown) return unknown;
+    return engineering(value, unit);
+  }
+
   write(hit, bars) {
     for (const [name, { input, output, unit }] of Object.entries(this.inputs)) {
       input.value = this.place(name, this.set[name]);
@@ -194,13 +202,13 @@ class Page {
     for (const [name, label, unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
-      const plain = name === "contacts" ? String(value) : engineering(value, unit);
+      const plain = this.plain(name, value, unit);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       now.textContent = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : plain;
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
-      before.textContent = known === null ? "" : name === "contacts" ? String(known) : engineering(known, unit);
+      before.textContent = known === null ? "" : this.plain(name, known, unit);
     }
     this.say(hit);
     const notes = [];

@@ -63,15 +63,30 @@ def test_energy_of_layers_of_equal_strain():
     assert error[0, 0] < 1e-9 * C
 
 
-def test_second_radius_is_a_second_extraction():
-    """The change of the part's compliance between two radii, from two models."""
+@pytest.mark.parametrize(("y", "radius", "factor"), [(0.04, 0.018, 2**0.5), (0.058, 0.044, 0.5)])
+@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
+def test_second_radius_is_a_second_extraction(y, radius, factor):
+    """The change of the part's compliance between two radii, from two models; beside an edge the
+    second patch is whole.
+    """
     part = ao.Structure(box((6, 4, 2), (0.12, 0.08, 0.04)), ao.Solid(**STEEL), [ao.Support("left")])
-    at = (0.08, 0.04, 0.04), (0, 0, -1)
-    one = ao.extract(part, ao.Site(*at, radius=0.018), n=2, error="estimate")
+    at = (0.08, y, 0.04), (0, 0, -1)
+    one = ao.extract(part, ao.Site(*at, radius=radius), n=2, error="estimate")
+    assert one.info["patch"]["cut"] == (factor < 1)
     other = ao.extract(part, ao.Site(*at, radius=one.info["patch"]["radius"]), n=2)
     change = 1 / other.k0 - other.local_compliance - (1 / one.k0 - one.local_compliance)
-    assert one.info["patch"]["radius"] == pytest.approx(0.018 * 2**0.5)
+    assert one.info["patch"]["radius"] == pytest.approx(factor * radius)
     assert one.info["patch"]["compliance"] == pytest.approx(change, rel=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
+@pytest.mark.parametrize("y", [0.08, 0.066])
+def test_on_an_edge_or_with_faces_that_are_too_large_beside_it_nothing_is_known(y):
+    part = ao.Structure(box((6, 4, 2), (0.12, 0.08, 0.04)), ao.Solid(**STEEL), [ao.Support("left")])
+    site = ao.Site((0.08, y, 0.04), (0, 0, -1), radius=0.028)
+    model = ao.extract(part, site, n=2, error="estimate")
+    assert model.info["patch"]["cut"] == 1
+    assert "compliance" not in model.info["patch"]
 
 
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)

@@ -90,6 +90,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     safety : factor of the mesh's bars over the differences to the corrected model.
     law : why the error of the contact's law is not in the bars; "" where it is.
     unknown : the causes that were not estimated, with 0 in the bars.
+    incomparable : the quantities without a bar: the compared runs differ in more than their size.
     """
 
     bars: Mapping[str, ErrorBar]
@@ -98,6 +99,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     safety: float = 2.0
     law: str = ""
     unknown: tuple[str, ...] = ()
+    incomparable: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -152,9 +154,18 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """A quantity with its error as text; "numerical" if the error leaves the law out."""
         bar = self.bars[name]
         value = engineering(bar.value, QUANTITIES[name], digits)
+        if name in self.incomparable:
+            return f"{value}, no error bar"
         if self.law or bar.total is None:
             return f"{value}, numerical ± {percent(bar.without_law)}"
         return f"{value} ± {percent(bar.total)}"
+
+    def shares(self, name: str) -> dict[str, float | None]:
+        """Cause -> its share in the error of a quantity, and the total; None where not known."""
+        bar = self.bars[name]
+        missing = CAUSES if name in self.incomparable else self.unknown
+        shares = {cause: None if cause in missing else getattr(bar, cause) for cause in CAUSES}
+        return {**shares, "total": None if name in self.incomparable else bar.total}
 
     def causes_text(self, name: str) -> str:
         """The shares of the causes in the error of a quantity as text."""
@@ -164,7 +175,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name in self.bars:
-            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {self.causes_text(name)}")
+            causes = "" if name in self.incomparable else f": {self.causes_text(name)}"
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}{causes}")
         return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
 
 

@@ -25,6 +25,8 @@ from antiosc.models.body import site_points
 #: von Mises stress is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3;
 #: Johnson, *Contact Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
 CONTACT_RADII = 3.0
+#: The property in `Choice.unknown` of a contact without a yield strength.
+STRENGTH = "yield_strength"
 #: Depths at which the error of an unknown direction is evaluated.
 ANGLES = 19
 
@@ -134,13 +136,21 @@ def contact_zone(point: ArrayLike, radius: float) -> Array:
     return np.append(point, CONTACT_RADII * radius)
 
 
+def unknown_dent(contact: OneContact) -> str:
+    """Why it is unknown that a contact without a dent has none, in words; "" if it is known."""
+    choice = choice_at(contact)
+    if choice is None or not choice.unknown:
+        return ""
+    return "unknown (give yield_strength)" if STRENGTH in choice.unknown else "unknown"
+
+
 def sentence(contact: OneContact) -> str:
     """Sentence on whether the contact yields, with its permanent indentation; empty if unknown."""
     if not contact.peak_force > 0:
         return ""
     choice = choice_at(contact)
     law = contact.law
-    unknown = choice is not None and "yield_strength" in choice.unknown
+    unknown = STRENGTH in unknown_dent(contact)
     if isinstance(law, ElasticPlastic) and not (unknown and contact.peak_force <= law.yield_force):
         return _of_law(contact, law)
     if choice is None or not isinstance(law, Hertz | ElasticPlastic):
