@@ -99,7 +99,6 @@ from antiosc.impact.histories import (
     error_scope as error_scope,
 )
 from antiosc.impact.histories.bars import (
-    CAUSES as CAUSES,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
 )
