@@ -237,7 +237,7 @@ def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
         share = np.zeros(3) if one is model else np.array(apart)
         return SimpleNamespace(**dict(zip(QUANTITIES, 10.0 * (1 - share), strict=True)))
 
-    monkeypatch.setattr(truncation, "_checked", lambda found: found)
+    monkeypatch.setattr(truncation, "_checked_run", lambda found: found)
     found = truncation_error(model, run, tol=1e-6)
     errors = 2 * (np.array(apart) - 1e-6).clip(0)
     expected = np.maximum(errors, errors.max() / 2)
