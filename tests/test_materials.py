@@ -14,7 +14,7 @@ pytestmark = pytest.mark.fem
 @pytest.mark.parametrize("name", ALL)
 def test_every_material_is_plausible_and_has_a_source(name):
     one, made = materials.record(name), ao.material(name)
-    assert plausible.of_material(made) == ""
+    assert plausible.material_doubt(made) == ""
     assert len(one.source) > 12
     assert one.brittle == (one.yield_strength is None) == (one.yield_range is None)
     if one.yield_range is not None:

@@ -59,7 +59,7 @@ def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
 
 def test_a_terminal_without_unicode_gets_question_marks():
     stream = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", newline="")
-    progress.say("force × 2, …", stream)
+    progress.print_text("force × 2, …", stream)
     assert stream.buffer.getvalue() == "force × 2, ?\n".encode("latin-1")
 
 

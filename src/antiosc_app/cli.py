@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from antiosc.base.errors import AntioscError
-from antiosc.base.progress import say
+from antiosc.base.progress import print_text
 from antiosc_app import info
 
 #: Command -> its description.
@@ -84,7 +84,7 @@ def _print_error(error: AntioscError) -> None:
     from antiosc_app.scene_file.document import SceneFileError
 
     head = "" if isinstance(error, SceneFileError) else "antiosc: "
-    say(f"{head}{error}", sys.stderr)
+    print_text(f"{head}{error}", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -183,14 +183,16 @@ def _materials(options: argparse.Namespace) -> int:
         materials.record(options.name)
     for name in matches:
         record = materials.record(name)
-        say(f"{name:<38} {record.line}")
+        print_text(f"{name:<38} {record.line}")
         if part_of_name:
             typical = (
                 f"typical, no source could be read: {record.typical}" if record.typical else ""
             )
-            say("\n".join(f"    {text}" for text in (record.source, typical, record.note) if text))
+            print_text(
+                "\n".join(f"    {text}" for text in (record.source, typical, record.note) if text)
+            )
     if not part_of_name:
-        say("sources: antiosc materials NAME")
+        print_text("sources: antiosc materials NAME")
     return 0
 
 

@@ -16,7 +16,7 @@ from antiosc import impact_band
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.process import free_memory
-from antiosc.base.progress import say
+from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc.models.body import GRAVITY
@@ -60,8 +60,8 @@ def _new(options: Namespace) -> int:
         file or "scene.toml", part, options.drop, options.material, options.unit
     )
     for sentence in sentences:
-        say(sentence)
-    say(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
+        print_text(sentence)
+    print_text(f"wrote {path}; next: look at it, then antiosc run {path} --report report.html")
     return 0
 
 
@@ -77,9 +77,11 @@ def _check(options: Namespace) -> int:
     """Run `antiosc check`; returns the exit code."""
     scene = compiled(read(options.file))
     sentences = [*(f"warning: {sentence}" for sentence in scene.warnings), *outline.check(scene)]
-    say(f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}.")
+    print_text(
+        f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}."
+    )
     for sentence in sentences:
-        say(f"{options.file}: {sentence}")
+        print_text(f"{options.file}: {sentence}")
     return 0
 
 
@@ -109,8 +111,8 @@ def _export(options: Namespace) -> int:
     with run.collected_warnings(scene.warnings):
         Evaluation(scene.document)(Call(antiosc.export, arguments))
     for sentence in scene.warnings:
-        say(f"warning: {sentence}", sys.stderr)
-    say(f"wrote {options.out}")
+        print_text(f"warning: {sentence}", sys.stderr)
+    print_text(f"wrote {options.out}")
     return 0
 
 
@@ -132,13 +134,15 @@ def _tradeoff(options: Namespace) -> int:
         arguments["compare"] = options.compare
     with run.collected_warnings(scene.warnings):
         tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
-    say(f"{tradeoff.summary()}\n{tradeoff.message}")
+    print_text(f"{tradeoff.summary()}\n{tradeoff.message}")
     for sentence in scene.warnings:
-        say(f"warning: {sentence}", sys.stderr)
+        print_text(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
-        say(f"wrote {tradeoff.plot(options.chart)}")
+        print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
-        say(f"wrote {report.write_report(tradeoff, page, title=scene.document.data.get('title'))}")
+        print_text(
+            f"wrote {report.write_report(tradeoff, page, title=scene.document.data.get('title'))}"
+        )
     return 0
 
 
@@ -183,7 +187,7 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
 
 def _schema(_options: Namespace) -> int:
     """Run `antiosc schema`; returns the exit code."""
-    say(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
+    print_text(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
     return 0
 
 
@@ -196,7 +200,7 @@ def _study(options: Namespace) -> int:
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
     if options.dry_run:
-        say(_forecast(scene))
+        print_text(_forecast(scene))
         return 0
     page = None if options.report is None else report.checked(options.report)
     # --out, or a folder named after a scene that has [output]
@@ -206,14 +210,14 @@ def _study(options: Namespace) -> int:
     computed = run.results(scene, study.makes)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
-    say(results.text(computed, parts))
+    print_text(results.text(computed, parts))
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
     for sentence in computed.warnings:
-        say(f"warning: {sentence}", sys.stderr)
+        print_text(f"warning: {sentence}", sys.stderr)
     if written:
-        say("wrote " + ", ".join(str(path) for path in written))
+        print_text("wrote " + ", ".join(str(path) for path in written))
     return int(_stopped_early(computed))
 
 

@@ -36,7 +36,7 @@ from antiosc.extension import BAND_OVER_PULSE, SceneParts
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
 from antiosc.models.body import checked_body
 from antiosc_app.fmu import identifier, write_c, write_fmu
-from antiosc_app.run_data import CONTACT_TIMES, of_model, of_scene
+from antiosc_app.run_data import CONTACT_TIMES, model_run, scene_run
 
 _TEXT = """\
 model {name} "Structure struck at one site, as anti-oscillators (antiosc {version})"
@@ -338,9 +338,9 @@ def export(
         return
     tol = checks.tolerance(tol)
     if scene is not None:
-        data = of_scene(scene, duration, tol, without_body=scene is not exported)
+        data = scene_run(scene, duration, tol, without_body=scene is not exported)
     else:
-        data = of_model(exported)
+        data = model_run(exported)
     options = {"fmi": checks.choice("fmi", fmi, (2, 3))} if ending == ".fmu" else {}
     _RUNS[ending](target, data, **options)
 

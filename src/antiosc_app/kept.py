@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 #: Number of free modes after each round of the search, which runs between calls of the page.
-ROUNDS = (10, 20, 40)
+MODE_ROUNDS = (10, 20, 40)
 #: Number of models in the cache.
-MODELS = 50
+MOST_MODELS = 50
 
 
-class Kept(OrderedDict[str, T]):
+class ResultCache(OrderedDict[str, T]):
     """A cache of the last `most` results, each with the text of its inputs as the key."""
 
     def __init__(self, most: int) -> None:
@@ -50,7 +50,7 @@ class Kept(OrderedDict[str, T]):
         return self[key]
 
 
-class KeptModes:
+class FreeModeCache:
     """Free modes of a structure, computed in rounds, and models at any site from them."""
 
     def __init__(self, structure: Structure) -> None:
@@ -60,9 +60,9 @@ class KeptModes:
         self._structure = structure
         self._solver = ModeSolver(structure)
         #: numbers of modes of the remaining rounds
-        self.left = list(ROUNDS)
+        self.left = list(MODE_ROUNDS)
         self._known: tuple[Array, Array] | None = None
-        self._models: Kept[AntiOscillators] = Kept(MODELS)
+        self._models: ResultCache[AntiOscillators] = ResultCache(MOST_MODELS)
 
     def search(self) -> bool:
         """Compute one more round of modes; return whether another round is needed."""

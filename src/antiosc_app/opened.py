@@ -37,7 +37,7 @@ from antiosc.base.texts import capitalised
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
-from antiosc_app.kept import MODELS, Kept, KeptModes
+from antiosc_app.kept import MOST_MODELS, FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Evaluation
@@ -152,11 +152,11 @@ class Opened:
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._waiting = 0
         self._lock = threading.Lock()
-        self._turns: Kept[int] = Kept(TABS)
-        self._structures: Kept[Structure] = Kept(STRUCTURES)
-        self._models: Kept[AntiOscillators] = Kept(MODELS)
-        self._modes: Kept[KeptModes] = Kept(STRUCTURES)
-        self._falls: Kept[Dropped] = Kept(FALLS)
+        self._turns: ResultCache[int] = ResultCache(TABS)
+        self._structures: ResultCache[Structure] = ResultCache(STRUCTURES)
+        self._models: ResultCache[AntiOscillators] = ResultCache(MOST_MODELS)
+        self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
+        self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
@@ -261,7 +261,7 @@ class Opened:
         if not self._structures or self._waiting:
             return
         key, structure = next(reversed(self._structures.items()))
-        modes = self._modes.of(key, lambda: KeptModes(structure))
+        modes = self._modes.of(key, lambda: FreeModeCache(structure))
         with contextlib.suppress(AntioscError):  # then every click is extracted
             if modes.left and modes.search():
                 self._work.submit(self._search_modes)

@@ -33,7 +33,7 @@ from antiosc_app.live import Data
 from antiosc_app.results import (
     Presentation,
     advice_of,
-    drawn,
+    drawn_pictures,
     error_budget,
     format_number,
     presentations,
@@ -237,7 +237,9 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     script = "" if data is None else live.script()
     model, *parts = parts
     views = (picture for part_shown in (*parts, model) for picture in part_shown.pictures)
-    pictures = list(drawn(picture for picture in views if not (one_view and picture.same_view)))
+    pictures = list(
+        drawn_pictures(picture for picture in views if not (one_view and picture.same_view))
+    )
     stills = [
         picture for picture in pictures if picture.heading.startswith(STILLS) and picture.data
     ]

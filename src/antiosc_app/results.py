@@ -85,7 +85,7 @@ class Drawn(NamedTuple):
     data: str
 
 
-def drawn(pictures: Iterable[Picture]) -> Iterator[Drawn]:
+def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
     """Draw pictures as data URLs; every rank must call it, since fields are distributed."""
     data_url = ""
     for picture in pictures:
@@ -221,7 +221,7 @@ def format_number(value: object) -> str:
     return str(value)
 
 
-def _words(name: str) -> str:
+def _spaced(name: str) -> str:
     """A name with blanks instead of underscores."""
     return name.replace("_", " ")
 
@@ -239,7 +239,7 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     for name, unit in units.items():
         values = [ensemble.quantile(name, q) for q in (0.5, 0.9, 0.99)]
         rows += [
-            (f"{_words(name)} ({unit})", q, quantile.value, quantile.low, quantile.high)
+            (f"{_spaced(name)} ({unit})", q, quantile.value, quantile.low, quantile.high)
             for q, quantile in zip((0.5, 0.9, 0.99), values, strict=True)
         ]
     names = ("quantity", "quantile", "value", "low", "high")
@@ -403,7 +403,7 @@ def _impact(results: SceneResults) -> Presentation:
             "Results": [_facts(hit), hit.explanation, probe_rows, stresses],
             "Errors": _errors(hit),
         },
-        pictures=_of_impact(results, probes),
+        pictures=_impact_pictures(results, probes),
     )
 
 
@@ -413,10 +413,10 @@ def _facts(hit: History) -> Block:
         hits = contacts.values()
         table: Columns = {"contact": [f"{a} – {b}" for a, b in contacts]}
         for n, unit in QUANTITIES.items():
-            table[f"{_words(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
+            table[f"{_spaced(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
         return table | {"contacts": [len(contact.contacts) for contact in hits]}
     e = "not defined" if hit.restitution is None else f"{hit.restitution:.4f}"
-    numbers = [(_words(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
+    numbers = [(_spaced(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
     return [*numbers, ("contacts", f"{len(hit.contacts)}"), ("coefficient of restitution", e)]
 
 
@@ -429,7 +429,7 @@ def _errors(hit: History) -> list[Block]:
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    table: Columns = {"Error budget": [_words(name) for name in budget]}
+    table: Columns = {"Error budget": [_spaced(name) for name in budget]}
     table["value"] = [engineering(bar.value, QUANTITIES[n], 4) for n, bar in budget.items()]
     for cause in budget.causes:
         shares = [budget.shares(name)[cause] for name in budget]
@@ -446,7 +446,7 @@ def _probe_rows(probes: Sequence[Probe]) -> Rows:
     rows = []
     for probe in probes:
         p = probe.peak()
-        label = f"{_words(p['quantity'])} {p['component']}".rstrip()
+        label = f"{_spaced(p['quantity'])} {p['component']}".rstrip()
         value = engineering(p["value"], p["unit"], 4)
         time = engineering(p["time"], "s")
         g = f" ({p['g']:.4g} g)" if "g" in p else ""
@@ -459,7 +459,7 @@ def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
     rows = []
     for name, peak in peaks.items():
         sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
-        rows.append((_words(name), sentence))
+        rows.append((_spaced(name), sentence))
         if note := mesh_note(peak):
             rows.append(("", note))
         if peak.doubt:
@@ -494,7 +494,7 @@ def _margin_numbers(peak: PeakField) -> Columns:
     return {"margin": {key: getattr(peak.margin(), key) for key in MARGIN_KEYS}}
 
 
-def _of_impact(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
+def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
     """Pictures of an impact."""
     hit = results.history
     contacts = _contacts(results.history)
@@ -515,19 +515,19 @@ def _of_impact(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
     if results.structure is not None:
         caption = "The structure at the time of the largest displacement of its site, or of the"
         caption += " largest force; displacements are drawn larger by the factor stated."
-        arrow = _struck(results.model)
+        arrow = _impact_arrow(results.model)
         for name, view in (VIEWS if arrow else {"": None}).items():
             draw = partial(plot_deformed, results.structure, hit, view=view, **arrow)
             pictures.append(
                 Picture(f"Deformed structure{name}", caption, draw, same_view=bool(name))
             )
     for name, peak in (results.stresses or {}).items():
-        caption = f"The largest value at each node over the run: {_words(name)}."
+        caption = f"The largest value at each node over the run: {_spaced(name)}."
         pictures.append(Picture("Largest stress", caption, peak.plot))
     return pictures
 
 
-def _struck(model: AntiOscillators) -> Columns:
+def _impact_arrow(model: AntiOscillators) -> Columns:
     """Point and direction of the only site, for the arrow of the impact; {} if unknown."""
     points = list(site_points(model).values())
     direction = info_of(model).direction
@@ -620,7 +620,7 @@ def _signals(probes: Sequence[Probe], ax: Axes) -> None:
         factor, scaled_unit = prefixed(max(largest), unit)
         scaled = [(name, time, factor * values) for name, time, values, _ in signals]
         curves(
-            scaled, f"{_words(quantity)} ({scaled_unit})" if scaled_unit else _words(quantity), ax
+            scaled, f"{_spaced(quantity)} ({scaled_unit})" if scaled_unit else _spaced(quantity), ax
         )
         return
     shares = [
@@ -717,7 +717,7 @@ def _sweep(results: SceneResults) -> Presentation:
     }
     table: Columns = dict(varied_values)
     for name, unit in QUANTITIES.items():
-        table[f"{_words(name)} ({unit})"] = getattr(batch, name)
+        table[f"{_spaced(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force":
             table |= _bar_column([row.budget for row in results.facts])
     table |= _yield_columns(results.facts)
@@ -828,7 +828,7 @@ def _map(results: SceneResults) -> Presentation:
     if impact_map.doubtful.any():
         sites += f"; not in these ranges: {doubts_text(impact_map)}"
     rows = [("sites", sites)]
-    labels = {name: MAP_QUANTITIES.get(name, (_words(name), "")) for name in quantities}
+    labels = {name: MAP_QUANTITIES.get(name, (_spaced(name), "")) for name in quantities}
     for name, values in quantities.items():
         finite = values[trusted(impact_map)]
         finite = finite[np.isfinite(finite)]

@@ -199,7 +199,7 @@ class RunData:
         return text.hexdigest()[:32]
 
 
-def of_model(model: LinearBody) -> RunData:
+def model_run(model: LinearBody) -> RunData:
     """Data of a model alone: forces on its sites are inputs, their motions outputs."""
     body = scene_body("model", model, None)
     _refuse_coupled({"model": body})
@@ -229,7 +229,7 @@ def of_model(model: LinearBody) -> RunData:
     )
 
 
-def of_scene(scene: SceneParts, duration: float | None, tol: float, without_body: bool) -> RunData:
+def scene_run(scene: SceneParts, duration: float | None, tol: float, without_body: bool) -> RunData:
     """Data of a scene's run; `without_body`: names of results lack the body, as in `simulate`."""
     for contact in scene.contacts:
         if not is_compiled(contact.law):

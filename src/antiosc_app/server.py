@@ -223,7 +223,7 @@ class _Request(BaseHTTPRequestHandler):
             text = body.decode()
             if checks.nests_deeper(text, DEEPEST + 1):  # the table itself is one
                 raise ValueError("too deep")
-            return _checked(json.loads(text, parse_constant=_no_number))
+            return _checked_table(json.loads(text, parse_constant=_no_number))
         except ValueError:
             raise Refused(HTTPStatus.BAD_REQUEST, "the call is not a table in JSON.") from None
 
@@ -236,7 +236,7 @@ def _no_number(text: str) -> float:
     raise ValueError(text)
 
 
-def _checked(values: object) -> dict[str, Any]:
+def _checked_table(values: object) -> dict[str, Any]:
     """A table with finite numbers and limited nesting; else ValueError."""
     if not isinstance(values, dict):
         raise ValueError("no table")

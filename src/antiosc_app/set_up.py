@@ -157,8 +157,8 @@ def rounded_up(value: float) -> float:
 
 def read(values: object) -> SetUp:
     """The set-up that the page sends; InputError for anything else."""
-    table = dict(_known("set-up", values, SetUp))
-    striker = dict(_known("striker", table.get("striker", {}), Striker))
+    table = dict(_checked_fields("set-up", values, SetUp))
+    striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
     _as_tuples(striker, [name for name in ("down", "tilt") if name in striker])
     _as_tuples(table, ("point", "direction", "held"))
     return SetUp(**{**table, "striker": Striker(**striker)})
@@ -173,7 +173,7 @@ def _as_tuples(table: Table, names: Sequence[str]) -> None:
         table[name] = tuple(values)
 
 
-def _known(what: str, values: object, kind: type) -> Mapping[str, Any]:
+def _checked_fields(what: str, values: object, kind: type) -> Mapping[str, Any]:
     """The values as a table with no other names than the fields of `kind`."""
     names = {item.name for item in fields(kind)}
     if not isinstance(values, dict) or not values.keys() <= names:

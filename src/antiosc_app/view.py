@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.progress import say
+from antiosc.base.progress import print_text
 from antiosc_app import live
 from antiosc_app.opened import Opened
 from antiosc_app.report import rendered
@@ -100,20 +100,20 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
         checks.instance("part", part, Structure, "a Structure or the path of a file")
         with_parts(part)
         # scenes name a file that exists; the structure takes its place
-        return _shown(Path(__file__), part, NOTEBOOKS)
-    return _shown(_file(part), None, NOTEBOOKS)
+        return _open_page(Path(__file__), part, NOTEBOOKS)
+    return _open_page(_file(part), None, NOTEBOOKS)
 
 
 def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
     """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known."""
-    page = _shown(_file(path), None, NOBODY, unit)
-    say(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
+    page = _open_page(_file(path), None, NOBODY, unit)
+    print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
         webbrowser.open(page.address)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:
-        say("closed.")
+        print_text("closed.")
     finally:
         page.close()
 
@@ -127,7 +127,9 @@ def _file(part: str | os.PathLike[str]) -> Path:
     return path
 
 
-def _shown(path: Path, structure: Structure | None, frames: str, unit: str | None = None) -> View:
+def _open_page(
+    path: Path, structure: Structure | None, frames: str, unit: str | None = None
+) -> View:
     """The page of a file or of a structure."""
     comm = communicator()
     if comm is not None and comm.size > 1:

@@ -14,7 +14,7 @@ from antiosc_decks.abaqus_mesh import NONE, AbaqusMesh, mesh_of
 from antiosc_decks.constraints import lever
 from antiosc_decks.sources import Account, Sources
 
-WHAT = {"NSET": "node", "ELSET": "element"}
+NOUNS = {"NSET": "node", "ELSET": "element"}
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Instance(Scope):
         """Rows of the node or element with the number `word`, or of the set of that name."""
         members = self.find(keyword, word)
         if members is None:
-            noun = WHAT[keyword]
+            noun = NOUNS[keyword]
             in_part = f" in {self.name}" if self.name else ""
             number = word.lstrip("-").isdigit()
             if number and len(self.whole.instances) > 1 and not self.name:
@@ -240,8 +240,8 @@ def read(sources: Sources) -> Whole:
         if part not in used_parts:
             assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
     for card, moves in instances:
-        assembled.add(_placed(assembled, card, moves, parts, meshes))
-    for card in sorted(assembled.named(*WHAT), key=lambda card: not card.within.name):
+        assembled.add(_instance_of(assembled, card, moves, parts, meshes))
+    for card in sorted(assembled.named(*NOUNS), key=lambda card: not card.within.name):
         assembled.read_set(card)
     sets_by_keyword = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
     for (keyword, label), rows in assembled.sets.items():  # without elements that are not cells
@@ -283,12 +283,12 @@ def _divided(
             in_step = card.keyword == "STEP"
             steps += [[]] * in_step
         else:
-            in_model = not in_step or card.keyword in WHAT
+            in_model = not in_step or card.keyword in NOUNS
             (current if in_model else steps[-1]).append(card)
     return top, parts, instances
 
 
-def _placed(
+def _instance_of(
     assembled: Whole,
     card: Card,
     instance_cards: list[Card],

@@ -113,7 +113,7 @@ def generated(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
         fits = 0 < count <= MOST_GENERATED and not (last - first) % step
         row.needs(fits, f"*NGEN from {first} to {last} by {step} does not fit.")
         yield first, known[first]
-        yield from _between(known, first, last, count, step)
+        yield from _points_between(known, first, last, count, step)
         yield last, known[last]
 
 
@@ -137,10 +137,10 @@ def filled(card: Card, known: Points, sets: Mapping[str, list[int]]) -> Made:
         fits = 0 < lines * len(starts) <= MOST_GENERATED
         row.needs(fits, f"*NFILL over {lines} lines does not fit.")
         for first, last in zip(starts, ends, strict=True):
-            yield from _between(known, first, last, lines, step)
+            yield from _points_between(known, first, last, lines, step)
 
 
-def _between(known: Points, first: int, last: int, count: int, step: int) -> Made:
+def _points_between(known: Points, first: int, last: int, count: int, step: int) -> Made:
     """Nodes number `first + k step`, k = 1 … count − 1, at equal distances between two nodes."""
     a = np.array(known[first])
     b = np.array(known[last])
@@ -283,7 +283,7 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
         elif card.keyword == "ELEMENT" and "OUTPUT" not in card.options:
             kind = card.needed("TYPE").upper().replace(" ", "")
             if element_type(kind) is None:
-                numbers_read.append(np.array(_others(mesh, card, kind), dtype=np.int64))
+                numbers_read.append(np.array(_read_others(mesh, card, kind), dtype=np.int64))
                 other_numbers += numbers_read[-1].tolist()
             else:
                 numbers_read.append(_cells(mesh, card, kind))
@@ -301,7 +301,7 @@ def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:
     mesh.sets += [("ELSET", label, mesh.elements.rows(members)) for label, members in sets]
 
 
-def _others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
+def _read_others(mesh: AbaqusMesh, card: Card, kind: str) -> list[int]:
     """Read one card's elements that are not cells; return their numbers."""
     width = next((count for pattern, count in POINTS.items() if re.fullmatch(pattern, kind)), 0)
     rows = [row for row in card.rows() if row.word(0)]

@@ -18,7 +18,7 @@ from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
 
 #: Cards with the values of elements that are not cells -> what they give, types of the elements.
-BESIDE = {
+POINT_ELEMENTS = {
     **dict.fromkeys(("MASS", "ROTARYINERTIA"), ("mass", ("MASS", "ROTARYI"))),
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
@@ -146,8 +146,8 @@ def _add_points_and_links(
     assembled: Whole, builder: ModelBuilder, orientations: Orientations
 ) -> None:
     """Add masses, springs and dashpots; each of their elements needs a card."""
-    counts = dict.fromkeys(BESIDE, 0)
-    for card in assembled.named(*BESIDE):
+    counts = dict.fromkeys(POINT_ELEMENTS, 0)
+    for card in assembled.named(*POINT_ELEMENTS):
         rows = card.rows()
         card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
         for kind, nodes in assembled.elements_of(card):
@@ -161,10 +161,10 @@ def _add_points_and_links(
     counts["MASS"] += counts.pop("ROTARYINERTIA")
     skipped = assembled.deck.left
     for keyword, number in counts.items():
-        kinds = [kind for kind in BESIDE[keyword][1] if kind in skipped]
+        kinds = [kind for kind in POINT_ELEMENTS[keyword][1] if kind in skipped]
         count = sum(skipped.pop(kind) for kind in kinds)
         if count != number:
-            names = " and ".join(kinds or BESIDE[keyword][1])
+            names = " and ".join(kinds or POINT_ELEMENTS[keyword][1])
             raise MeshError(
                 f"{assembled.deck.name} has {count} {names} elements, but *{keyword} cards "
                 f"give values to {number} of them."
@@ -195,7 +195,7 @@ def _link(
 ) -> None:
     """Add a spring or a dashpot."""
     values = card.rows()
-    property_name = BESIDE[card.keyword][0]
+    property_name = POINT_ELEMENTS[card.keyword][0]
     if kind.endswith("A"):
         terms, _ = builder.joints.elongation(nodes[0], nodes[1], card.place)
     else:

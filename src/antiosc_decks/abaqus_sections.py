@@ -14,7 +14,7 @@ from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.builder import GroupSection, ModelBuilder
-from antiosc_decks.properties import Material, Profile, of_stiffness, symmetric
+from antiosc_decks.properties import Material, Profile, constants_of_stiffness, symmetric
 
 #: Kinds of *ELASTIC by their first letters -> how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9, "ANISO": 21}
@@ -70,7 +70,7 @@ def _elastic(material: Material, card: Card) -> str:
         D = np.diag([0.0, 0.0, 0.0, *v[6:]])
         D[:3, :3] = symmetric(v[:6])
         try:
-            material.constants = of_stiffness(D)
+            material.constants = constants_of_stiffness(D)
         except np.linalg.LinAlgError:
             raise card.place.error("the stiffness of *ELASTIC is singular.") from None
     return kind
@@ -120,7 +120,7 @@ class Orientations:
         if degrees := self.degrees(name, by):
             row = card.rows()[1]
             row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-            first_axis = geometry.turned(first_axis, z, degrees)
+            first_axis = geometry.rotated(first_axis, z, degrees)
         return np.broadcast_to(np.stack([first_axis, np.cross(z, first_axis), z]), (len(x), 3, 3))
 
     def degrees(self, name: str, by: Card) -> float:
@@ -458,7 +458,7 @@ class Sections:
             is_normal = np.linalg.norm(np.cross(first, normals), axis=1) < NORMAL
             first = np.where(is_normal[:, None], frames[:, 1], first)
             first -= np.einsum("ni,ni->n", first, normals)[:, None] * normals
-            first = geometry.turned(first, normals, self.orientations.degrees(name, card))
+            first = geometry.rotated(first, normals, self.orientations.degrees(name, card))
         return first
 
     def _beam(self, card: Card, elements: IntArray) -> tuple[str, Json]:

@@ -168,13 +168,13 @@ def finished(builder: ModelBuilder) -> Model:
 
     Raises MeshError for elements without a section and for families that cannot be joined.
     """
-    _keep(builder, builder.chosen)
+    _keep_elements(builder, builder.chosen)
     _refuse_uncovered(builder)
     if builder.truss and any(
         [section.arguments.pop("torsion", 0.0) for section in builder.families]
     ):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
-    _keep(builder, ~join_rods(builder))
+    _keep_elements(builder, ~join_rods(builder))
     roles = {block.role for block in builder.deck.blocks if len(block)}
     if len(roles) > 1 and not roles <= JOINED:
         raise MeshError(
@@ -377,7 +377,7 @@ def _supports(builder: ModelBuilder, count: int) -> list[tuple[str, list[str]]]:
     return supports
 
 
-def _keep(builder: ModelBuilder, mask: BoolArray) -> None:
+def _keep_elements(builder: ModelBuilder, mask: BoolArray) -> None:
     """Keep the elements of `mask`; remove the others, and joints and masses only on their nodes."""
     if mask.all():
         return

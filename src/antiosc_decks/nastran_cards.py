@@ -168,7 +168,7 @@ class Bulk:
         self._sources = sources
         lines = sources.main()
         # a file without case control contains only bulk data
-        self._started = not any(_begins(line.split("$")[0]) for line in lines)
+        self._started = not any(_is_begin_bulk(line.split("$")[0]) for line in lines)
         self._ended = False
         self._continuations = Continuations()
         #: whether the next line continues a list of free fields
@@ -217,7 +217,7 @@ class Bulk:
 
     def _control(self, line: str) -> None:
         """Read a line of the case control section."""
-        if _begins(line):
+        if _is_begin_bulk(line):
             self._started = True
             return
         self.selected = self.selected or {}
@@ -286,15 +286,15 @@ class Bulk:
         for _ in range(times):
             last = self.entries[-1]
             pairs = zip_longest(last.fields, changes[: len(last.fields)], fillvalue="=")
-            self._begin(Entry(last.name, place, [_changed(*pair, place) for pair in pairs]))
+            self._begin(Entry(last.name, place, [_changed_field(*pair, place) for pair in pairs]))
 
 
-def _begins(line: str) -> bool:
+def _is_begin_bulk(line: str) -> bool:
     """Whether bulk data begins after this line."""
     return line.upper().split()[:2] == ["BEGIN", "BULK"]
 
 
-def _changed(old: str, change: str, place: DeckPlace) -> str:
+def _changed_field(old: str, change: str, place: DeckPlace) -> str:
     """A field of a copied entry."""
     if not change.startswith("*"):
         return old if change == "=" else change

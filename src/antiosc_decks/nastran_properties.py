@@ -330,7 +330,7 @@ class Properties:
         return {
             "A": (_plane(membrane) * units.stress * t).tolist(),
             "D": (_plane(bending) * units.stress * ratio * t**3 / 12).tolist(),
-            "S": (_across(shear_material) * units.stress * share * t).tolist(),
+            "S": (_transverse_shear(shear_material) * units.stress * share * t).tolist(),
             **{"mass": mass, "inertia": mass * ratio * t**2 / 12, "thickness": t},
         }
 
@@ -415,7 +415,7 @@ class Properties:
         nodes = [self.found.at(entry, k) for k in (2, 3)]
         side = np.diff(self.found.deck.points[nodes], axis=0)[0]
         side -= (side @ normal) * normal
-        rotated = geometry.turned(side, normal, entry.real(theta_field))
+        rotated = geometry.rotated(side, normal, entry.real(theta_field))
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
 
@@ -451,7 +451,7 @@ def _plane(material: Material) -> Array:
     return np.asarray(Q / (1 - n12 * n21))
 
 
-def _across(material: Material) -> Array:
+def _transverse_shear(material: Material) -> Array:
     """Transverse shear stiffness (2, 2): stresses (τ13, τ23) from strains."""
     if material.plane is not None:  # G11, G12, G22 of a MAT2
         return np.asarray(material.plane[:2, :2])

@@ -65,7 +65,7 @@ def isotropic(E: float, nu: float) -> Array:
     return np.array([E, E, E, nu, nu, nu, G, G, G])
 
 
-def of_stiffness(D: Array) -> Array:
+def constants_of_stiffness(D: Array) -> Array:
     """The nine constants of an orthotropic stiffness matrix (6, 6); LinAlgError if singular."""
     S = np.linalg.inv(D)
     E = 1 / np.diag(S)[:3]
@@ -233,7 +233,7 @@ def unit(v: Array) -> Array:
     return np.asarray(v / np.where(length > 0, length, 1.0))
 
 
-def turned(v: Array, axis: Array, degrees: float) -> Array:
+def rotated(v: Array, axis: Array, degrees: float) -> Array:
     """Vectors perpendicular to the unit vectors `axis`, rotated about these."""
     angle = math.radians(degrees)
     return np.asarray(math.cos(angle) * v + math.sin(angle) * np.cross(axis, v))

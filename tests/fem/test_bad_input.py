@@ -335,14 +335,17 @@ def bar(scale: float = 1.0, material: ao.Solid = SOLID_STEEL, **options: int) ->
 
 
 REFUSED = [
-    (lambda: plausible.of_material(ao.Beam(210e3, 0.3, 7850.0, ROUND)), "E in MPa is probably"),
-    (lambda: plausible.of_material(ao.Solid(210, 0.3, 7850.0)), "0.164 m/s.*E in GPa is probably"),
-    (lambda: plausible.of_material(ao.Solid(210e9, 0.3, 7.85e-9)), "rho in t/mm³ is probably"),
+    (lambda: plausible.material_doubt(ao.Beam(210e3, 0.3, 7850.0, ROUND)), "E in MPa is probably"),
+    (
+        lambda: plausible.material_doubt(ao.Solid(210, 0.3, 7850.0)),
+        "0.164 m/s.*E in GPa is probably",
+    ),
+    (lambda: plausible.material_doubt(ao.Solid(210e9, 0.3, 7.85e-9)), "rho in t/mm³ is probably"),
     (lambda: bar(material=ao.Solid(210e3, 0.3, 7850.0)), "Solid"),
     (lambda: ao.read_mesh(MESHES / "bracket.step", size=5), "larger.*0.08.* m.*size=0.005"),
     (lambda: ao.extract(bar(order=1), ao.Site((0.1, 0.02, 0.04), (0, 0, -1), radius=4.0), n=2),
      "radius 4 m.*larger than the part.*0.004 m"),
-    (lambda: plausible.of_blow(soft(), [ball(3e4)]), "30 m/s is probably meant"),
+    (lambda: plausible.impact_doubt(soft(), [ball(3e4)]), "30 m/s is probably meant"),
 ]  # fmt: skip
 
 
@@ -353,7 +356,7 @@ def test_what_cannot_be_is_refused(call, words):
 
 
 def told(material: object) -> None:
-    plausible.warn_each([plausible.of_material(material)])
+    plausible.warn_each([plausible.material_doubt(material)])
 
 
 TOLD = [
@@ -364,7 +367,7 @@ TOLD = [
     (lambda: told(ao.Solid(**parts.STEEL, yield_strength=275.0)), "275e|2.75e"),
     (lambda: bar(1e3), r"210 m long, more than 20 m.*unit="),
     (
-        lambda: plausible.warn_each([plausible.of_thickness(4.0, 0.2)]),
+        lambda: plausible.warn_each([plausible.thickness_doubt(4.0, 0.2)]),
         "larger than the part.*0.004",
     ),
     (lambda: ao.Sphere(0.01, 210e9, 0.3, rho=7.85), "g/cm³"),
@@ -417,6 +420,6 @@ def test_what_is_implausible_is_blamed_before_the_patch(run):
 
 
 def test_stress_against_the_modulus():
-    assert "0.39 E" in plausible.of_blow(soft(wave_speed=5.09), [ball(2.0)])
-    assert plausible.of_blow(soft(wave_speed=5090.0), [ball(2.0)]) == ""
-    assert "7e+10 (70 GPa) or 7e+07 (70 MPa)" in plausible.of_modulus(70.0)
+    assert "0.39 E" in plausible.impact_doubt(soft(wave_speed=5.09), [ball(2.0)])
+    assert plausible.impact_doubt(soft(wave_speed=5090.0), [ball(2.0)]) == ""
+    assert "7e+10 (70 GPa) or 7e+07 (70 MPa)" in plausible.modulus_doubt(70.0)

@@ -141,7 +141,7 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     assert found.warnings == ["map.png is not drawn: no colours."]
     write = shown.Picture("a", "b", lambda path: path.write_bytes(b"png"))
     fails, behind = (shown.Picture("c", "d", broken, same_view=k) for k in (False, True))
-    one, two = shown.drawn([write, fails, behind])
+    one, two = shown.drawn_pictures([write, fails, behind])
     assert one == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
     assert two == ("c", "Not drawn: no colours.", "")
 

@@ -108,7 +108,7 @@ def extra_energy(part, u):
     material = part.parts[0][0]
     if isinstance(material, Sheet):
         frame, section = frames(part.mesh, part.parts), section_fields(part.mesh, part.parts)
-        eta = second_order.of_sheet(frame, u, u)
+        eta = second_order.sheet_eta(frame, u, u)
         found = strains_of(frame, u, section.middle)
         stretch = found.membrane
         if section.coupling is not None:
@@ -122,7 +122,7 @@ def extra_energy(part, u):
         eta = ufl.dot(slope, slope)
         EA = material.E * material.section.A
         return EA * (ufl.dot(slope, t) / 2 + eta / 8) * eta * measure(part.mesh, 8)
-    eta = second_order.of_solid(u, u)
+    eta = second_order.solid_eta(u, u)
     d = part.mesh.gdim
     strain = ufl.sym(ufl.grad(u)) / 2 + eta / 8
     nu = material.nu

@@ -146,7 +146,7 @@ def finite_element_packages() -> Iterator[None]:
 
 
 #: Most names that are all listed.
-FEW = 12
+FEW_NAMES = 12
 #: Of more, so many of the nearest.
 NEAREST = 5
 
@@ -157,7 +157,7 @@ def name_list(wanted: object, names: Iterable[str], what: str) -> str:
     `what` : the noun of the sentence, as "its groups".
     """
     sorted_names = sorted(names)
-    if len(sorted_names) <= FEW:
+    if len(sorted_names) <= FEW_NAMES:
         return f"{what} are: {', '.join(map(repr, sorted_names)) or 'none'}"
     lowered = {name.lower(): name for name in sorted_names}
     similar = difflib.get_close_matches(str(wanted).lower(), lowered, NEAREST, cutoff=0.0)

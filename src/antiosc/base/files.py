@@ -29,7 +29,7 @@ except ImportError:  # Windows, where nobody can remove a file in use, and no lo
 #: With what the name of a temporary file or folder begins.
 PART = ".antiosc-"
 #: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
-FORMULA = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
+FORMULA_STARTS = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 #: Largest table or measurement that is read whole, bytes.
 LARGEST_READ = 100_000_000
 #: Longest suffix that the temporary file keeps: programs choose a format by it.
@@ -133,7 +133,7 @@ def table_text(text: str) -> str:
 
     Names are given by users; one that begins with =, +, - or @ gets an apostrophe in front.
     """
-    if text.lstrip()[:1] in FORMULA:
+    if text.lstrip()[:1] in FORMULA_STARTS:
         return f"'{text}"
     return text
 

@@ -75,7 +75,7 @@ class ExaminedMaterial(Protocol):
         ...
 
 
-def of_material(material: ExaminedMaterial) -> str:
+def material_doubt(material: ExaminedMaterial) -> str:
     """Why a material is implausible, "" if it is not; InputError for impossible values."""
     speed = material.bar_speed()
     name = type(material).__name__
@@ -83,7 +83,9 @@ def of_material(material: ExaminedMaterial) -> str:
     E = getattr(material, "E", None)
     rho = getattr(material, "rho", None)
     if massless or SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-        return _of_density(name, rho) or _of_strength(getattr(material, "yield_strength", None))
+        return _density_doubt(name, rho) or _strength_doubt(
+            getattr(material, "yield_strength", None)
+        )
     sentence = (
         f"the wave speed in a {name} of this part is √(E/ρ) = {speed:.3g} m/s, outside "
         f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
@@ -94,7 +96,7 @@ def of_material(material: ExaminedMaterial) -> str:
     return sentence
 
 
-def _of_density(name: str, rho: float | None) -> str:
+def _density_doubt(name: str, rho: float | None) -> str:
     """Why a density [kg/m³] is implausible; "" if it is not."""
     if rho is None or rho <= DENSITIES[1]:
         return ""
@@ -115,7 +117,7 @@ def _likely_units(E: float | None, rho: float | None) -> str:
     return ""
 
 
-def of_part(extent: float, stated: bool = False, lines: bool = False) -> str:
+def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:
     """Why the diagonal [m] of the box around a part is implausible; "" if it is not.
 
     `stated`: whether its unit is known, so that it may be long. `lines`: whether it consists of
@@ -145,7 +147,7 @@ def refuse_size(size: float, points: ArrayLike, name: str) -> None:
         )
 
 
-def of_patch(radius: float, extent: float) -> str:
+def patch_doubt(radius: float, extent: float) -> str:
     """Why a patch of this radius is implausible on a part this large [m]; InputError if larger."""
     if radius > extent:
         raise InputError(
@@ -161,7 +163,7 @@ def of_patch(radius: float, extent: float) -> str:
     return ""
 
 
-def of_modulus(E: float) -> str:
+def modulus_doubt(E: float) -> str:
     """Why the modulus [Pa] of a surface in contact is implausible; "" if it is not."""
     if E >= SOFTEST:
         return ""
@@ -174,7 +176,7 @@ def of_modulus(E: float) -> str:
     )
 
 
-def _of_strength(strength: float | None) -> str:
+def _strength_doubt(strength: float | None) -> str:
     """Why a yield strength [Pa] is implausible; "" if it is not."""
     if strength is None or strength >= WEAKEST:
         return ""
@@ -184,7 +186,7 @@ def _of_strength(strength: float | None) -> str:
     )
 
 
-def of_sphere(radius: float, rho: float) -> str:
+def sphere_doubt(radius: float, rho: float) -> str:
     """Why a sphere of this radius [m] and density [kg/m³] is implausible; "" if it is not."""
     if radius > LARGEST_SPHERE:
         return (
@@ -199,7 +201,7 @@ def of_sphere(radius: float, rho: float) -> str:
     return ""
 
 
-def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
+def thickness_doubt(thickness: float, extent: float, what: str = "shell") -> str:
     """Why the thickness of a sheet or bar is implausible in a part of this size [m]; "" if not."""
     if thickness <= extent:
         return ""
@@ -210,7 +212,7 @@ def of_thickness(thickness: float, extent: float, what: str = "shell") -> str:
     )
 
 
-def of_blow(model: object, movers: Iterable[object], *velocities: object) -> str:
+def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -> str:
     """Why an impact on a model is implausible, "" if it is not; InputError for impossible values.
 
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a

@@ -201,9 +201,9 @@ WORK_PER_THREAD = 5e8
 WORTHWHILE = 0.8
 #: Samples of the load of this machine, of which the median counts: one process that is running for
 #: a moment does not change it.
-LOOKS = 5
+LOAD_SAMPLES = 5
 #: Seconds between two of them, so that all take 16 ms, little beside a factor that uses threads.
-LOOK_PAUSE = 0.004
+SAMPLE_PAUSE = 0.004
 
 
 def user_threads() -> tuple[str, str] | None:
@@ -227,12 +227,12 @@ def free_cores() -> int:
     if allowed == 1:
         return 1
     samples = []
-    for _ in range(LOOKS):
+    for _ in range(LOAD_SAMPLES):
         other_threads = _running_elsewhere()
         if other_threads is None:
             return 1
         samples.append(other_threads)
-        time.sleep(LOOK_PAUSE)
+        time.sleep(SAMPLE_PAUSE)
     idle = (os.cpu_count() or 1) - int(np.median(samples))
     return max(1, min(allowed, idle))
 

@@ -178,7 +178,7 @@ def world_rank() -> int:
     return 0
 
 
-def say(text: str, stream: TextIO | None = None) -> None:
+def print_text(text: str, stream: TextIO | None = None) -> None:
     """Print a text on rank 0; characters that the terminal cannot encode become "?"."""
     if world_rank():
         return

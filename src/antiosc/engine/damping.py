@@ -456,7 +456,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     pairs: list[tuple[float, float, Array, Array]] = []
     plus: list[tuple[float, Array]] = []
     minus: list[tuple[float, Array]] = []
-    for group in _groups(poles):
+    for group in _equal_poles(poles):
         pole = poles[group].mean()
         gram = Z[:, group].T @ (sign[:, None] * Z[:, group]) / pole
         if pole.imag > 0:
@@ -478,7 +478,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
         column[2 * k :] = L[:, j]
         deceleration = damping.matrix[j, j] + float(tau @ L[:, j] ** 2)
         plus.append((0.0, column / np.sqrt(deceleration)))
-    pairs += _pairs(plus, minus, float(np.abs(poles).max(initial=1.0)))
+    pairs += _paired_poles(plus, minus, float(np.abs(poles).max(initial=1.0)))
     w = np.array([pair[0] for pair in pairs])
     d = np.array([pair[1] for pair in pairs])
     shapes = [pair[2] for pair in pairs] + [pair[3] for pair in pairs]
@@ -523,7 +523,7 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
     return eigenvalues + 0j, basis @ (turn / scale @ vectors) + 0j
 
 
-def _groups(poles: Numbers) -> list[list[int]]:
+def _equal_poles(poles: Numbers) -> list[list[int]]:
     """Groups of equal poles, real and complex ones separately."""
     groups: list[list[int]] = []
     for i in np.lexsort((poles.imag, np.abs(poles))).tolist():
@@ -537,7 +537,7 @@ def _groups(poles: Numbers) -> list[list[int]]:
     return groups
 
 
-def _pairs(
+def _paired_poles(
     plus: list[tuple[float, Array]], minus: list[tuple[float, Array]], fastest: float
 ) -> list[tuple[float, float, Array, Array]]:
     """Real poles in pairs (w, d, c_a, c_b): a negative one with the nearest slower positive one."""

@@ -81,7 +81,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
     )
 
 
-def closed(system: System, laws: list[ContactLaw]) -> Array:
+def initial_forces(system: System, laws: list[ContactLaw]) -> Array:
     """Contact forces (p,) [N] at the start, with all masses at rest in their initial positions."""
     p = len(laws)
     free = system.beta[:p] @ system.q - system.offsets[0, :p]

@@ -22,7 +22,7 @@ _RECORDS = library.CRecord * 3  # the runs with three steps of which the last tw
 _FIRST = 1024  # nodes of the first buffer; a full one becomes four times as large
 FINE = 200  # touches closer than the expected contact time over this count as one
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
-_AT_ONCE = 100_000_000
+_NODES_AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
 STATES = 1 << 27
 SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
@@ -307,7 +307,7 @@ def solve(
         byref(options),
         byref(solution),
         addressof(space.records),
-        max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
+        max(_NODES_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
     )
     answer = library.PAUSED
     while answer in (library.PAUSED, library.FULL):

@@ -34,7 +34,7 @@ from antiosc.reduce.extraction import stretching
 Columns = Callable[[Array, bool], Array]
 
 
-def _of_state(at: Columns, structure: Structure, shapes: Array) -> Array:
+def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
     """Columns (…, B) of η(q, s), q the static state under a prestress, s the shapes (rows, B)."""
     preload = structure.matrices.preload
     if preload is None or not structure.comm.allreduce(preload.q.any()):
@@ -56,7 +56,7 @@ def with_pairs(
         linear = at(shapes, False)
         if linear.shape[-1] != shapes.shape[1]:  # columns of branches, too
             return linear
-        return linear + _of_state(at, structure, shapes)
+        return linear + _state_strain(at, structure, shapes)
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
     modes = shapes[:, :count] @ stretch_factors(history, body).T
@@ -71,7 +71,7 @@ def with_pairs(
     square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
     squares = square[..., i == j]
     products = (square - squares[..., i] - squares[..., j]) / 2
-    columns = linear[..., : shapes.shape[1]] + _of_state(at, structure, shapes)
+    columns = linear[..., : shapes.shape[1]] + _state_strain(at, structure, shapes)
     columns[..., count:] += np.where(i == j, square, products)
     return columns
 

@@ -90,7 +90,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
         mass = float(system.mass[c])
         push_force = float(push[c])
         farthest = speed * duration + push_force * duration**2
-        blow = _Blow(speed, 0.5 * mass * speed**2, push_force * mass, farthest)
+        blow = _ContactStart(speed, 0.5 * mass * speed**2, push_force * mass, farthest)
         depth = largest_indentation(law, *blow)
         mean_speed = speed + sqrt(2 * push_force * depth)
         shortest = min(shortest, 3 * depth / mean_speed)
@@ -100,7 +100,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     return shortest
 
 
-class _Blow(NamedTuple):
+class _ContactStart(NamedTuple):
     """Data of a contact's blow: closing speed [m/s], energy [J], push [N], largest possible
     indentation [m].
     """
@@ -111,7 +111,9 @@ class _Blow(NamedTuple):
     farthest: float
 
 
-def _friction(contact: Contact, law: ContactLaw, blow: _Blow, local: float) -> tuple[float, float]:
+def _friction(
+    contact: Contact, law: ContactLaw, blow: _ContactStart, local: float
+) -> tuple[float, float]:
     """(coefficient of friction, tangential stiffness [N/m] without the patches' compliance) of a
     contact.
     """
@@ -191,7 +193,7 @@ def without_patch(law: ContactLaw, local: float, a: str, b: str) -> tuple[Contac
 Parts: TypeAlias = tuple[SceneParts, dict[str, SceneBody]]
 
 
-def given_parts(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
+def scene_source(scene: SceneParts, bodies: dict[str, SceneBody]) -> Callable[[], Parts]:
     """A picklable function without arguments that returns this scene and these bodies."""
     return cast("Callable[[], Parts]", partial(tuple, (scene, bodies)))
 
@@ -333,7 +335,7 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     time = expect_contacts(scene, system, local, duration)
     turns = any(map(may_rotate, bodies.values()))
     thin = any(map(is_thin, scene.bodies.values()))
-    parts = given_parts(scene, bodies)
+    parts = scene_source(scene, bodies)
     return Assembly(parts, G, laws, notes, system, time, turns, thin, stretches)
 
 

@@ -348,7 +348,7 @@ def simulate_many(
     settings = Settings(DEFAULT_TOL if tol is None else tol, method, None, max_contacts, max_steps)
     movers = columns["impactors"]
     speeds = columns["initial_velocity"]
-    plausible.warn_each([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
+    plausible.warn_each([plausible.impact_doubt(m, movers, *speeds) for m in columns["models"][:1]])
     steps = cast("list[float | None]", columns.pop("step"))
     columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
@@ -505,7 +505,9 @@ def _solve_chunk(
         members = [linear[i] for i in group]
         group_rows = _solve_group(members, settings, partial(_report_progress, report, len(rows)))
         for i, row in zip(group, group_rows, strict=True):
-            is_valid = linear[i] is scenes[i] or (row is not None and _slight(linear[i].model, row))
+            is_valid = linear[i] is scenes[i] or (
+                row is not None and _is_slight(linear[i].model, row)
+            )
             if row is not None and is_valid:
                 rows[i] = row
     for i, (scene, step) in enumerate(zip(scenes, steps, strict=True)):
@@ -527,7 +529,7 @@ def _linear(scene: Impact, known: dict[int, LinearBody]) -> Impact:
     return scene._replace(model=known[id(model)])
 
 
-def _slight(model: LinearBody, row: _Row) -> bool:
+def _is_slight(model: LinearBody, row: _Row) -> bool:
     """Whether the deflection in a linear run is too small for the sheet to stretch noticeably."""
     info = info_of(model)
     ratio = _bend(model, row.impulse)
@@ -593,7 +595,7 @@ def _row_of(
 
 def _doubts(scene: Impact) -> list[str]:
     """Sentences on implausible properties of a scene."""
-    blow = plausible.of_blow(scene.model, [scene.impactor], scene.initial_velocity)
+    blow = plausible.impact_doubt(scene.model, [scene.impactor], scene.initial_velocity)
     return [*(info_of(scene.model).doubts or ()), *filter(None, [blow])]
 
 

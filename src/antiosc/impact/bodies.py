@@ -159,7 +159,7 @@ class Sphere(FieldsRepr, Body):
             **_constants(matter),
         )
         if mass is None:  # with a mass the radius may be that of a tip, and rho is no density
-            plausible.warn_each([plausible.of_sphere(self.radius, self.rho)])
+            plausible.warn_each([plausible.sphere_doubt(self.radius, self.rho)])
 
     @property
     def mass(self) -> float:

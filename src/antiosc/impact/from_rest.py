@@ -19,7 +19,7 @@ SAMPLES = 200
 #: … and at most, …
 MOST_SAMPLES = 20_000
 #: … and in a period of the first mode, whose largest value they miss by at most 0.3 %.
-A_PERIOD = 40
+SAMPLES_PER_PERIOD = 40
 #: Times [s] and the force [N] at them, linear between them and zero outside.
 Force = tuple[Array, Array]
 
@@ -49,7 +49,7 @@ def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: floa
     residual = np.array([body.r for body in modes])
     first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
     periods = duration * first / (2 * np.pi)
-    samples = int(np.clip(A_PERIOD * periods, SAMPLES, MOST_SAMPLES))
+    samples = int(np.clip(SAMPLES_PER_PERIOD * periods, SAMPLES, MOST_SAMPLES))
     peak = np.zeros(len(modes))
     for _, q, force in motions(omega, b, decay, forces, duration, samples):
         u = np.sum(b * q, axis=1) + residual * force
@@ -73,7 +73,7 @@ def motions(
     """
     even_times = np.linspace(0, duration, samples)
     times = [np.union1d(even_times, force_times) for force_times, _ in forces]
-    values = [_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
+    values = [_force_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)
     q = np.zeros_like(b)
@@ -90,7 +90,7 @@ def motions(
         yield time[:, k + 1], q, force[:, k + 1]
 
 
-def _at(times: Array, force: Force) -> Array:
+def _force_at(times: Array, force: Force) -> Array:
     """Values [N] of a force at times [s]."""
     breaks, values = force
     if not breaks.size:

@@ -27,7 +27,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, RangeError, warn, without_warnings
 from antiosc.base.process import within_memory
 from antiosc.engine.contact import ContactLaw
-from antiosc.engine.equilibrium import closed, settle
+from antiosc.engine.equilibrium import initial_forces, settle
 from antiosc.engine.march import Converged, converge
 from antiosc.engine.stability import checked_step, stepped
 from antiosc.engine.system import ContactState
@@ -141,23 +141,23 @@ class Scene(SceneParts):
         settings = Settings(tol, method, step, max_contacts, max_steps)
         bodies = list(self.bodies.values())
         motions = list(self.motion.values())
-        blows = [plausible.of_blow(body, bodies, *motions) for body in bodies]
+        blows = [plausible.impact_doubt(body, bodies, *motions) for body in bodies]
         stored = [sentence for body in bodies for sentence in info_of(body).doubts or ()]
         doubts = [*stored, *plausible.warn_each(blows)]
         assembly = assemble_scene(self, duration, stretch=True)
         set_initial_forces(assembly)
         history, check = integrate(SceneHistory, assembly, duration, settings)
         for sentence in misplaced_ends(self.contacts, assembly.bodies):
-            history = told(history, sentence)
+            history = with_warning(history, sentence)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
-        history = told(history, large_deflection_message(history))
+        history = with_warning(history, large_deflection_message(history))
         _warn_truncation(self, history)
         check_range(history, doubts)
         return history
 
 
-def told(history: H, sentence: str) -> H:
+def with_warning(history: H, sentence: str) -> H:
     """Warn with a sentence and return the history with it in its message; "" changes nothing."""
     if not sentence:
         return history
@@ -189,7 +189,7 @@ def integrate(
         return history
 
     history, sentence = stretched(linear, integrated, settings.tol)
-    return told(history, sentence), run_checks[id(history.run)]
+    return with_warning(history, sentence), run_checks[id(history.run)]
 
 
 def _integrate(
@@ -237,7 +237,7 @@ def set_initial_forces(
     if assembly.scene.preload:
         system.q, system.pressed = settle(system, laws)
     else:
-        system.pressed = closed(system, laws)
+        system.pressed = initial_forces(system, laws)
     if cut is not None:
         goes_on = [contact is not None and contact.closed for contact in cut[0]]
         system.pressed = np.where(goes_on, np.maximum(cut[1], 0.0), system.pressed)
@@ -421,7 +421,7 @@ def simulate(
     accuracy = DEFAULT_TOL if tol is None else tol
     settings = Settings(accuracy, method, step, max_contacts, max_steps)
     law = law_of(contact, model, impactor)
-    doubts = plausible.warn_each([plausible.of_blow(model, [impactor], initial_velocity)])
+    doubts = plausible.warn_each([plausible.impact_doubt(model, [impactor], initial_velocity)])
     scene = Impact(model, impactor, law, duration, initial_velocity, gravity, gap)
     reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
     budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
@@ -434,9 +434,11 @@ def simulate(
         if sentence:
             history = replace(history, message=f"{history.message} {sentence}")
     if history.run.touches:
-        history = told(history, coarse_cell(model, "", history.assembly.contact_time_estimate))
+        history = with_warning(
+            history, coarse_cell(model, "", history.assembly.contact_time_estimate)
+        )
     warn_large_rotation(*history.largest_rotation())
-    history = told(history, large_deflection_message(history))
+    history = with_warning(history, large_deflection_message(history))
     info = info_of(model)
     check_range(history, [*(info.doubts or ()), *doubts])
     if info.measured is not None:

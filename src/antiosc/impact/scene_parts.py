@@ -32,7 +32,7 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.system import side_by_side
 from antiosc.impact.bodies import PARALLEL, Obstacle, RigidBody, SceneBody
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.auto_contact import AUTO, LAW, chosen, is_auto
+from antiosc.models.auto_contact import AUTO, LAW, choice_at_sites, is_auto
 from antiosc.models.body import checked_body, info_of, site_points
 from antiosc.models.modal import SiteModes
 from antiosc.models.motion import ModalState, Motion
@@ -236,7 +236,9 @@ class SceneParts(FieldsRepr):
         if first is None or second is None:
             return contact  # which is refused when the scene is assembled
         try:
-            return replace(contact, law=chosen(first, second, (ends[0][2], ends[1][2])).law)
+            return replace(
+                contact, law=choice_at_sites(first, second, (ends[0][2], ends[1][2])).law
+            )
         except InputError as error:
             raise InputError(f"contact {contact.a!r}, {contact.b!r}: {error}") from None
 

@@ -30,13 +30,13 @@ Integrate = Callable[[Assembly], H]
 NEGLIGIBLE = 3e-3
 #: Modes that an automatic choice begins with, and the share of the error that it aims at, at least:
 #: the tensors themselves are within 1e-3 of the full second-order strain.
-FIRST = 2
+FIRST_MODES = 2
 LEAST_TOL = 2e-3
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (benchmarks/thin_sheets.py).
 AGREE = 2
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
-TOLD = 1e-2
+WARN = 1e-2
 #: What decides on their number, and how much more it may change than the force; contact times,
 #: which may jump by a whole touch, do not.
 DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
@@ -131,7 +131,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     before = None
     changes: list[dict[str, float]] = []
     most_modes = min(max(motion.forces.size for motion in moves.values()), MOST)
-    count = min(FIRST, most_modes)
+    count = min(FIRST_MODES, most_modes)
     while True:
         stretches = {name: motion.first(count) for name, motion in moves.items()}
         finer = again(with_rows(a, stretches))
@@ -145,7 +145,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         before = finer
         count = min(count + 2, most_modes)
     finer.error.update({f"stretch {name}": value for name, value in last.items()})
-    if last and worst > max(tol, TOLD):
+    if last and worst > max(tol, WARN):
         return finer, _not_enough(count, worst)
     return finer, ""
 
@@ -175,6 +175,6 @@ def differences(first: History, second: History) -> dict[str, float]:
 def _not_enough(count: int, worst: float) -> str:
     return (
         f"The second-order forces of up to {count} modes change the impact by {worst:.2g} with each"
-        f" two more, more than {TOLD:g}: so local or so large a deflection needs an explicit finite"
+        f" two more, more than {WARN:g}: so local or so large a deflection needs an explicit finite"
         " element program."
     )

@@ -40,7 +40,7 @@ from antiosc.models.parameters import (
     Parameters,
     checked_at_one_site,
     checked_at_sites,
-    checked_size,
+    sorted_damping,
 )
 from antiosc.models.stretch import Stretch
 
@@ -141,7 +141,7 @@ class AntiOscillators(ReprMixin, Parameters):
         else:
             checks.store(self, **checked_at_one_site(self))
         if isinstance(self.damping, DampingMatrix):
-            checks.store(self, damping=checked_size(self, self.damping, as_passed))
+            checks.store(self, damping=sorted_damping(self, self.damping, as_passed))
 
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])

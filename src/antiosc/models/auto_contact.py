@@ -25,7 +25,7 @@ def is_auto(contact: object) -> TypeGuard[Literal["auto"]]:
     return isinstance(contact, str) and contact == AUTO
 
 
-def chosen(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
+def choice_at_sites(first: object, second: object, sites: tuple[str, str] = ("", "")) -> Choice:
     """The law for the contact of two bodies at their sites, with the reason.
 
     InputError if the material or the shape of a body is unknown.
@@ -47,7 +47,7 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
         part, striker = surfaces[k], surfaces[1 - k]
         if part is None or striker is None or info_of(bodies[1 - k]).surfaces is not None:
             continue
-        touched = met_by(part, striker)
+        touched = second_contact_of(part, striker)
         if touched:
             return (
                 f"The striker, round with a radius of {engineering(1 / striker.curvatures[0], 'm')}"
@@ -58,7 +58,7 @@ def piercing(first: object, second: object, sites: tuple[str, str] = ("", "")) -
     return ""
 
 
-def met_by(part: Surface, striker: Surface) -> tuple[float, float, float] | None:
+def second_contact_of(part: Surface, striker: Surface) -> tuple[float, float, float] | None:
     """The point of a part that a round striker pierces as it touches a site; None if none."""
     low, high = striker.curvatures
     round_tip = striker.kind == CURVED and low == high and low > 0
@@ -90,14 +90,14 @@ def _surface(body: object, site: str) -> Surface:
 def law_of(contact: object, first: object, second: object) -> ContactLaw:
     """The given law, or for "auto" the law that the surfaces of two bodies require."""
     if is_auto(contact):
-        return chosen(first, second).law
+        return choice_at_sites(first, second).law
     return checks.instance("contact", contact, ContactLaw, LAW)
 
 
 def choice_of(law: ContactLaw, first: object, second: object) -> Choice | None:
     """The choice that led to this law; None for a law that the user gave."""
     try:
-        choice = chosen(first, second)
+        choice = choice_at_sites(first, second)
     except InputError:
         return None
     return choice if choice.law == law else None

@@ -378,7 +378,7 @@ class ModalModel(Body):
         return self.modes
 
 
-class _ForeignBody(Body):
+class _UserBody(Body):
     """A user's body: its checked attributes, with defaults for missing ones."""
 
     def __init__(self, name: str, body: LinearBody) -> None:
@@ -414,7 +414,7 @@ def checked_body(name: str, body: object) -> Body:
             raise InputError(several_sites_message(name, body.sites))
         return body
     if isinstance(body, LinearBody) and not isinstance(body, type) and callable(body.modal):
-        return _ForeignBody(name, body)
+        return _UserBody(name, body)
     raise InputError(
         f"{name} must have a modal() method, as the model that extract(part, site) makes, a "
         f"RigidMass and a Sphere have; got {checks.shown(body)}."

@@ -36,7 +36,7 @@ from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 from antiosc.models.stretch import Stretch
 
 #: Parameters by name, as they are stored.
-Stored = dict[str, object]
+ParameterDict = dict[str, object]
 #: Parameters that only a model of several sites has.
 OF_SEVERAL = ("columns", "dependence", "rigid", "slide")
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
@@ -136,7 +136,7 @@ class Parameters(Body):
         return tuple(labels)
 
 
-def checked_at_one_site(model: Parameters) -> Stored:
+def checked_at_one_site(model: Parameters) -> ParameterDict:
     """Check the parameters of one site and sort them by frequency; else InputError."""
     for name in OF_SEVERAL:
         value = getattr(model, name)
@@ -166,7 +166,7 @@ def checked_at_one_site(model: Parameters) -> Stored:
             "stiffness; give it one."
         )
     columns = np.concatenate(([0], 1 + order))
-    stored: Stored = {
+    stored: ParameterDict = {
         "m0": m0,
         "k0": k0,
         "m": checks.read_only(m[order]),
@@ -203,7 +203,7 @@ def checked_energies(name: str, energies: Array, size: int, semidefinite: bool =
     return checks.read_only((E + E.T) / 2)
 
 
-def checked_at_sites(model: Parameters) -> Stored:
+def checked_at_sites(model: Parameters) -> ParameterDict:
     """Check the parameters of several sites and sort them by frequency; else InputError."""
     if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
@@ -271,7 +271,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
-def _patch_parameters(model: Parameters, count: int) -> Stored:
+def _patch_parameters(model: Parameters, count: int) -> ParameterDict:
     """(compliance, radius) of the patch of each of `count` sites."""
     local = checks.floats("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
@@ -286,9 +286,9 @@ def _patch_parameters(model: Parameters, count: int) -> Stored:
 
 def _direction_parameters(
     model: Parameters, rows: Index, columns: tuple[int, ...], axes: tuple[int, ...]
-) -> Stored:
+) -> ParameterDict:
     """Directions (*columns, 3) and sorted weights (rows, *axes) of the shapes."""
-    stored: Stored = {}
+    stored: ParameterDict = {}
     if model.direction is not None:
         directions = checks.floats("direction", model.direction, (*columns, 3))
         unit = unit_vectors if columns else unit_vector
@@ -320,13 +320,13 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> Stored:
+def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None) -> ParameterDict:
     """Check shapes, momenta and hidden motions and sort the shapes by `rows`; else InputError.
 
     The momenta of the hidden motions follow those of the shapes; `slides` is the number of hidden
     motions if the momenta do not give it.
     """
-    stored: Stored = {}
+    stored: ParameterDict = {}
     in_order = np.array_equal(rows, np.arange(rows.size))
     if model.shapes is not None:
         shapes = checks.floats("shapes", model.shapes, (None, rows.size))
@@ -350,7 +350,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
     return stored
 
 
-def checked_size(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
+def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
     """The damping of a model in the order of its sorted frequencies."""
     n_sites = model.n_sites
     hidden = model.hidden_count

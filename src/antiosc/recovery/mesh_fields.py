@@ -568,15 +568,15 @@ def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
     ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
     along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
     if len(ends) == 2:
-        return [(x[corner], _between(*along))]
+        return [(x[corner], _angle_between(*along))]
     angles = []
     for k, end in enumerate(ends):
         across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
-        angles.append((end, _between(*across)))
+        angles.append((end, _angle_between(*across)))
     return angles
 
 
-def _between(a: Array, b: Array) -> float:
+def _angle_between(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 

@@ -132,14 +132,14 @@ def write_frames(
         staging = files.part_name(target)
         staging.mkdir(mode=0o700)
         with files.claimed(staging):
-            old_frames = _replaced(target, staging, frames, times, fields)
+            old_frames = _write_and_list(target, staging, frames, times, fields)
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error
     for folder in {(target.parent / name).parent for name in old_frames} - {target.parent}:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _replaced(
+def _write_and_list(
     target: Path, staging: Path, frames: Frames, times: Array, fields: Iterable[Array]
 ) -> list[str]:
     """Write the frames and their list; return the names of the frames of the previous list."""

@@ -408,9 +408,9 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
         s = sheet.section
         stretch = strains.membrane[of_part]
         bend = strains.bending[of_part]
-        result[of_part, :3] = _times(s.A, stretch) + _times(s.B, bend)
-        result[of_part, 3:6] = _times(s.B, stretch) + _times(s.D, bend)
-        result[of_part, 6:] = _times(s.S, strains.shear[of_part])
+        result[of_part, :3] = _products(s.A, stretch) + _products(s.B, bend)
+        result[of_part, 3:6] = _products(s.B, stretch) + _products(s.D, bend)
+        result[of_part, 6:] = _products(s.S, strains.shear[of_part])
     return result
 
 
@@ -437,7 +437,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     angle = np.zeros(len(at.cells))
     for k, (sheet, _) in enumerate(at.part.parts):
         for up in (1.0, -1.0):
-            of_part = (number == k) & (_toward(place, frame) == up)
+            of_part = (number == k) & (_surface_sign(place, frame) == up)
             if not of_part.any():
                 continue
             which, z = _height(sheet, place, up)
@@ -446,14 +446,14 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
             plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
             # stresses of the shear forces in equilibrium, and the strains that they cause
             f = shear_stresses(_layers(sheet), which, z)
-            shear_forces = _times(f @ sheet.section.S, strains.shear[of_part])
+            shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
             if of_stress:
-                plane = _times(layer.plane_stress(), plane)
+                plane = _products(layer.plane_stress(), plane)
                 half = 1.0
                 result[of_part, 2, 2] = 0.0
             else:
-                thin = _times(layer.contraction(), plane)
-                shear_forces = _times(np.linalg.inv(layer.transverse_shear()), shear_forces)
+                thin = _products(layer.contraction(), plane)
+                shear_forces = _products(np.linalg.inv(layer.transverse_shear()), shear_forces)
                 half = 0.5
                 result[of_part, 2, 2] = thin[:, 0]
             result[of_part, 0, 0] = plane[:, 0]
@@ -474,7 +474,7 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
     return np.einsum("pia,pabk,pjb->pijk", R, result, R, optimize=True)
 
 
-def _toward(place: Place, frame: SheetFrame) -> Array:
+def _surface_sign(place: Place, frame: SheetFrame) -> Array:
     """±1 (P,): whether `place.surface` points along the normal of the sheet; 1 for a named side."""
     if isinstance(place.surface, str):
         return np.ones(len(frame.n))
@@ -548,11 +548,11 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
         membrane += np.stack(second, axis=1)
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     bending = np.stack([dr2[:, 0], -dr1[:, 1], dr2[:, 1] - dr1[:, 0]], axis=1)
-    leaning = _leaning(at, rotations, frame)
+    leaning = _shear_rotations(at, rotations, frame)
     return Strains(membrane, bending, dotted(du, n) + leaning)
 
 
-def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
+def _shear_rotations(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
     """(θ×n) along e1 and e2 (P, 2, columns); in triangles interpolated as in the energy."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
@@ -572,7 +572,7 @@ def _leaning(at: PointsInCells, rotations: Array, frame: SheetFrame) -> Array:
     return np.einsum("pad,pdk->pak", to_axes, shear)
 
 
-def _times(matrix: Array, columns: Array) -> Array:
+def _products(matrix: Array, columns: Array) -> Array:
     """Products (P, m, columns) of a matrix (m, n) with vectors (P, n, columns)."""
     return np.einsum("ij,pjk->pik", matrix, columns)
 

@@ -57,7 +57,14 @@ from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact
 from antiosc.models import driving_point, free_modes
-from antiosc.models.auto_contact import AUTO, AnyLaw, chosen, is_auto, law_of, met_by
+from antiosc.models.auto_contact import (
+    AUTO,
+    AnyLaw,
+    choice_at_sites,
+    is_auto,
+    law_of,
+    second_contact_of,
+)
 from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
 from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, PIERCED
 from antiosc.models.free_modes import SiteModels
@@ -308,7 +315,7 @@ def _laws(
                 hollow[i] = True
             if of_site is not None:
                 sharp[i] = of_site.kind in SHARP
-                pierced[i] = striker is not None and met_by(of_site, striker) is not None
+                pierced[i] = striker is not None and second_contact_of(of_site, striker) is not None
             ready(i + 1)
     return laws, {
         EDGE: sharp,
@@ -335,7 +342,7 @@ def _law_error(structure: Structure, struck: ImpactMap) -> float | None:
     radius = np.nan if struck.radius is None else float(struck.radius[i])
     of_site = _surface(structure, struck.points[i], struck.directions[i], radius, True)
     try:
-        choice = chosen(PlaneOf(structure, of_site), struck.impactor)
+        choice = choice_at_sites(PlaneOf(structure, of_site), struck.impactor)
     except InputError:
         return None
     peak = float(struck.peak_force[i])

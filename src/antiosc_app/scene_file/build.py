@@ -22,10 +22,10 @@ from antiosc_app.scene_file.document import (
     Document,
     Place,
     Table,
+    closest_name,
     label,
     listed,
-    meant,
-    nearest,
+    suggestion,
     unknown,
 )
 from antiosc_app.scene_file.schema import (
@@ -185,7 +185,7 @@ class Builder:
         for name, value in data.items():
             entry_place = (*place, name)
             if name not in known:
-                close = nearest(name, known)
+                close = closest_name(name, known)
                 hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
                 fault = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
                 known_names = f"There is {listed(known)}."
@@ -287,7 +287,7 @@ class Builder:
         if kind is None:
             self._wrong(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
         if not isinstance(kind, str) or kind not in kinds:
-            fault = f"{label(place)} has no {KIND} {checks.shown(kind)}{meant(kind, kinds)}"
+            fault = f"{label(place)} has no {KIND} {checks.shown(kind)}{suggestion(kind, kinds)}"
             self._wrong((*place, KIND), f"{fault} It may be {listed(kinds)}.")
         return kind
 
@@ -311,10 +311,14 @@ class Builder:
             for parameter in known.values()
             if parameter.needed and parameter.name not in table
         ]
-        meant_keys = {nearest(key, known) for key in table if missing_keys and key not in known}
+        meant_keys = {
+            closest_name(key, known) for key in table if missing_keys and key not in known
+        }
         for parameter in missing_keys:
             if parameter.name not in meant_keys:  # a key that does not exist means it
-                key_text = f"{parameter.name!r}, {words(parameter.kinds)}{_about(parameter.about)}"
+                key_text = (
+                    f"{parameter.name!r}, {words(parameter.kinds)}{_meaning(parameter.about)}"
+                )
                 self.note(place, f"{label(place)} lacks {key_text}.")
         return values, complete and not missing_keys
 
@@ -325,7 +329,7 @@ class Builder:
         key_place = (*place, key)
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(key_place, f"{label(key_place)} has no place in a file: {WITHHELD[key]}.")
-        close = nearest(key, known)
+        close = closest_name(key, known)
         meaning = f": {known[close].about}" if close and known[close].about else ""
         hint = f"; did you mean {close!r} ({words(known[close].kinds)}{meaning})?" if close else "."
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
@@ -340,7 +344,7 @@ class Builder:
             with warnings_to(messages.append):
                 result = call.make(**replaced(dict(call.arguments)))
                 if isinstance(result, plausible.ExaminedMaterial):
-                    plausible.warn_each([plausible.of_material(result)])
+                    plausible.warn_each([plausible.material_doubt(result)])
         except Exception as error:
             self.note(*call.refused(error))
             return None
@@ -370,12 +374,12 @@ class Builder:
             choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
             if any(k.name in ("number", "whole") for k in kinds) and _WITH_UNIT.fullmatch(value):
                 hint = "; write the number alone: all numbers are in SI units, lengths in m."
-            hint = meant(value, choices) if choices else hint
+            hint = suggestion(value, choices) if choices else hint
         if isinstance(value, list) and any(kind.each for kind in kinds):
             hint = f"; the list has {len(value)} entries."
         shown_value = str(value).lower() if isinstance(value, bool) else checks.shown(value)
         shown_value = "a table" if isinstance(value, dict) else shown_value
-        rule = f"{label(place)} must be {words(kinds)}{_about(about)}"
+        rule = f"{label(place)} must be {words(kinds)}{_meaning(about)}"
         self._wrong(place, f"{rule}; got {shown_value}{hint}")
 
     def _of_kind(self, kind: ValueKind, value: Any, place: Place, about: str) -> object:
@@ -420,7 +424,7 @@ class Builder:
                 fault = "which is no regular file"
             elif path.parent.is_dir():
                 siblings = [sibling.name for sibling in islice(path.parent.iterdir(), 1000)]
-                close = nearest(path.name, siblings, 0.7)
+                close = closest_name(path.name, siblings, 0.7)
                 fault += f" (there is {close!r} in that folder)" if close else ""
         except (OSError, ValueError):  # a name that no system takes
             pass
@@ -439,5 +443,5 @@ class Builder:
         raise Mistake
 
 
-def _about(text: str) -> str:
+def _meaning(text: str) -> str:
     return f" ({text})" if text else ""

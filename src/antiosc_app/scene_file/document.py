@@ -280,7 +280,7 @@ SYNONYMS = {
 }
 
 
-def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
+def closest_name(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
     """The known name that is probably meant: a synonym, or the most similar one, or None.
 
     `least`: smallest similarity, from 0 to 1 (difflib).
@@ -294,9 +294,9 @@ def nearest(name: str, known: Iterable[str], least: float = 0.5) -> str | None:
     return None
 
 
-def meant(name: object, known: Iterable[str]) -> str:
+def suggestion(name: object, known: Iterable[str]) -> str:
     """End of a sentence on an unknown name: "; did you mean 'E'?", or a full stop."""
-    close = nearest(str(name), known)
+    close = closest_name(str(name), known)
     return f"; did you mean {close!r}?" if close else "."
 
 
@@ -310,4 +310,4 @@ def unknown(what: str, name: str, known: Iterable[str]) -> str:
     """A sentence on an unknown name, with those that are known."""
     names = list(known)
     known_names = f"There is {listed(names)}."
-    return f"{what} {checks.shown(name)} does not exist{meant(name, names)} {known_names}"
+    return f"{what} {checks.shown(name)} does not exist{suggestion(name, names)} {known_names}"

@@ -85,7 +85,7 @@ def collected_warnings(sentences: list[str]) -> Iterator[None]:
             yield
     except AntioscError:
         for sentence in sentences:
-            progress.say(f"warning: {sentence}", sys.stderr)
+            progress.print_text(f"warning: {sentence}", sys.stderr)
         raise
 
 
@@ -166,7 +166,7 @@ def varied(build: Builder | CompiledScene) -> dict[Place, list[object]]:
 def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of the batch; None without [sweep], or after a mistake in it."""
     lists = varied(build)
-    sections = _known(build)
+    sections = _variable_sections(build)
     if "sweep" in build.data and not lists:
         sentence = "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         build.note(("sweep",), sentence)
@@ -179,8 +179,8 @@ def sweep(build: Builder, compiled: CompiledScene) -> Call | None:
             build.note(sweep_place, f"{sentence}; got {label(place)}.")
         elif not isinstance(values, list) or not 0 < len(values) <= limit:
             build.note(sweep_place, f"{label(sweep_place)} must be a list of 1 to {limit} values.")
-        elif place[0] == "simulate" and place[1] not in _of_batch():
-            sentence = f"[sweep] has lists of {listed(_of_batch())} of [simulate]"
+        elif place[0] == "simulate" and place[1] not in _batch_keys():
+            sentence = f"[sweep] has lists of {listed(_batch_keys())} of [simulate]"
             build.note(sweep_place, f"{sentence}; got {place[1]!r}.")
         else:
             combinations.append(values)
@@ -252,14 +252,14 @@ def _facts(arguments: Table) -> RowFacts:
         return RowFacts(budget, share, dent)
 
 
-def _known(build: Builder) -> list[str]:
+def _variable_sections(build: Builder) -> list[str]:
     """The sections that a sweep of this scene may vary."""
     reduced = source(build) not in MODELS
     structural = (n for n in STRUCTURAL if n in build.data or (n == "extract" and reduced))
     return [*VARIED, *structural]
 
 
-def _of_batch() -> list[str]:
+def _batch_keys() -> list[str]:
     """The keys of [simulate] for which a batch accepts lists."""
     batch = parameters("simulate_many")
     of_one = parameters("simulate")

@@ -276,16 +276,16 @@ def descriptions(call: object) -> dict[str, str]:
     return texts
 
 
-def _among(name: str) -> Check:
+def _choice_check(name: str) -> Check:
     """A check against the choices "module:name", imported on use since it may need dolfinx."""
     return lambda key, value: checks.choice(key, value, tuple(pkgutil.resolve_name(name)))
 
 
-def _by(name: str) -> Check:
+def _check_named(name: str) -> Check:
     return lambda _, value: pkgutil.resolve_name(name)(value)
 
 
-def _of(unit: str) -> Check:
+def _in_unit(unit: str) -> Check:
     return functools.partial(checks.positive, unit=unit)
 
 
@@ -294,37 +294,37 @@ COMPONENTS = ("all", "x", "y", "z", "rx", "ry", "rz")
 #: Parameter, or function and parameter, -> the check of its value. A function checks its values
 #: when it runs, which is too late for a file that is only looked at.
 CHECKS: dict[str, Check] = {
-    **dict.fromkeys(("duration", "step", "timeout"), _of("s")),
-    **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _of("m")),
+    **dict.fromkeys(("duration", "step", "timeout"), _in_unit("s")),
+    **dict.fromkeys(("size", "merge", "radius", "height", "corner_radius"), _in_unit("m")),
     **dict.fromkeys(("max_contacts", "max_steps", "modes"), checks.whole),
     "accuracy": checks.positive,
-    "band": _of("Hz"),
+    "band": _in_unit("Hz"),
     "damping": lambda _, value: as_damping(value),
-    "density": _of("kg/m³"),
-    "filter": _among("antiosc_studies.drops.fall:CLASSES"),
+    "density": _in_unit("kg/m³"),
+    "filter": _choice_check("antiosc_studies.drops.fall:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
-    "method": _among("antiosc.impact.reference:METHODS"),
+    "method": _choice_check("antiosc.impact.reference:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),
     "order": functools.partial(checks.choice, options=(1, 2)),
-    "quantity": _among("antiosc.fields.probe:PROBED_QUANTITIES"),
+    "quantity": _choice_check("antiosc.fields.probe:PROBED_QUANTITIES"),
     "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
-    "unit": _by("antiosc.io.neutral:UnitSystem.of"),
+    "unit": _check_named("antiosc.io.neutral:UnitSystem.of"),
     "from_frf.band": functools.partial(checks.floats, shape=(2,)),
     "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
     "read_frf.quantity": functools.partial(
         checks.choice, options=("receptance", "mobility", "accelerance")
     ),
     "read_frf.unit": checks.positive,
-    "until": _by("antiosc_studies.drops.drop:end_of"),
-    "read_model.yield_strength": _of("Pa"),
-    "Sphere.radius": _of("m"),
+    "until": _check_named("antiosc_studies.drops.drop:end_of"),
+    "read_model.yield_strength": _in_unit("Pa"),
+    "Sphere.radius": _in_unit("m"),
     "Support.fix": lambda _, value: [
         checks.choice("fix", component, COMPONENTS) for component in np.ravel(value).tolist()
     ],
-    "Sphere.E": _of("Pa"),
+    "Sphere.E": _in_unit("Pa"),
     "Sphere.nu": lambda _, value: checks.poisson(value),
-    "Sphere.rho": _of("kg/m³"),
+    "Sphere.rho": _in_unit("kg/m³"),
 }
 
 # -- sections

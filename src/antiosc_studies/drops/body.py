@@ -144,7 +144,7 @@ def _elastic(
         radii=np.array([skin.radii(i, rounded) for i in hull_points]),
         materials=skin.materials[hull_points],
         strengths=strengths if np.isfinite(strengths).any() else None,
-        matters=tuple(_matters(structure)),
+        matters=tuple(_materials(structure)),
         omega=omega,
         decay=(Damping(ratio=RATIO) if model_damping is None else model_damping).decay(omega),
         shapes=np.moveaxis(displacements[nodes_of_hull], 1, 2).copy(),
@@ -168,7 +168,7 @@ def _elastic(
     return body
 
 
-def _matters(structure: Structure) -> Iterator[Matter]:
+def _materials(structure: Structure) -> Iterator[Matter]:
     """The known isotropic materials of a part."""
     from antiosc.extension import with_parts
 

@@ -266,7 +266,7 @@ def tumbles(
 ) -> Drops:
     """The falls of an ensemble, each drawn from its own seed."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    draw = partial(_drawn, body.alone(), start, setting, ensemble)
+    draw = partial(_random_fall, body.alone(), start, setting, ensemble)
     chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
     counts: dict[int, list[dict[str, float] | str]] = {}
     with counting("falls", n) as report:
@@ -291,7 +291,7 @@ def tumbles(
     return Drops(table, starts, count, sample.failed, yields, missed)
 
 
-def _drawn(
+def _random_fall(
     body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
 ) -> tuple[FreeBody, State, Setting]:
     """The body, initial state and setting of one random fall."""
@@ -447,7 +447,7 @@ def drop(
     _check_ground(body, setting.floor)
     _check_flight(body, setting, ensemble, **motion)
     arrival = float(np.sqrt(2 * setting.gravity * setting.height))
-    plausible.warn_each([plausible.of_blow(None, (), arrival, motion["velocity"])])
+    plausible.warn_each([plausible.impact_doubt(None, (), arrival, motion["velocity"])])
     R = orientation(body, tilt, face, edge, corner, toward)
     start = initial_state(body, setting, R, **motion)
     if ensemble is None:

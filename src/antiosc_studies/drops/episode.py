@@ -110,7 +110,7 @@ def scene_of(
     start = touch.start
     floor = setting.floor
     time_scale = float(np.sqrt(body.extent / setting.gravity))
-    bodies: dict[str, Any] = {BODY: _standing(touch, which), FLOOR: Obstacle()}
+    bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
     rigid = touch.modes @ np.append(body.mass * start.velocity, start.momentum)
     motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
     if floor.ground is not None:
@@ -173,7 +173,7 @@ def scene_of(
     return replace(assembly, system=system)
 
 
-def _standing(touch: Touch, which: IntArray) -> SiteModes:
+def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
     """The body in the floor's axes at the start of the episode."""
     body, start, W, momentum = touch
     phi, r = body.sites(which)
@@ -478,7 +478,7 @@ SINKS = 1e-4
 #: peak on the soft floor, where more points touch, changes by 11 %; with 24 none does.
 MOST = 12
 #: Samples of the rotation in an episode (2e-5 with half or twice as many).
-LOOKS = 64
+SAMPLES = 64
 #: Samples of a contact's path times sqrt(tol). With half as many peaks change by 5e-5 on concrete
 #: and by 5e-3 on the soft floor; with twice as many by 1e-5 and by 1.4e-3. The third impact with
 #: spin magnifies this to 2e-2 and 1e-2.
@@ -591,7 +591,7 @@ class Episode:
         """Largest depth [m] in the laws, or on a layer the depth of the body's lowest vertex."""
         last = min(self.duration, float(self.history.time[-1]))
         body = self.body
-        times = np.linspace(0.0, last, LOOKS + 1)
+        times = np.linspace(0.0, last, SAMPLES + 1)
         if body.layer_contact is None:
             return float(self.sunk().max())
         path = path_of(self.touch, self.history, times)
@@ -608,7 +608,7 @@ class Episode:
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return False
-        times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), LOOKS + 1)
+        times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
         return bool(((vertical @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
@@ -639,7 +639,7 @@ class Episode:
         accelerations (n, 6 + J) at times (n,) since the start. Spins and angular accelerations are
         in the axes of the body.
         """
-        times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), LOOKS + 1), t)
+        times = np.union1d(np.linspace(0.0, max(self.duration, t.max(initial=0.0)), SAMPLES + 1), t)
         body = self.body
         path = path_of(self.touch, self.history, times)
         rows = np.searchsorted(times, t)
@@ -716,16 +716,16 @@ def episode(
             duration = min(2 * duration, longest)
             continue
         arguments = touch, which, base, duration, turns, tol
-        converged = _followed(*arguments, history, share)
+        converged = _converged_on_path(*arguments, history, share)
         rough = converged.change > NEAR * tol and cuts < CUTS
-        if not (share or rough or len(_missed(touch, heights, converged.path, which))):
-            converged = _followed(*arguments, *run(converged.following, duration, tol))
+        if not (share or rough or len(_untouched_point(touch, heights, converged.path, which))):
+            converged = _converged_on_path(*arguments, *run(converged.following, duration, tol))
         if converged.change > NEAR * tol and cuts < CUTS:
             turns = turns / 2
             cuts = cuts + 1
             duration = longest = converged.end / 2
             continue
-        sinking = _missed(touch, heights, converged.path, which)
+        sinking = _untouched_point(touch, heights, converged.path, which)
         if not len(sinking):
             break
         touched = np.append(which, sinking)
@@ -749,7 +749,7 @@ class Followed(NamedTuple):
     touching: bool
 
 
-def _followed(
+def _converged_on_path(
     touch: Touch,
     which: IntArray,
     base: Assembly,
@@ -832,7 +832,7 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
     when the body has turned by `turns` [rad].
     """
     last = float(history.time[-1])
-    times = np.linspace(0.0, last, LOOKS + 1)
+    times = np.linspace(0.0, last, SAMPLES + 1)
     nodes = history.time[::2]
     q = history.states(times)[0][:, history.assembly.spans[BODY]]
     angle = np.linalg.norm((q - q[0])[:, :6] @ touch.modes[:, 3:], axis=1)
@@ -848,7 +848,7 @@ def _end(touch: Touch, history: SceneHistory, turns: float) -> tuple[float, bool
     return float(too_far if continues else end), bool(continues)
 
 
-def _missed(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
+def _untouched_point(touch: Touch, heights: Array, path: Path, which: IntArray) -> IntArray:
     """Number, as an array, of the point that sinks deepest without a contact; empty if there is
     none.
 

@@ -83,7 +83,7 @@ SAMPLES = 12
 #: Most samples of a signal.
 MOST = 200_000
 #: Samples of stresses in a period of the highest mode, whose peak they miss by at most 8 %.
-LOOKS = 8
+SAMPLES_PER_PERIOD = 8
 #: Least number of samples of stresses in an episode.
 FEW = 20
 #: Largest number of samples of stresses in an episode.
@@ -343,7 +343,7 @@ class Fall(Trajectory, Result):
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
         parts = []
         for episode in (episode for k in impact_numbers for episode in self._episodes(k)):
-            count = int(min(max(LOOKS * periods * episode.duration, FEW), MANY))
+            count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
             motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
             parts.append(replace(motion, time=motion.time + episode.start.time))
         merged = {

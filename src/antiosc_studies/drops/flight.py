@@ -143,9 +143,9 @@ def _third_integral(n: float, m: float) -> Callable[[Array], Array]:
 #: which is then located to rounding: factors of 2 on TURN and LOOKS change peak forces by 1e-12.
 TURN = 0.05
 #: Largest number of samples of a flight.
-MOST_LOOKS = 1_000_000
+MOST_SAMPLES = 1_000_000
 #: Samples in a period of the fastest mode that moves a point by more than `SEEN` of the extent.
-LOOKS = 12
+SAMPLES = 12
 #: See `LOOKS`.
 SEEN = 1e-6
 #: Number of times at which heights are computed together for a rigid body, …
@@ -269,7 +269,7 @@ class Flight:
         bend = self.gravity + 4 * spin**2 * reach
         # a deviation of TURN^2 times the size is harmless
         h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
-        count = int(np.clip(np.ceil(end / h), 1, MOST_LOOKS))
+        count = int(np.clip(np.ceil(end / h), 1, MOST_SAMPLES))
         edges = np.linspace(0.0, end, count + 1)
         slack = bend * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
@@ -286,7 +286,7 @@ class Flight:
 
         `parted` marks points that have not left the floor since they parted; it is updated.
         """
-        count = max(int(np.ceil((end - start) * LOOKS * self._fastest(start) / (2 * np.pi))), 2)
+        count = max(int(np.ceil((end - start) * SAMPLES * self._fastest(start) / (2 * np.pi))), 2)
         close = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
             last = min(first + AT_ONCE_ELASTIC, count)

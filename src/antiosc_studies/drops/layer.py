@@ -43,7 +43,7 @@ def with_layer_contact(body: FreeBody) -> FreeBody:
     if body.layer_contact is not None or body.balls.all():
         return body
     matrices: Any = None if body.structure is None else body.structure.matrices
-    surface = _of_hull(body) if matrices is None or matrices.located else _of_skin(body)
+    surface = _hull_surface(body) if matrices is None or matrices.located else _skin_surface(body)
     if surface is None:
         return body
     places, triangles, rounded = surface
@@ -59,7 +59,7 @@ def with_layer_contact(body: FreeBody) -> FreeBody:
     )
 
 
-def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
+def _hull_surface(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     """(points, triangles, mask of round vertices) of the convex hull of a body's points."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -76,7 +76,7 @@ def _of_hull(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     return places, triangles, body.balls > 0
 
 
-def _of_skin(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
+def _skin_surface(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     """(points, triangles, mask of round vertices) of a mesh's surface.
 
     Triangles between round vertices are left out.

@@ -39,7 +39,7 @@ LEAST = 6
 #: Least curvature of vertices used in the fit of a cylinder, over that of the surface.
 ROUND = 0.7
 #: Largest number of vertices at which a line is sought.
-LOOKS = 40
+SAMPLES = 40
 #: Radius of the patches along a line over that of the cylinder. On steel cylinders of 20 x 100 mm
 #: with cells of 10, 6, 4 mm the compliance is then 0.99, 1, 1 of the limit.
 PATCH = 0.4
@@ -176,7 +176,7 @@ def cylinders(body: FreeBody, skin: Any, body_points: IntArray) -> tuple[Cylinde
     cylinders_found = []
     remaining = body_points[skin.lines[body_points] & (skin.half[body_points] == 0)]
     sharp = cKDTree(skin.points[skin.sharp]) if skin.sharp.any() else None
-    for _ in range(LOOKS):
+    for _ in range(SAMPLES):
         if not len(remaining):
             break
         distances = (

@@ -122,13 +122,15 @@ def skin_of(structure: Structure) -> Skin:
 
     matrices: Any = structure.matrices
     if matrices.located:
-        return of_points(matrices.nodes()[0])
+        return points_skin(matrices.nodes()[0])
     if not matrices.assembled:
-        return of_mesh(on_mesh(structure, "matrices have no points: give a map with coordinates."))
+        return mesh_skin(
+            on_mesh(structure, "matrices have no points: give a map with coordinates.")
+        )
     skins = list[Skin]()
     count = 0
     for member in matrices.members():
-        skin = of_mesh(member.part)
+        skin = mesh_skin(member.part)
         placement = member.at
         x = placement.placed(skin.points)
         n = skin.normals @ placement.rotation.T
@@ -140,7 +142,7 @@ def skin_of(structure: Structure) -> Skin:
     )
 
 
-def of_points(points: Array) -> Skin:
+def points_skin(points: Array) -> Skin:
     """A skin of points without a surface; all of them are sharp."""
     zero = np.zeros(len(points))
     zeros = np.zeros((len(points), 3))
@@ -151,7 +153,7 @@ def of_points(points: Array) -> Skin:
     return Skin(points, zeros, zeros[:, :2], sharp, *unknown_properties, triangles)
 
 
-def of_mesh(part: MeshedStructure) -> Skin:
+def mesh_skin(part: MeshedStructure) -> Skin:
     """The surface of one mesh."""
     from antiosc.reduce.site.map_sites import surface
 
@@ -167,7 +169,7 @@ def of_mesh(part: MeshedStructure) -> Skin:
         np.bincount(directed_edges[:, 0], minlength=len(x)), 1
     )
     materials, strengths, half = _materials(part)
-    skin = replace(of_points(x), normals=normals, sizes=sizes, materials=materials)
+    skin = replace(points_skin(x), normals=normals, sizes=sizes, materials=materials)
     skin = replace(skin, strengths=strengths, half=half)
     if count != 3:
         return skin

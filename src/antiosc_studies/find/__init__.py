@@ -33,7 +33,7 @@ from antiosc.models.modal import as_damping
 from antiosc.plot.charts import figure_or_path, panels
 from antiosc.strikes.free_sites import ABOVE, FreeSites, Where, free_sites
 from antiosc_studies.find.forward import MapSurface, Struck, has_stiffness
-from antiosc_studies.find.recording import Recording, Sensor, of_shapes, recording
+from antiosc_studies.find.recording import Recording, Sensor, recording, sensor_shapes
 from antiosc_studies.find.search import POOR, ProbableImpact, Scan, most_probable, scan
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ DETERMINED = 0.3
 #: Largest standard deviation of a determined place over the extent of the sites.
 DETERMINED_PLACE = 0.05
 #: Half-width of a 95 % interval in standard deviations, by the dimension of the unknown.
-BAR = {0: 1.96, 1: 1.96, 2: 2.45}
+HALF_WIDTH = {0: 1.96, 1: 1.96, 2: 2.45}
 #: Standard deviation of a place by the interpolation between sites, over their spacing (from 17
 #: blows on two meshes).
 INTERPOLATION = 0.01
@@ -354,7 +354,7 @@ def prepared(
     count = MODES if modes is None and band is None else modes
     with without_warnings():  # of patches that an edge cuts, at sites that were not struck
         sites = free_sites(structure, matrices, where, direction, radius, count, band)
-    rows = np.array([of_shapes(sensor, structure, sites.phi) for sensor in sensors])
+    rows = np.array([sensor_shapes(sensor, structure, sites.phi) for sensor in sensors])
     r, _ = residual(sites.omega, sites.b, sites.compliance, sites.inertia, structure.shift)
     orders = np.array([sensor.derivative for sensor in sensors])
     return Monitored(sites, rows, orders, r, structure.mass)
@@ -474,14 +474,16 @@ def _bars(fit: ProbableImpact, scale: float) -> dict[str, float]:
     bars = {"place": 0.0}
     if d:
         interpolation = (INTERPOLATION * fit.chart.size) ** 2
-        bars["place"] = BAR[d] * float(np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation))
+        bars["place"] = HALF_WIDTH[d] * float(
+            np.sqrt(np.linalg.eigvalsh(place)[-1] + interpolation)
+        )
     for name, variance_of in zip(fit.names[d:], variance[d:], strict=True):
         deviation = float(np.sqrt(variance_of + scale**2 * (name == "velocity")))
         determined = name == "start" or deviation < DETERMINED
-        bars[name] = BAR[1] * deviation if determined else np.inf
+        bars[name] = HALF_WIDTH[1] * deviation if determined else np.inf
     for k, name in enumerate(("peak_force", "impulse")):
         g = fit.gains[k]
-        bars[name] = BAR[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
+        bars[name] = HALF_WIDTH[1] * float(np.sqrt(g @ fit.covariance @ g + scale**2))
     return {name: bars.get(name, 0.0) for name in (*UNKNOWN, "start", "peak_force", "impulse")}
 
 

@@ -87,7 +87,7 @@ class Sensor(FieldsRepr):
         return DERIVATIVE[self.quantity]
 
 
-def of_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
+def sensor_shapes(sensor: Sensor, structure: Structure, shapes: Array) -> Array:
     """Displacement along a sensor, or its strain, (J,) for shapes (rows of this rank, J)."""
     d = np.pad(sensor.direction, (0, 3 - len(sensor.direction)))
     d = d / np.linalg.norm(d)

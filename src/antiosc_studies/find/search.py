@@ -360,9 +360,9 @@ APART = 2.5
 #: Initial masses of the impactor, over that of the structure.
 MASSES = (1e-3, 4e-3, 0.016, 0.064, 0.25, 1.0)
 #: Number of searches that begin, …
-BEGUN = 4
+MOST_STARTS = 4
 #: … and that are continued.
-KEPT = 2
+MOST_FITS = 2
 FIRST_STEPS, LAST_STEPS = 5, 25  # of searches that begin, that go on
 #: A second search is not continued if its cost exceeds this times the first's.
 HOPELESS = 10.0
@@ -405,13 +405,15 @@ def most_probable(
     ]
     starts.sort(key=lambda pair: pair[0])
     starting_impacts = []
-    with counting("searching the blow", BEGUN + KEPT) as ready:
-        for count, (_, blow) in enumerate(starts[:BEGUN], start=1):
+    with counting("searching the blow", MOST_STARTS + MOST_FITS) as ready:
+        for count, (_, blow) in enumerate(starts[:MOST_STARTS], start=1):
             starting_impacts.append(search.refined(blow, FIRST_STEPS))
             ready(count)
         starting_impacts.sort(key=lambda fit: fit.cost)
         fits = []
-        for count, fit in enumerate(_fits_to_continue(model, starting_impacts), start=BEGUN + 1):
+        for count, fit in enumerate(
+            _fits_to_continue(model, starting_impacts), start=MOST_STARTS + 1
+        ):
             fits.append(search.refined(fit.blow, LAST_STEPS))
             ready(count)
         best = min(fits, key=lambda fit: fit.cost)
@@ -438,7 +440,7 @@ def _fits_to_continue(model: Struck, fits: list[ProbableImpact]) -> list[Probabl
         if np.linalg.norm(fit.blow.place - first.blow.place) > least_distance
     ]
     promising = [fit for fit in (*elsewhere, *other_fits) if fit.cost < HOPELESS * first.cost]
-    return [first, *promising][:KEPT]
+    return [first, *promising][:MOST_FITS]
 
 
 def _places(model: Struck, scanned: Scan) -> list[int]:

@@ -59,7 +59,7 @@ FEWER = 0.25
 #: Modes whose frequencies differ by less than this share are a group: they mix under small changes.
 CLOSE = 1e-2
 #: Modal quantities that rotate with the modes of a group.
-TURNING = ("beta", "loads", "q", "v", "B")
+TURNING_POINT = ("beta", "loads", "q", "v", "B")
 #: (recorded run, goal, derivatives of the goal by all numbers of the march).
 Taken = tuple[Recorded, Seeds, Slopes]
 #: A function that changes a model.
@@ -259,16 +259,16 @@ def changed(record: Recorded, seeds: Seeds, by: Slopes, before: Assembly, after:
         "v": by.v[None],
         "B": seeds.B.T,
     }
-    run_modes = _of_modes(record)
-    modes_before = _of_modes(before)
-    modes_after = _of_modes(after)
+    run_modes = _mode_data(record)
+    modes_before = _mode_data(before)
+    modes_after = _mode_data(after)
     total = 0.0
     for group, column in _groups(record):
         x = run_modes["square"][group]
         run_basis = _krylov(run_modes, group, column)
         # the goal does not depend on the axes of a group: hence its derivatives beside X's diagonal
         rotation_slope = np.sum(
-            [run_modes[n][..., group].T @ slopes[n][..., group] for n in TURNING], axis=0
+            [run_modes[n][..., group].T @ slopes[n][..., group] for n in TURNING_POINT], axis=0
         )
         by_matrix = (rotation_slope.T - rotation_slope) / (2 * (x[:, None] - x + np.eye(x.size)))
         for values, sign in ((modes_before, -1), (modes_after, 1)):
@@ -277,7 +277,7 @@ def changed(record: Recorded, seeds: Seeds, by: Slopes, before: Assembly, after:
             total += sign * float(np.sum(by_matrix * matrix))
             for name in ("square", "decay"):
                 values[name][group] = rotation**2 @ values[name][group]
-            for name in TURNING:
+            for name in TURNING_POINT:
                 values[name][..., group] = values[name][..., group] @ rotation.T
     total += sum(
         float(np.sum(slope * (modes_after[n] - modes_before[n]))) for n, slope in slopes.items()
@@ -305,7 +305,7 @@ def _beside_modes(seeds: Seeds, by: Slopes, before: Assembly, after: Assembly) -
     return total
 
 
-def _of_modes(bodies: Assembly) -> dict[str, Array]:
+def _mode_data(bodies: Assembly) -> dict[str, Array]:
     """Copies (…, J) of the modal data of some bodies."""
     s = bodies.system
     data = {
@@ -551,9 +551,9 @@ def changed_coupled(
     """First-order change of the goal by the modes, from one set of bodies to another."""
     for bodies in (before, after):
         set_initial_forces(bodies)
-    run_modes = _of_march(record)
+    run_modes = _march_data(record)
     modes_before, modes_after = (
-        _matched(run_modes, _of_march(bodies)) for bodies in (before, after)
+        _matched(run_modes, _march_data(bodies)) for bodies in (before, after)
     )
     change = {n: modes_after[n] - modes_before[n] for n in modes_before}
     squares = (modes_after["omega"] ** 2 - modes_before["omega"] ** 2)[0]
@@ -571,7 +571,7 @@ def changed_coupled(
     return total
 
 
-def _of_march(bodies: Assembly) -> dict[str, Array]:
+def _march_data(bodies: Assembly) -> dict[str, Array]:
     """Data of the integrated modes, and rows (n, I) or (n, 2 I) that map them to site motions."""
     s = bodies.system.marched
     first = bodies.system.first

@@ -144,7 +144,7 @@ def seeds(
     result = _empty_seeds(record)
     if time is None:
         if callable(goal):
-            _of_function(record, contact, result, goal)
+            _goal_function(record, contact, result, goal)
         else:
             GOALS[goal](record, contact, result)
         return result
@@ -401,7 +401,7 @@ class Sampled:
     impactor_velocity: Array
 
 
-def _of_function(
+def _goal_function(
     record: Recorded, c: int, goal_seeds: Seeds, goal: Callable[[Sampled], float]
 ) -> None:
     """Fill `goal_seeds` for a goal function, by finite differences of its samples."""

@@ -230,7 +230,7 @@ def gradient(
         body = model_name(derivatives[0][0])
         models = [model_of_run for _, model_of_run in runs]
         for body_values, values in zip(
-            bodies, _of_part(hit, derivatives, models, body, part, x), strict=True
+            bodies, _part_derivatives(hit, derivatives, models, body, part, x), strict=True
         ):
             body_values[body] = body_values.get(body, {}) | values
     group_values = []
@@ -273,7 +273,7 @@ def bars(gradients: list[Gradient]) -> Gradient:
     return Gradient(gradients[0].goal, value, bodies, contacts)
 
 
-def _of_part(
+def _part_derivatives(
     hit: Any, derivatives: list[Taken], models: list[Any], name: str, part: Any, x: Any
 ) -> list[Values]:
     """Derivatives by the parameters of a part, or by the argument x of a function that builds

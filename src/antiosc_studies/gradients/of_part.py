@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 #: Relative step of a parameter.
 CHANGE = 1e-3
 #: Step of an angle in degrees.
-TURN = 0.05
+ROTATED = 0.05
 #: Relative step where a model is extracted again: small, as frequencies of close modes are curved
 #: functions of it, but far above the 1e-8 at which extractions round.
 SMALL = 1e-4
@@ -327,7 +327,7 @@ def _varied(
                         ),
                     )
         elif isinstance(value, float) and (value or name == "angle"):
-            h = TURN if name == "angle" else CHANGE * abs(value)
+            h = ROTATED if name == "angle" else CHANGE * abs(value)
             yield name, 2 * h, lambda s, n=name, v=value, h=h: replace(item, **{n: v + s * h})  # type: ignore[misc]
 
 

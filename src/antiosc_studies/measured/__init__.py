@@ -50,7 +50,7 @@ GIVEN_SPREAD = 0.03
 GIVEN_DOUBT = 0.3
 #: Share of the power at the driving points that leaves the part, above which the sign of the
 #: measurement is reversed, …
-TURNED = 0.8
+WRONG_SIGN = 0.8
 #: … and above which the sensor is not at the driving point.
 BESIDE = 0.2
 #: Modes with outflow are reported if their peaks exceed this share of the largest.
@@ -117,7 +117,7 @@ def from_frf(
     info = ModelInfo(
         structure=f"measured, {len(data.w)} lines to {data.w[-1] / (2 * np.pi):.5g} Hz",
         method="frf",
-        measured=None if frf.sites else _alternatives(data, best),
+        measured=None if frf.sites else _consistent_bodies(data, best),
         notes={"damping": get_args(DampingForm)[best.modes.hysteretic], "chi2": best.chi2},
     )
     return anti_oscillators(best.modes, frf.sites, info)
@@ -157,7 +157,7 @@ def _with_equal_directions(data: Measured) -> Measured:
             " tell damping or masses; give complex values, with their phase."
         )
     outflow = _outflow(data)
-    if outflow < TURNED:
+    if outflow < WRONG_SIGN:
         return data
     warn(
         f"at the driving point {percent(outflow)} of the power flows out of the part, which has "
@@ -244,7 +244,7 @@ def _modes_above(above: AntiOscillators, frf: FRF, top: float) -> Tail:
     )
 
 
-def _alternatives(data: Measured, fit: Fit) -> MeasuredBand:
+def _consistent_bodies(data: Measured, fit: Fit) -> MeasuredBand:
     """Bodies, in free modes, that are equally consistent with the measurement."""
     noisy = with_other_noise(data, fit)
     rows = (_free_modes(modes) for modes in (*noisy, *fit.tails))

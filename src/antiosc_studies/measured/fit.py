@@ -32,9 +32,9 @@ from antiosc_studies.measured.frf import (
     FittedModes,
     Pairs,
     Tail,
-    drawn,
     expected_tail,
     factors,
+    random_tail,
     with_tail,
 )
 
@@ -409,7 +409,7 @@ def _variances(squares: Array, kinds: Array, start: tuple[float, float]) -> Arra
 
 
 #: Standard deviations by which a mode's displacement must exceed 0 for the mode to be kept.
-STANDS = 6.0
+SIGNIFICANCE = 6.0
 #: Standard deviations by which a mode's part in the residual must exceed 0 for it to be added.
 ADDED = 5.5
 #: Rounds of adding and dropping modes.
@@ -478,7 +478,7 @@ def fitted(
         modes, normal, _ = refined(data, weight, lifted(data, modes), STEPS)
         if data.sigma is None:
             weight = 1 / noise(data, modes)
-        score = _cost(data, weight, modes) + STANDS**2 * modes.seen
+        score = _cost(data, weight, modes) + SIGNIFICANCE**2 * modes.seen
         if score < lowest:
             best_round = (modes, weight, normal)
             lowest = score
@@ -486,7 +486,9 @@ def fitted(
             modes, weight, normal = best_round
             count //= 4
         significant = _significant(modes, covariance(normal))
-        modes = modes.with_seen(*(values[: modes.seen][significant] for values in _of_modes(modes)))
+        modes = modes.with_seen(
+            *(values[: modes.seen][significant] for values in _mode_parameters(modes))
+        )
         extended = _added(data, weight, modes, count)
         if extended is None and significant.all():
             break
@@ -497,8 +499,8 @@ def fitted(
     best = _finished(data, weight, modes)
     if free is None:  # rigid-body motion must stand above the misfit
         supported = _finished(data, weight, replace(modes, rigid=None))
-        clear = supported.cost - best.cost >= STANDS**2 * max(best.chi2, 1.0)
-        has_rigid_motion = _off_below(data, best.modes) < SEEN * _off_below(data, supported.modes)
+        clear = supported.cost - best.cost >= SIGNIFICANCE**2 * max(best.chi2, 1.0)
+        has_rigid_motion = _low_misfit(data, best.modes) < SEEN * _low_misfit(data, supported.modes)
         if _slight(data, best.modes) or not (clear and has_rigid_motion):
             best = supported
     bodies = [best.modes, *_other_tails(data, best)]
@@ -510,7 +512,7 @@ def fitted(
     return replace(best, tails=tuple(_best(data, best, [*bodies[1:], *_other_tails(data, best)])))
 
 
-def _off_below(data: Measured, modes: FittedModes) -> float:
+def _low_misfit(data: Measured, modes: FittedModes) -> float:
     """Mean relative misfit of the lowest frequencies, which depend most on rigid-body motion."""
     low = slice(LOWEST)
     fit = modes.receptance(data.w[low], data.pairs)
@@ -599,7 +601,7 @@ def _first(
     no_tail = Tail(np.zeros(0), np.zeros(0), np.zeros((0, data.sites)), np.zeros(0))
     rigid = None if free is False else _root(residues[-1])
     modes = FittedModes(omega, zeta, b, no_tail, _root(residues[-2]), rigid, hysteretic)
-    modes = modes.with_seen(*_of_modes(modes))
+    modes = modes.with_seen(*_mode_parameters(modes))
     return with_tail(modes, known_tail or expected_tail(modes, float(data.w[-1])))
 
 
@@ -628,7 +630,7 @@ def _root(matrix: Array) -> Array:
     return np.linalg.cholesky((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
-def _of_modes(modes: FittedModes) -> tuple[Array, Array, Array]:
+def _mode_parameters(modes: FittedModes) -> tuple[Array, Array, Array]:
     """Frequencies, damping ratios and displacements of the modes."""
     return modes.omega, modes.zeta, modes.b
 
@@ -643,7 +645,7 @@ def _significant(modes: FittedModes, spreads: Array) -> BoolArray:
     spread = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(
         displacement.shape
     )
-    return np.asarray(np.any(np.abs(displacement) > STANDS * spread, axis=1))
+    return np.asarray(np.any(np.abs(displacement) > SIGNIFICANCE * spread, axis=1))
 
 
 def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:
@@ -710,7 +712,7 @@ def _other_tails(data: Measured, fit: Fit) -> list[FittedModes]:
     random = np.random.default_rng(fit.modes.seen)
     models = []
     for _ in range(max(STARTS // data.sites, 1)):
-        tail = drawn(fit.modes.tail, float(data.w[-1]), random)
+        tail = random_tail(fit.modes.tail, float(data.w[-1]), random)
         start = lifted(data, with_tail(fit.modes, tail))
         models.append(refined(data, fit.weight, start, LAST_STEPS)[0])
     return models

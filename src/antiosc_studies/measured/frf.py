@@ -121,7 +121,7 @@ class FittedModes:
         blocks.append((D[:, None, :, None] * products).reshape(len(w), len(pairs), -1))
         for L, factor in ((self.rigid, -1 / column**2), (self.root, np.ones_like(column))):
             if L is not None:
-                blocks.append(factor[:, :, None] * _of_root(L, m, n))
+                blocks.append(factor[:, :, None] * _root_slopes(L, m, n))
         return np.concatenate(blocks, axis=2)
 
     def expected(self) -> Array:
@@ -197,7 +197,7 @@ def factors(w: Array, omega: Array, zeta: Array, hysteretic: bool) -> ComplexArr
     return D
 
 
-def _of_root(L: Array, m: Index, n: Index) -> Array:
+def _root_slopes(L: Array, m: Index, n: Index) -> Array:
     """Derivatives (M, p(p+1)/2) of (L L')_mn by the lower triangle of L."""
     rows, columns = _lower(len(L))
     by_m = (m[:, None] == rows) * L[n][:, columns]
@@ -271,7 +271,7 @@ def with_tail(modes: FittedModes, tail: Tail) -> FittedModes:
     )
 
 
-def drawn(tail: Tail, top: float, random: np.random.Generator) -> Tail:
+def random_tail(tail: Tail, top: float, random: np.random.Generator) -> Tail:
     """A random tail of equal probability: one common factor on the spacings, then one for each
     mode.
     """
@@ -511,7 +511,7 @@ class FRF(ReprMixin):
         return replace(self, values=values, sigma=sigma, coherence=None)
 
 
-def stated(quantity: Quantity | None) -> Quantity:
+def checked_quantity(quantity: Quantity | None) -> Quantity:
     """The measured quantity; InputError if neither the file nor the caller states it."""
     if quantity is None:
         raise InputError(

@@ -17,7 +17,7 @@ from antiosc.base._types import Array, ComplexArray
 from antiosc.base.archives import read_arrays
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.files import LARGEST_READ, check_readable
-from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, stated
+from antiosc_studies.measured.frf import AVERAGES, FRF, Quantity, checked_quantity
 from antiosc_studies.measured.tables import (
     COLUMNS,
     UNITS,
@@ -162,7 +162,7 @@ def _end(data_set: DataSet, side: str) -> tuple[End, int]:
 # -- selection of functions
 
 
-def chosen(
+def selected_responses(
     functions: list[Function],
     site: str | int | Mapping[str, str | int] | None,
     quantity: Quantity | None,
@@ -184,7 +184,7 @@ def chosen(
             checks.name("the name of a site", name): _end_of(measured, function)
             for name, function in sites_by_name
         }
-    return _joined(functions, ends, quantity, unit, averages)
+    return _responses_of_sites(functions, ends, quantity, unit, averages)
 
 
 def _driving(measured: list[Function]) -> End:
@@ -221,7 +221,7 @@ def _end_of(measured: list[Function], name: str | int) -> End:
     raise InputError(f"site {checks.shown(name)} {reason}; choose one of {end_names[:200]}.")
 
 
-def _joined(
+def _responses_of_sites(
     functions: list[Function],
     ends: Mapping[str, End],
     quantity: Quantity | None,
@@ -254,7 +254,7 @@ def _joined(
     parts = [[pairs[m, ends[n], False] for n in forced] for m in places]
     cells = [function for row in parts for function in row]
     kinds = {quantity or function.quantity for function in cells}
-    quantity_measured = stated(kinds.pop() if len(kinds) == 1 else None)
+    quantity_measured = checked_quantity(kinds.pop() if len(kinds) == 1 else None)
     f = cells[0].frequency
     if any(
         len(function.frequency) != len(f) or not np.allclose(function.frequency, f)
@@ -356,11 +356,11 @@ def read_frf(
         check_readable(file, "a measurement")
         if ending in (".uff", ".unv", ".58"):
             frfs = functions(file)
-            return chosen(frfs, site, quantity, unit, averages)
+            return selected_responses(frfs, site, quantity, unit, averages)
         if site is not None:
             raise InputError("site belongs to universal files; a table has one driving point.")
         columns = _arrays(file) if ending == ".npz" else _in_si(table(file, DEFAULT), factor)
-        return _of_columns(columns, quantity, factor or 1.0, averages)
+        return _frf_of_columns(columns, quantity, factor or 1.0, averages)
     except AntioscError as error:
         if file.name in str(error):
             raise
@@ -409,14 +409,16 @@ def _response(column: Column, plain: bool) -> tuple[Array, Quantity | None]:
     return unit_of_response * values, quantity
 
 
-def _of_columns(arrays: DataSet, quantity: Quantity | None, factor: float, averages: int) -> FRF:
+def _frf_of_columns(
+    arrays: DataSet, quantity: Quantity | None, factor: float, averages: int
+) -> FRF:
     """An FRF from named arrays."""
     stated_quantity = arrays.get("quantity", arrays.get("told"))
     if quantity and arrays.get("told") not in (None, quantity):
         raise InputError(
             f"quantity={quantity!r} is not what the units in the header tell: {arrays['told']}."
         )
-    quantity = stated(quantity or stated_quantity)
+    quantity = checked_quantity(quantity or stated_quantity)
     array_names = set(arrays) - {"told", "degrees"}
     values: ComplexArray
     if "values" in array_names:

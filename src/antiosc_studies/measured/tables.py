@@ -133,7 +133,7 @@ def columns(path: Path, default: list[str]) -> list[Column]:
     header, values = rows_of(path)
     count = values.shape[1]
     names = [*default, *[""] * count][:count]
-    lines = [[_header_cell(cell) for cell in _joined(line, count)] for line in header[-2:]]
+    lines = [[_header_cell(cell) for cell in _merged_cells(line, count)] for line in header[-2:]]
     header_cells = lines[-1] if lines else []
     units = [_is_unit(name) for _, name, _ in header_cells]
     if header_cells and all(units):
@@ -195,7 +195,7 @@ def _cells(text: str) -> list[str]:
     return text.split()
 
 
-def _joined(text: str, count: int) -> list[str]:
+def _merged_cells(text: str, count: int) -> list[str]:
     """The cells of a header; with blanks as separators "name [unit]" becomes one cell."""
     cells = _cells(text)
     if len(cells) <= count:

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.fem.platform import compat
 from antiosc.io.request import GRADING
-from antiosc.reduce.error.beam import inside
+from antiosc.reduce.error.beam import is_inside
 from antiosc.reduce.error.bisection import (
     COARSEST,
     DIVIDED,
@@ -286,10 +286,10 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     assert source.extent() == pytest.approx(diagonal)
     first = source.first(1.0, [((0.41, 0.0), 0.01)])
     assert 0.5 * diagonal / LINES < largest(first) <= 1.001 * diagonal / LINES
-    assert not inside(first, np.array([0.41, 0.0, 0.0]))
+    assert not is_inside(first, np.array([0.41, 0.0, 0.0]))
     finer = source.finer(first, np.full(first.n_cells, 0.3))
     assert largest(finer) <= 1.001 * diagonal / LINES / 4
-    assert not inside(finer, np.array([0.41, 0.0, 0.0]))
+    assert not is_inside(finer, np.array([0.41, 0.0, 0.0]))
     assert edge_lengths(finer).sum() == pytest.approx(1.5)
 
 

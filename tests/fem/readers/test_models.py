@@ -11,7 +11,12 @@ import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Block, Deck
-from antiosc_decks.properties import fixed_along_axes, isotropic, measures_of, of_stiffness
+from antiosc_decks.properties import (
+    constants_of_stiffness,
+    fixed_along_axes,
+    isotropic,
+    measures_of,
+)
 
 
 def ply(card: str) -> str:
@@ -130,9 +135,13 @@ def test_directions_askew_in_a_plane(own, expected):
 
 def test_stiffness_gives_back_the_constants():
     E, nu, G = [9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3]
-    np.testing.assert_allclose(of_stiffness(constants(E, nu, G)), [*E, *nu, *G], rtol=1e-12)
+    np.testing.assert_allclose(
+        constants_of_stiffness(constants(E, nu, G)), [*E, *nu, *G], rtol=1e-12
+    )
     steel = isotropic(2e5, 0.3)
-    np.testing.assert_allclose(of_stiffness(constants(steel[:3], steel[3:6], steel[6:])), steel)
+    np.testing.assert_allclose(
+        constants_of_stiffness(constants(steel[:3], steel[3:6], steel[6:])), steel
+    )
 
 
 @pytest.mark.parametrize("kind", CARDS)

@@ -71,7 +71,7 @@ def test_a_named_group_holds_all_motions_of_its_face(cell):
 
 def test_reading_never_changes_the_shift(monkeypatch):
     """A first estimate of the shift that is far too high is brought closer before it is read."""
-    of_mesh = support.of_mesh
+    of_mesh = support.mesh_modes
 
     def rough(*arguments):
         modes, shift = of_mesh(*arguments)
@@ -79,7 +79,7 @@ def test_reading_never_changes_the_shift(monkeypatch):
 
     section = ao.Section.rectangle(1e-3, 1e-3)
     bar = ao.Beam(**parts.STEEL, section=section)
-    monkeypatch.setattr(support, "of_mesh", rough)
+    monkeypatch.setattr(support, "mesh_modes", rough)
     bar = ao.Structure(parts.line(1.0, 40), bar)
     before = bar.shift
     first = 4.730041**4 * parts.STEEL["E"] * 1e-3**2 / (12 * parts.STEEL["rho"])  # ω², length 1 m

@@ -65,7 +65,7 @@ class ContactLaw(ABC):
 
         It is used for a structure whose compliance contains that of the half-space under its patch.
         """
-        return Without(self, compliance)
+        return ReducedLaw(self, compliance)
 
     @abstractmethod
     def force(self, delta: float, rate: float, state: State) -> float:
@@ -199,10 +199,10 @@ class ContactLaw(ABC):
 
 
 #: Share of a law's own flexibility that the compliance of a patch may take.
-TAKEN = 0.7
+LARGEST_SHARE = 0.7
 
 
-class Without(ContactLaw):
+class ReducedLaw(ContactLaw):
     """A law of the user minus the compliance [m/N] of a patch; the rate is that of delta.
 
     Beyond `valid_force` a smaller compliance is subtracted, so that a run can complete.
@@ -228,7 +228,7 @@ class Without(ContactLaw):
         high = 1e30
         for _ in range(80):
             middle = (low * high) ** 0.5
-            if self.compliance * law.tangent(middle, 0.0, state)[0] <= TAKEN:
+            if self.compliance * law.tangent(middle, 0.0, state)[0] <= LARGEST_SHARE:
                 low = middle
             else:
                 high = middle
@@ -239,7 +239,7 @@ class Without(ContactLaw):
         """Indentation [m] of the law: delta plus the indentation that the patch contains."""
         law = self.law
         low = delta
-        share = 2 / 3 * TAKEN  # of the depth beyond the origin
+        share = 2 / 3 * LARGEST_SHARE  # of the depth beyond the origin
         room = share / (1 - share) * max(delta - law.origin(state), 0.0)
         high = delta + room
         for _ in range(100):
@@ -257,7 +257,7 @@ class Without(ContactLaw):
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
         by_delta, by_rate = self.law.tangent(self._whole(delta, rate, state), rate, state)
-        share = max(1 - self.compliance * by_delta, 1 - TAKEN)
+        share = max(1 - self.compliance * by_delta, 1 - LARGEST_SHARE)
         return by_delta / share, by_rate / share
 
     def energy(self, delta: float, state: State) -> float:

@@ -48,7 +48,7 @@ STRONGER = 2.6
 #: The same up to about 100 yield indentations. Between 1 and this ratio the share grows as the
 #: square root: the force is within 1.5 % of finite elements at 1.2 and 1.5 (unlike.csv; within 3
 #: and 5 % for a linear growth up to `STRONGER`).
-APART = 1.6
+STRENGTH_RATIO = 1.6
 
 #: Unknown properties (`Choice.unknown`) of contacts of flat faces, along a line, of laminates.
 FLAT = "the pressure of flat faces, which are never quite parallel"
@@ -170,7 +170,7 @@ def _elastic_share(
     ratio = _strength(other) / _strength(soft)
     if largest_share == 0.0 or ratio >= STRONGER:
         return largest_share, None
-    share = largest_share * min(sqrt((ratio - 1) / (APART - 1)), 1.0)
+    share = largest_share * min(sqrt((ratio - 1) / (STRENGTH_RATIO - 1)), 1.0)
     return share, (0.0, largest_share) if ratio > 1 else None
 
 

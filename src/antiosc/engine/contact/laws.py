@@ -39,7 +39,7 @@ from antiosc.base.checks import checked_by
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
 from antiosc.engine import library
-from antiosc.engine.contact.base import TAKEN, Compiled
+from antiosc.engine.contact.base import LARGEST_SHARE, Compiled
 from antiosc.engine.contact.geometry import (
     Radii,
     effective_modulus,
@@ -112,14 +112,14 @@ class Linear(Patched):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.compliance * self.stiffness > TAKEN:
+        if self.compliance * self.stiffness > LARGEST_SHARE:
             raise InputError(
-                f"compliance must not exceed {TAKEN} of 1/stiffness:"
-                f" {TAKEN / self.stiffness:g} m/N; got {self.compliance:g}."
+                f"compliance must not exceed {LARGEST_SHARE} of 1/stiffness:"
+                f" {LARGEST_SHARE / self.stiffness:g} m/N; got {self.compliance:g}."
             )
 
     def without(self, compliance: float) -> Self:
-        if compliance * self.stiffness > TAKEN:
+        if compliance * self.stiffness > LARGEST_SHARE:
             return self
         return super().without(compliance)
 
@@ -153,7 +153,7 @@ class Hertz(Compiled):
     kind: ClassVar[int] = library.HERTZ
     growth: ClassVar[float] = 1 / 3
     #: rho at which the law with a compliance ends
-    END: ClassVar[float] = TAKEN
+    END: ClassVar[float] = LARGEST_SHARE
 
     @checks.within_range
     def __post_init__(self) -> None:

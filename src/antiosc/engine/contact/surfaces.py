@@ -148,7 +148,7 @@ def matter_of(
     elif isinstance(material, str):
         matter = _material_by_name(material)
     else:
-        matter = _of_object(material)
+        matter = _matter_of_object(material)
     constants = {"E": E, "nu": nu}
     overrides: dict[str, Any] = {
         key: value
@@ -177,10 +177,10 @@ def density_of(material: object) -> float:
 
 @lru_cache(maxsize=64)
 def _material_by_name(name: str) -> Matter:
-    return _of_object(materials.record(name))
+    return _matter_of_object(materials.record(name))
 
 
-def _of_object(material: object) -> Matter:
+def _matter_of_object(material: object) -> Matter:
     """The constants of a `Solid`, a `Shell`, a `Beam` or a record."""
     E = getattr(material, "E", None)
     nu = getattr(material, "nu", None)

@@ -67,17 +67,17 @@ def unjoined_bodies(layout: Layout) -> list[RigidDofs]:
         for label in range(int(labels.max()) + 1):
             nodes = np.flatnonzero(labels == label)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
-            bodies.append((member.name, member.first + rows, *_around(member.nodes[nodes], layout)))
+            bodies.append((member.name, member.first + rows, *_box_of(member.nodes[nodes], layout)))
     for part in layout.condensed.values():
         rows = np.arange(part.first, part.first + part.size)
-        bodies.append((part.name, rows, *_around(part.points, layout)))
+        bodies.append((part.name, rows, *_box_of(part.points, layout)))
     for name, x in layout.points.items():
         bodies.append((name, layout.of_point(name), x, layout.size / 2))
     places = layout.places
     return [_rigid_body(places, *part) for part in bodies]
 
 
-def _around(x: Array, layout: Layout) -> tuple[Array, float]:
+def _box_of(x: Array, layout: Layout) -> tuple[Array, float]:
     """Centre (3,) and half the diagonal of the box of points x (n, 3) [m]."""
     size = float(np.linalg.norm(np.ptp(x, axis=0))) / 2
     return (x.min(axis=0) + x.max(axis=0)) / 2, max(size, 1e-9 * layout.size)
@@ -177,11 +177,11 @@ def _excluding_rigid(motions: Array, rigid: Array) -> Array:
     return np.asarray(U[:, :count] * values[:count])
 
 
-def described(body: RigidDofs, motions: Array) -> str:
+def motions_as_text(body: RigidDofs, motions: Array) -> str:
     """The motions (rows of u, m) of a body as text, such as "translation along x"."""
     coefficients = np.linalg.lstsq(body.motions, motions[body.rows], rcond=1e-9)[0]
     size = np.linalg.norm(coefficients, axis=0)
-    return support.of_body(
+    return support.motions_text(
         coefficients[:, size > STILL] / size[size > STILL], body.centre, body.size
     )
 
@@ -273,7 +273,7 @@ def warn_of_motions(
     if supported and rigid.shape[1]:
         warn(
             "the supports leave the assembly free to move as a rigid body: "
-            f"{described(whole_body(layout), rigid)}; hold that too unless it is intended.",
+            f"{motions_as_text(whole_body(layout), rigid)}; hold that too unless it is intended.",
         )
 
 
@@ -281,7 +281,7 @@ def _in_words(mechanisms: Array, moving: Sequence[RigidDofs]) -> str:
     """The mechanisms as text, body by body."""
     names: dict[str, str] = {}
     for body in moving:
-        names.setdefault(body.name, described(body, mechanisms))
+        names.setdefault(body.name, motions_as_text(body, mechanisms))
     return "; ".join(f"{name!r}: {words}" for name, words in names.items())
 
 

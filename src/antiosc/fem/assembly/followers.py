@@ -124,7 +124,7 @@ class Mean(Joint):
         directions = scipy.linalg.block_diag(np.eye(3), _rows_of(common_rotations))
         rows = (scipy.sparse.csr_matrix(directions) @ (follower.six - leader_motion.six)).tocsr()
         rows.eliminate_zeros()
-        return [Rows(rows, _single(follower, rows.shape[0]), label)]
+        return [Rows(rows, _solved_dofs(follower, rows.shape[0]), label)]
 
 
 def _as_rigid_body(
@@ -158,7 +158,7 @@ def _rows_of(projection: Array) -> Array:
     return np.asarray(vectors[:, values > 0.5].T)
 
 
-def _single(follower: EndMotion, count: int) -> IntArray:
+def _solved_dofs(follower: EndMotion, count: int) -> IntArray:
     """The dof (count,) for which each row of a follower is solved: its only dof, or -1 if it has
     several."""
     pivots = np.full(count, -1)

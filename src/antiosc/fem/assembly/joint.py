@@ -189,7 +189,7 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
     if end_motion is not None:
         return end_motion
     if not isinstance(end, str):
-        return _of_point(layout, *end)
+        return _point_motion(layout, *end)
     if ":" not in end:
         points = name_list(end, layout.points, "the reference points")
         hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
@@ -199,7 +199,7 @@ def motion(layout: Layout, end: End, *, allow_partial: bool = False) -> EndMotio
     member, group = _member_and_group(layout, end)
     nodes = member.nodes_of(group)
     if len(nodes) == 1:
-        return _of_nodes(layout, member, nodes)
+        return _node_motion(layout, member, nodes)
     return mean(layout, member, member.points_of(group))
 
 
@@ -209,7 +209,7 @@ def motion_without_mesh(layout: Layout, end: End, allow_partial: bool) -> EndMot
     """
     part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
     if part in layout.condensed:
-        return _of_condensed(layout, layout.condensed[part], end, allow_partial)
+        return _superelement_motion(layout, layout.condensed[part], end, allow_partial)
     if not isinstance(end, str) or end not in layout.points:
         return None
     space = scipy.linalg.block_diag(np.eye(3), layout.rotations)
@@ -230,7 +230,9 @@ def warn_of_gap(layout: Layout, label: str, ends: Sequence[tuple[End, EndMotion]
         )
 
 
-def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bool) -> EndMotion:
+def _superelement_motion(
+    layout: Layout, member: Condensed, end: End, allow_partial: bool
+) -> EndMotion:
     """The motion of a site or node of a superelement, by its name or its coordinates."""
     if isinstance(end, str):
         name = end.split(":", 1)[1]
@@ -262,13 +264,13 @@ def _of_condensed(layout: Layout, member: Condensed, end: End, allow_partial: bo
     return EndMotion(six, space, member.at.placed(interface_of_end.point[None])[0])
 
 
-def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
+def _node_motion(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
     """The motion of a part's single node."""
     six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
     return EndMotion(six, _space(layout, member), member.nodes[nodes[0]])
 
 
-def _of_point(
+def _point_motion(
     layout: Layout, part: str, point: tuple[float, ...], radius: float | None = None
 ) -> EndMotion:
     """The motion of a part at a point, or of its surface within a radius."""
@@ -282,13 +284,13 @@ def _of_point(
             f"point is {point_text(place)}."
         )
     if radius is not None:
-        return mean(layout, member, _around(member, end, place, radius)).at(place)
+        return mean(layout, member, _points_around(member, end, place, radius)).at(place)
     location = member, nearest.cell, nearest.X
     six = stacked(*(layout.at_points(*location, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
     return EndMotion(six, _space(layout, member), place)
 
 
-def _around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
+def _points_around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
     """Quadrature points within `radius` of a point on the faces, sheets or lines of a part."""
     faces = member.part.faces
     centre = member.at.own(place[None])[0]

@@ -11,7 +11,7 @@ import scipy.sparse
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.layout import Sparse
-from antiosc.fem.mesh.closest import clamped, excess, near, projected
+from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
 from antiosc.fem.mesh.surface import Entities, largest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import Member
@@ -141,7 +141,7 @@ class Overlap:
 
 def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     """The intersection of two sets of faces, or of edges, at most `gap` [m] apart."""
-    first_faces, second_faces = near(
+    first_faces, second_faces = pairs_within(
         second.centres, second.radii + first.radii.max() + gap, first.centres
     )[::-1]
     reach = first.radii[first_faces] + second.radii[second_faces] + gap
@@ -156,10 +156,10 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     second_faces = second_faces[close & facing]
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:
-        pair, points, weight = _of_faces(first, second, first_faces, second_faces, degree)
+        pair, points, weight = _face_overlap(first, second, first_faces, second_faces, degree)
         normals = first.normals[first_faces[pair]]
     else:
-        pair, points, weight = _of_edges(first, second, first_faces, second_faces, degree)
+        pair, points, weight = _edge_overlap(first, second, first_faces, second_faces, degree)
         normals = None
     face = first_faces[pair], second_faces[pair]
     sides = [
@@ -183,7 +183,7 @@ def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
 
 def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
     """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
-    item, point = near(faces.centres, faces.radii + reach, points)
+    item, point = pairs_within(faces.centres, faces.radii + reach, points)
     xi = projected(
         lambda k, xi: faces.at(item[k], xi), points[point], faces.middle[item], affine=faces.affine
     )
@@ -215,7 +215,7 @@ def _coordinates(
     return xi, side.at(face, xi)[0], in_face
 
 
-def _of_edges(
+def _edge_overlap(
     first: Facets, second: Facets, first_faces: IntArray, second_faces: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
     """(number of the pair, points, weights) of quadrature on the common segments of pairs of
@@ -239,7 +239,7 @@ def _of_edges(
     return np.repeat(common, len(w)), points.reshape(-1, 3), weight.ravel()
 
 
-def _of_faces(
+def _face_overlap(
     first: Facets, second: Facets, first_faces: IntArray, second_faces: IntArray, degree: int
 ) -> tuple[IntArray, Array, Array]:
     """(number of the pair, points, weights) of quadrature on the common polygons of pairs of faces.

@@ -108,7 +108,7 @@ class Condensed:
         return self.at.placed(np.array([end.point for end in self.part.ends.values()]))
 
 
-def of_model(name: str, model: AntiOscillators) -> Superelement:
+def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     """The superelement of an anti-oscillator model of several sites; InputError for others."""
     points = model.info.points or {}
     if not model.sites or model.direction is None or set(points) != set(model.sites):
@@ -163,7 +163,7 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     )
 
 
-def of_matrices(name: str, matrices: NodalMatrices) -> Superelement:
+def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     """The superelement of given matrices with coordinates of nodes; InputError for others."""
     size = algebra.size(matrices.K)
     if not matrices.located:
@@ -298,7 +298,7 @@ def _check_name(what: str, name: object) -> None:
 
 def _part(name: str, part: object) -> MeshedStructure | Superelement:
     if isinstance(part, AntiOscillators):
-        return of_model(name, part)
+        return model_superelement(name, part)
     if not isinstance(part, Structure):
         raise InputError(
             f"the part {name!r} must be a Structure, or a model of several sites; got "
@@ -311,7 +311,7 @@ def _part(name: str, part: object) -> MeshedStructure | Superelement:
             "model of its sites."
         )
     if isinstance(part.matrices, NodalMatrices):
-        return of_matrices(name, part.matrices)
+        return matrix_superelement(name, part.matrices)
     text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."
     return on_mesh(part, text.format(name))
 

@@ -50,7 +50,7 @@ class _Pin(Between):
         warn_of_gap(layout, label, [(self.a, ends[0]), (self.b, ends[1])])
         x = ends[0].point if self.point is None else in_space(self.point)
         a, b = (
-            carried(layout, label, end, end_motion, x)
+            carried_motion(layout, label, end, end_motion, x)
             for end, end_motion in zip((self.a, self.b), ends, strict=True)
         )
         directions = self._constrained()
@@ -58,7 +58,7 @@ class _Pin(Between):
             directions = directions * IN_PLANE
             directions = directions[np.abs(directions).max(axis=1) > 1e-9]
         _check_rotations(label, self, directions, a, b)
-        rows = _apart(directions, a.six, b.six)
+        rows = _difference(directions, a.six, b.six)
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
@@ -156,7 +156,9 @@ class Slider(_Axis):
         return scipy.linalg.block_diag(self._across(), np.eye(3))
 
 
-def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Array) -> EndMotion:
+def carried_motion(
+    layout: Layout, label: str, end: End, end_motion: EndMotion, x: Array
+) -> EndMotion:
     """The motion of point x, connected rigidly to an end; InputError if the end lacks the
     rotation.
     """
@@ -177,7 +179,7 @@ def carried(layout: Layout, label: str, end: End, end_motion: EndMotion, x: Arra
     return end_motion.at(x)
 
 
-def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
+def _difference(directions: Array, a: Sparse, b: Sparse) -> Sparse:
     """Difference b − a along directions (k, 6), without coefficients that are rounding errors."""
     projections = scipy.sparse.csr_matrix(directions)
     components = (projections @ (b - a)).tocsr()
@@ -342,7 +344,9 @@ class Bushing(Between):
         names_of = [name for name in names if name != "axial"]
         if names_of:
             x = a.point if self.point is None else in_space(self.point)
-            motions = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
+            motions = [
+                carried_motion(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))
+            ]
             for name in names_of:
                 _check_has(label, name, UNIT[name], (self.a, motions[0]), (self.b, motions[1]))
             functionals.append(motions[1].components(names_of) - motions[0].components(names_of))

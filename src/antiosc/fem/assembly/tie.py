@@ -183,7 +183,7 @@ def _projection(
     phi = phi[:, nodes]
     weight = scipy.sparse.diags(common.weight)
     D = (phi.T @ weight @ phi).tocsr()
-    full = _whole(follower, nodes)
+    full = _squared_functions(follower, nodes)
     is_covered = D.diagonal() > COVERED * full
     if not is_covered.any():
         raise InputError(
@@ -291,7 +291,7 @@ def _leader_motions(
     ]
 
 
-def _whole(side: Facets, nodes: IntArray) -> Array:
+def _squared_functions(side: Facets, nodes: IntArray) -> Array:
     """∫ φ² over all faces of a side, for the shape function φ of each of `nodes`: (nodes,)."""
     face, xi, weight = side.rule()
     phi = side.basis(face, xi)[:, nodes]
@@ -352,8 +352,8 @@ def led_by_solid(
     displacement = layout.at_points(
         face.member, face.cells[face_of_point], face.reference(face_of_point, xi), DISPLACEMENTS
     )
-    u0 = _combined(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
-    rotated = _combined(slope, skew(normals)) @ displacement
+    u0 = _layer_sums(mean, np.broadcast_to(np.eye(3), (count, 3, 3))) @ displacement
+    rotated = _layer_sums(slope, skew(normals)) @ displacement
     return u0.tocsr(), rotated.tocsr(), normals
 
 
@@ -369,7 +369,7 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     return normals, thickness[member.part.part_of_cells()[cells]]
 
 
-def _combined(factors: Array, matrices: Array) -> Sparse:
+def _layer_sums(factors: Array, matrices: Array) -> Sparse:
     """Matrix (3Q, 3QL) of the sums Σ_j factor_qj · matrix_q · u_qj over L layers j at Q
     points q.
     """

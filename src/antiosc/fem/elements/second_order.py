@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
 
 
-def of_solid(a: Expr, b: Expr) -> Expr:
+def solid_eta(a: Expr, b: Expr) -> Expr:
     """η (gdim, gdim) of two displacement fields a and b (UFL)."""
     A = ufl.grad(a)
     B = ufl.grad(b)
     return ufl.sym(ufl.dot(ufl.transpose(A), B))
 
 
-def of_sheet(frame: Frame, a: Expr, b: Expr) -> Expr:
+def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
     """(η11, η22, 2 η12) in the frame of a sheet, for two motions with six components (UFL)."""
     (a1, a2), (b1, b2) = (_tangential(frame, motion) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
@@ -86,15 +86,15 @@ def stretch_of(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """The second-order strain of the family of `parts`, for displacements of degree `order`."""
     material = parts[0][0]
     if material.kind.sheet:
-        return _of_sheets(mesh, parts)
+        return _sheet_strain(mesh, parts)
     if isinstance(material, Beam):
-        return _of_beams(mesh, parts, order)
+        return _beam_strain(mesh, parts, order)
     if isinstance(material, Truss):
-        return _of_bars(mesh, parts)
-    return _of_solids(mesh, parts, order)
+        return _bar_strain(mesh, parts)
+    return _solid_strain(mesh, parts, order)
 
 
-def _of_solids(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
+def _solid_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """Second-order strain of solids."""
     degree = 4 * (order - 1) + 2 * (mesh.order - 1)
     if mesh.cell in ("quadrilateral", "hexahedron"):
@@ -103,16 +103,16 @@ def _of_solids(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
         C = coefficient(mesh, parts, lambda s: s.voigt)
 
         def voigt_eta(a: Expr, b: Expr) -> Expr:
-            return voigt_strain(of_solid(a, b))
+            return voigt_strain(solid_eta(a, b))
 
         return SecondOrderStrain(
             lambda u: voigt_strain(ufl.sym(ufl.grad(u))), voigt_eta, lambda e: C * e, degree
         )
     stress = isotropic_stress(mesh, parts)
-    return SecondOrderStrain(lambda u: ufl.sym(ufl.grad(u)), of_solid, stress, degree)
+    return SecondOrderStrain(lambda u: ufl.sym(ufl.grad(u)), solid_eta, stress, degree)
 
 
-def _of_sheets(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
+def _sheet_strain(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
     """Second-order strain of sheets, on the neutral surface; curved quadrilaterals use 2×2
     points.
     """
@@ -129,11 +129,11 @@ def _of_sheets(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
     if mesh.cell == "quadrilateral":
         degree = 5 if mesh.order == 1 else 3
     return SecondOrderStrain(
-        strain, lambda a, b: of_sheet(frame, a, b), lambda e: section.A * e, degree
+        strain, lambda a, b: sheet_eta(frame, a, b), lambda e: section.A * e, degree
     )
 
 
-def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
+def _beam_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     """Second-order strain of beams along the axis; η contains the squared twist × polar radius²."""
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
     radius2 = coefficient(mesh, parts, lambda b: (b.section.I + b.section.side) / b.section.A)
@@ -166,7 +166,7 @@ def _of_beams(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
     return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 
 
-def _of_bars(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
+def _bar_strain(mesh: Mesh, parts: Parts) -> SecondOrderStrain:
     """Second-order strain of truss bars."""
     EA = coefficient(mesh, parts, lambda bar: bar.E * bar.area)
     t = tangent(mesh)
@@ -207,8 +207,8 @@ def quadratic_share(part: MeshedStructure, shape: Array, stiffness: float) -> fl
         stretch = stretch + section.coupling * strains.bending
     if part.preload is not None:
         state = compat.function_of(part.form.space, part.preload.q)
-        stretch = stretch + of_sheet(frame, state, motion)
-    energy = ufl.inner(section.A * stretch, of_sheet(frame, motion, motion))
+        stretch = stretch + sheet_eta(frame, state, motion)
+    energy = ufl.inner(section.A * stretch, sheet_eta(frame, motion, motion))
     g = compat.integrate(energy * measure(part.mesh, 6), part.mesh.dolfinx)
     return 1.5 * g / stiffness
 

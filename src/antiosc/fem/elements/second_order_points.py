@@ -173,7 +173,7 @@ def _points(
     )
 
 
-def _of_sheets(part: MeshedStructure) -> PartPoints:
+def _sheet_points(part: MeshedStructure) -> PartPoints:
     """Gauss points of sheets."""
     frame = frames(part.mesh, part.parts)
     section = section_fields(part.mesh, part.parts)
@@ -209,7 +209,7 @@ def _of_sheets(part: MeshedStructure) -> PartPoints:
     return _points(part, grad, 2, strain, square, lambda at: matrix(at, section.A), 3)
 
 
-def _of_solids(part: MeshedStructure) -> PartPoints:
+def _solid_points(part: MeshedStructure) -> PartPoints:
     """Gauss points of solids."""
     d = part.mesh.gdim
     pairs = VOIGT if d == 3 else IN_PLANE
@@ -243,7 +243,7 @@ def _in_plane(solid: Solid) -> Array:
     return solid.thickness * C
 
 
-def _of_beams(part: MeshedStructure) -> PartPoints:
+def _beam_points(part: MeshedStructure) -> PartPoints:
     """Gauss points of beams without offset."""
     if any(beam.offset for beam, _ in part.parts):
         raise InputError("stretch= does not take beams with an offset.")
@@ -266,4 +266,8 @@ def _of_beams(part: MeshedStructure) -> PartPoints:
     return _points(part, grad, 1, strain, np.ones((1, 1, 1)), stiffness, displacement_count)
 
 
-_FAMILIES = ((Sheet, _of_sheets), ((Solid, AnisotropicSolid), _of_solids), (Beam, _of_beams))
+_FAMILIES = (
+    (Sheet, _sheet_points),
+    ((Solid, AnisotropicSolid), _solid_points),
+    (Beam, _beam_points),
+)

@@ -110,7 +110,7 @@ def _normals(mesh: Mesh, x: Array) -> Array:
 
 def _axis(direction: Direction, x: Array, normals: Array) -> Array:
     """Unit vectors (cells, 3) along `direction`; InputError where it is normal to a cell."""
-    axis = _at("axis", direction, x)
+    axis = _directions_at("axis", direction, x)
     projected_length = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
     _refuse(
         projected_length < LEAST_SINE,
@@ -124,7 +124,7 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
 
 def _side(direction: Direction, x: Array, normals: Array) -> Array:
     """Sign ±1 (cells,): whether a cell's normal points toward the top, given by a direction."""
-    cosine = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
+    cosine = np.einsum("ci,cqi->cq", _directions_at("top", direction, x), normals)
     side = np.sign(cosine[:, 0])
     _refuse(
         (cosine * side[:, None]).min(axis=1) < LEAST_SINE,
@@ -136,7 +136,7 @@ def _side(direction: Direction, x: Array, normals: Array) -> Array:
     return np.asarray(side)
 
 
-def _at(name: str, direction: Direction, x: Array) -> Array:
+def _directions_at(name: str, direction: Direction, x: Array) -> Array:
     """Unit vectors (cells, 3) of the direction at the middle of every cell."""
     directions = (
         direction(x.mean(axis=1).T) if callable(direction) else np.reshape(direction, (3, 1))

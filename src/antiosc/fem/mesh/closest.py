@@ -79,7 +79,7 @@ def clamped(xi: Array, simplex: bool) -> Array:
     return xi
 
 
-def near(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
+def pairs_within(centres: Array, reach: Array, points: Array) -> tuple[IntArray, IntArray]:
     """Pairs (item, point) of numbers with |centre of item − point| <= reach of item: two arrays."""
     if not len(points) or not len(centres):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
@@ -144,7 +144,7 @@ def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
 
     Points inside cells are found together, the others one by one.
     """
-    cell, X, distance = _inside(mesh, points)
+    cell, X, distance = _cells_containing(mesh, points)
     in_cell = np.array(mesh.comm.allgather(np.isfinite(distance)))
     x = points.copy()
     for i in np.flatnonzero(~in_cell.any(axis=0)):
@@ -179,7 +179,7 @@ def corners_at(mesh: Mesh, nearest: ClosestPoint) -> Array:
     return np.asarray(mesh.comm.bcast(corners, root=nearest.rank))
 
 
-def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
+def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     """(cell, reference coordinates, distance) of points in cells of this rank; distance inf
     elsewhere.
 
@@ -192,7 +192,7 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     if not len(low):
         return cell, X, distance
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    item, point = near((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
+    item, point = pairs_within((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
     geometry = mesh.geometry
     margin = OUTSIDE_CELL * reach[item, None]
     boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)

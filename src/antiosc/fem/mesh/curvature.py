@@ -39,14 +39,14 @@ SHARP_ANGLE = 40.0
 #: Radius of the fit over the radius of curvature. With 1/6: 20.1, 33.6 and 50.6, from fewer nodes,
 #: which noise of the nodes moves more; with 2/3: 19.8, 33.0 and 49.5, with 1.4 to 4.5 times the
 #: uncertainty.
-SHARE = 1 / 3
+FIT_SHARE = 1 / 3
 #: Largest radius of a fit over the size of the part, …
 WIDEST = 0.1
 #: … and over the size of the faces at the point: half as many change the cylinder by 0.2 %.
 FACES_WIDE = 5.0
 #: Ratio of the radii of two fits, whose difference is the uncertainty; with 3 it is 1.7 to 8 times
 #: as large.
-OTHER = 1.5
+OTHER_SHARES = 1.5
 #: Most iterations of the radius of a fit, …
 CHOICES = 8
 #: … and the relative change that ends them.
@@ -59,7 +59,7 @@ NODES_EACH = 1.5
 #: Singular values below this share of the largest one count as zero.
 RANK = 1e-6
 #: Least cosine between the normals of the faces in a fit and that of the point, …
-TURNED = 0.35
+LARGEST_TURN = 0.35
 #: … and the cosine at which the first fit ends.
 STARTS = 0.75
 #: Distance of nodes from a plane over the radius of the fit, up to which they lie on it.
@@ -84,11 +84,11 @@ NODES_WIDE = 2.0
 #: … with the weights exp(-NEARER r^2), r being the distance over the largest distance.
 NEARER = 2.0
 #: Points tried along a line, …
-LOOKS = 200
+PROBES = 200
 #: … refinements of the place of its end: it is then known to LOOKS^-4 of the part's size, …
 CLOSER = 3
 #: … and largest deviation of the surface from the line over its radius.
-MISSED = 0.1
+MISSED_DISTANCE = 0.1
 #: Step along a curved line over its radius, …
 STEP = 0.25
 #: … drop of height over the radius at which it ends, …
@@ -343,7 +343,7 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
         sign[cad.nodes.surfaces == cad.nodes.surfaces[rows[0]]] = np.sign(facing)
     shares = np.zeros(len(distances))
     np.add.at(shares, cad.rows, at.weights / len(at.gap))
-    facing_alike = sign * (cad.nodes.normals @ normal) > TURNED
+    facing_alike = sign * (cad.nodes.normals @ normal) > LARGEST_TURN
     used_nodes = np.flatnonzero((shares > 0) | (distances < radius) & facing_alike)
     near_nodes = cad.nodes.at(used_nodes)
     sign = sign[used_nodes]
@@ -433,7 +433,7 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     """Curvature from a fit to the nodes of a smooth surface (see the module's docstring)."""
     cosine = np.abs(smooth.normals.mean(axis=1) @ normal)
     distances = np.linalg.norm(smooth.corners.mean(axis=1) - x, axis=1)
-    nodes = smooth.only(cosine > TURNED).nodes() - x
+    nodes = smooth.only(cosine > LARGEST_TURN).nodes() - x
     widest = float(np.linalg.norm(nodes, axis=1).max()) * (1 + TOUCH)
     start = _fit_within(
         nodes, normal, min(widest, float(distances[cosine < STARTS].min(initial=widest)))
@@ -451,7 +451,7 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
         if fit.flat:
             break
         normal = fit.normal
-        fit_radius = SHARE / float(np.abs(fit.values).max())
+        fit_radius = FIT_SHARE / float(np.abs(fit.values).max())
         closer = _fit_within(nodes, normal, min(fit_radius, radius))
         if closer is None or closer[1] > radius:
             break
@@ -465,9 +465,11 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
     bend = float(np.abs(fit.values).max())
     turn = bend * radius
     before = float(np.abs(start[0].values).max()) * start[1]
-    if turn > max(SHARE, SAME_TURN * before) and radius < start[1] / OTHER**2:
+    if turn > max(FIT_SHARE, SAME_TURN * before) and radius < start[1] / OTHER_SHARES**2:
         return _sharp(EDGE, x, normal)
-    smaller, larger = (_fit(nodes, normal, radius * share) for share in (1 / OTHER, OTHER))
+    smaller, larger = (
+        _fit(nodes, normal, radius * share) for share in (1 / OTHER_SHARES, OTHER_SHARES)
+    )
     error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, bend * radius))
     if bend * radius > UNRESOLVED:
         error = max(error, bend)
@@ -486,7 +488,7 @@ def _in_one_plane(nodes: Array, normal: Array) -> bool:
 def _flat_within(nodes: Array, normal: Array, radius: float) -> bool:
     """Whether nodes within some smaller radius are coplanar, as on a flat beside a rounded edge."""
     while True:
-        radius /= OTHER
+        radius /= OTHER_SHARES
         fit = _fit(nodes, normal, radius)
         if fit is None or fit.flat:
             return fit is not None
@@ -499,7 +501,7 @@ def _sharp(kind: str, x: Array, normal: Array) -> Curvature:
 
 def _spread(fit: SurfaceFit, smaller: SurfaceFit | None, larger: SurfaceFit | None) -> float:
     """Truncation error of the polynomial [1/m], from fits with a smaller and a larger radius."""
-    shrinks = OTHER ** (4 if fit.degree == 4 else 2)
+    shrinks = OTHER_SHARES ** (4 if fit.degree == 4 else 2)
     error = 0.0
     if larger is not None:
         error = float(np.abs(fit.values - larger.values).max())
@@ -590,12 +592,14 @@ def _with_length(faces: Faces, curvature: Curvature, size: float) -> Curvature:
         return np.asarray(np.min(np.array(faces.mesh.comm.allgather(distance)), axis=0))
 
     def exists(distances: Array) -> BoolArray:
-        return np.isfinite(depth(curvature.point + distances[:, None] * axis, MISSED * radius))
+        return np.isfinite(
+            depth(curvature.point + distances[:, None] * axis, MISSED_DISTANCE * radius)
+        )
 
     ends = _end(exists, size), -_end(lambda t: exists(-t), size)
     end_points = curvature.point + (1 + TOUCH) * np.array(ends)[:, None] * axis
-    if np.isfinite(depth(end_points, 2 * MISSED * radius)).any():
-        return _around(curvature, lambda points: depth(points, radius), axis, radius, size)
+    if np.isfinite(depth(end_points, 2 * MISSED_DISTANCE * radius)).any():
+        return _along_crest(curvature, lambda points: depth(points, radius), axis, radius, size)
     middle = curvature.point + (ends[0] + ends[1]) / 2 * axis
     return replace(curvature, length=ends[0] - ends[1], middle=middle)
 
@@ -607,14 +611,14 @@ def _end(exists: Callable[[Array], BoolArray], size: float) -> float:
     lower = 0.0
     upper = size
     for _ in range(1 + CLOSER):
-        t = np.linspace(lower, upper, LOOKS)
+        t = np.linspace(lower, upper, PROBES)
         last = int(np.argmin(np.append(exists(t[1:-1]), False)))
         lower = float(t[last])
         upper = float(t[last + 1])
     return lower
 
 
-def _around(
+def _along_crest(
     curvature: Curvature, depth: Callable[[Array], Array], along: Array, radius: float, size: float
 ) -> Curvature:
     """The curvature with length and middle of a curved crest, such as the top of a torus, in

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import clamped, excess, near, projected
+from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
 from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
 from antiosc.io.neutral import FACETS, KINDS
@@ -301,7 +301,7 @@ class Faces(Entities):
         count = len(points)
         mean = self.sizes
         face, site, normal, gap = self._feet(points, radii)
-        depth = _least(comm, gap, site, count)
+        depth = _least_over_ranks(comm, gap, site, count)
         facing = np.einsum("nd,nd->n", normal, directions[site])
         if self.sheet:
             is_flipped = np.where(np.abs(facing) > LEVEL, facing, normal @ OBLIQUE) > 0
@@ -309,7 +309,7 @@ class Faces(Entities):
             facing[is_flipped] = -facing[is_flipped]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
-            least = _least(comm, measure[best], site[best], count)
+            least = _least_over_ranks(comm, measure[best], site[best], count)
             best = best[measure[best] <= least[site[best]] + LEVEL]
         first = _mean(comm, normal[best], site[best], count)
         same_face = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
@@ -317,16 +317,16 @@ class Faces(Entities):
         site = site[same_face]
         normal = normal[same_face]
         gap = gap[same_face]
-        nearest = gap <= _least(comm, gap, site, count)[site] + TOUCH * mean[face]
+        nearest = gap <= _least_over_ranks(comm, gap, site, count)[site] + TOUCH * mean[face]
         normals = _mean(comm, normal[nearest], site[nearest], count)
-        label = _least(comm, labels[face[nearest]].astype(float), site[nearest], count)
+        label = _least_over_ranks(comm, labels[face[nearest]].astype(float), site[nearest], count)
         height = np.einsum("nvd,nd->nv", self.corners[face] - points[site, None], normals[site])
         return SurfaceAtSites(
             normals,
             depth,
-            _least(comm, mean[face], site, count),
-            -_least(comm, -mean[face], site, count),
-            -_least(comm, -np.abs(height).max(axis=1, initial=0.0), site, count),
+            _least_over_ranks(comm, mean[face], site, count),
+            -_least_over_ranks(comm, -mean[face], site, count),
+            -_least_over_ranks(comm, -np.abs(height).max(axis=1, initial=0.0), site, count),
             np.where(np.isfinite(label), label, 0).astype(int),
         )
 
@@ -334,7 +334,7 @@ class Faces(Entities):
         """(face, point, unit normal, distance) of the nearest place on each face of this rank, for
         near points.
         """
-        face, point = near(self.centres, self.radii + radii.max(initial=0.0), points)
+        face, point = pairs_within(self.centres, self.radii + radii.max(initial=0.0), points)
         xi = projected(
             lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
         )
@@ -351,7 +351,7 @@ class Faces(Entities):
         face = np.zeros(len(points), dtype=int)
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
-        item, point = near(self.centres, self.radii + rise, points)
+        item, point = pairs_within(self.centres, self.radii + rise, points)
         xi_found = self._on_plane(item, points[point], normals[point])
         bend = self.bend[item]
         close = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
@@ -482,7 +482,7 @@ def _nonzero(values: Array) -> Array:
     return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
 
 
-def _least(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
+def _least_over_ranks(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
     """Smallest value (count,) of each site over all ranks; inf for a site without values."""
     least = np.full(count, np.inf)
     result = np.empty(count)

@@ -118,7 +118,7 @@ class Prestress(Checked):
     )
 
 
-def of_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
+def loads_on_part(loads: Prestress, name: str, R: Array, about: Array) -> Prestress:
     """Loads on the part `name` of an assembly, in the part's axes, without tensions.
 
     R (3, 3) rotates the part into the assembly; `about` (3,) is the point of the spin axis in the

@@ -23,7 +23,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import on_root
-from antiosc.fem.prestress import Preload, Prestress, Spin, named_from, of_part
+from antiosc.fem.prestress import Preload, Prestress, Spin, loads_on_part, named_from
 from antiosc.fem.prestress.equilibrium import Loaded, static_equilibrium
 from antiosc.fem.prestress.loaded_part import (
     LoadedPart,
@@ -185,7 +185,7 @@ class _LoadedAssembly(Loaded):
         def work() -> Array:
             dead = np.zeros(layout.count)
             for member in layout.members.values():
-                part_loads, strains = of_member(loads, initial, member)
+                part_loads, strains = member_loads(loads, initial, member)
                 self._parts.append((member, LoadedPart(member.part, part_loads, strains)))
                 dead[member.rows] = dead_forces(member.part, part_loads)
             for name, point in loads.force.items():
@@ -252,7 +252,7 @@ class _LoadedAssembly(Loaded):
         """
         forces = -self._spun @ motions if self._spun.nnz else np.zeros(motions.shape)
         for member, _ in self._parts:
-            part_loads = of_member(self._loads, self._initial, member)
+            part_loads = member_loads(self._loads, self._initial, member)
             free = LoadedPart(member.part.unsupported(), *part_loads)
             tangent = free.stiffness(u[member.rows])
             forces[member.rows] += multiply(tangent, motions[member.rows])
@@ -261,11 +261,11 @@ class _LoadedAssembly(Loaded):
         return forces
 
 
-def of_member(
+def member_loads(
     loads: Prestress, initial: Mapping[str, float], member: Member
 ) -> tuple[Prestress, dict[str, float]]:
     """(loads, initial strains by group) of one part of an assembly, in the axes of the part."""
     spin_origin = np.zeros(3) if loads.spin is None else np.array(loads.spin.about)
     point = member.at.own(spin_origin[None])[0]
-    part_loads = of_part(loads, member.name, member.at.rotation, point)
+    part_loads = loads_on_part(loads, member.name, member.at.rotation, point)
     return part_loads, named_from(f"{member.name}:", initial)

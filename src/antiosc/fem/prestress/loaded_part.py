@@ -74,7 +74,7 @@ class LoadedPart:
         self._u = compat.function_of(form.space, np.zeros(part.rows))
         lines = part.stiffeners
         self._lines = {
-            name: LoadedPart(alone(stiffener, name), Prestress(), _among(initial, [name]))
+            name: LoadedPart(alone(stiffener, name), Prestress(), _initial_of(initial, [name]))
             for name, stiffener in lines.items()
         }
         if part.edges:  # all of its cells
@@ -142,7 +142,7 @@ class LoadedPart:
         self._u.x.scatter_forward()
 
 
-def _among(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
+def _initial_of(initial: Mapping[str, float], names: list[str]) -> dict[str, float]:
     """The initial strains of the stiffeners `names`."""
     return {name: e for name, e in initial.items() if name in names}
 

@@ -270,7 +270,7 @@ REFINEMENTS = 4
 FAR = 0.1
 
 
-def of_matrices(
+def modes_and_shift(
     K: Matrix, M: Matrix, null_vectors: Array | None
 ) -> tuple[Array, float, Solver | None]:
     """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).

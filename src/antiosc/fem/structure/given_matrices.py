@@ -24,7 +24,7 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.platform import agree, agreed, alike, of_petsc
-from antiosc.fem.structure import NodalMatrices, StructureMatrices, of_matrices
+from antiosc.fem.structure import NodalMatrices, StructureMatrices, modes_and_shift
 from antiosc.io.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ PENALTY_OVER_ROW = 1e14
 #: The same entry over the typical one of all rows.
 PENALTY_OVER_TYPICAL = 1e12
 #: A coupling that leaves less than four digits of what is coupled.
-DROWNS = 1e12
+DOMINATES = 1e12
 #: A negative eigenvalue over the largest, of M scaled to a unit diagonal.
 NEGATIVE = 1e-8
 #: Number of steps to find that eigenvalue.
@@ -61,7 +61,7 @@ def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     if backend == "petsc" or (backend == "auto" and (is_petsc or fem.missing is None)):
         copy = as_petsc(name, matrix)
     else:
-        copy = _of_petsc(name, matrix) if is_petsc else _of_arrays(name, matrix)
+        copy = _csr_of_petsc(name, matrix) if is_petsc else _csr_of_arrays(name, matrix)
         _check_square(name, copy.shape)
         _check_values(name, copy.data)
     return copy
@@ -74,13 +74,13 @@ def as_petsc(name: str, matrix: Matrix) -> PETSc.Mat:
     if of_petsc(matrix):
         copy = petsc_algebra.copied(name, matrix)
     else:
-        copy = petsc_algebra.from_csr(name, _of_arrays(name, matrix))
+        copy = petsc_algebra.from_csr(name, _csr_of_arrays(name, matrix))
     _check_square(name, copy.getSize())
     agreed(communicator(copy), lambda: _check_values(name, algebra.entries(copy)[2]))
     return copy
 
 
-def _of_petsc(name: str, matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
+def _csr_of_petsc(name: str, matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     from antiosc.fem.linalg import petsc_algebra
 
     copy = petsc_algebra.copied(name, matrix)
@@ -94,7 +94,7 @@ def _check_square(name: str, shape: tuple[int, int]) -> None:
         raise InputError(f"{name} must be square; got {shape[0]} rows and {shape[1]} columns.")
 
 
-def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
+def _csr_of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     sparse = scipy.sparse.issparse(matrix)
     try:
         entries: Matrix = matrix if sparse else np.asarray(matrix)
@@ -174,7 +174,7 @@ def matrices_of_pair(
     null_vectors = None
     if rigid_modes is not None:
         null_vectors = floats("rigid_modes", rigid_modes, (algebra.rows(K), None))
-    modes, shift, factor = of_matrices(K, M, null_vectors)
+    modes, shift, factor = modes_and_shift(K, M, null_vectors)
     parts = K, M, fixed, modes, shift
     if C is not None:
         C = _damping(C, K, fixed)
@@ -190,7 +190,7 @@ def _damping(C: Matrix, K: Matrix, fixed: IntArray) -> Matrix:
             f"C must be of the size and distribution of K; got {algebra.size(C)} rows for "
             f"{algebra.size(K)}."
         )
-    entries = _checked("C", C)
+    entries = _checked_entries("C", C)
     _check_definite(communicator(C), C, entries.diagonal, "C")
     first, _ = algebra.row_range(C)
     return algebra.hold(C, fixed[fixed < algebra.rows(C)] + first, 0.0)
@@ -228,7 +228,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     same_ranks = alike(comm, communicator(M))
     if not same_ranks or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError("K and M must have the same distribution over the MPI ranks.")
-    of_K, of_M = (_checked(name, matrix) for name, matrix in (("K", K), ("M", M)))
+    of_K, of_M = (_checked_entries(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
     if len(empty):
         raise InputError(
@@ -252,7 +252,7 @@ def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     return K, M, of_rank - first
 
 
-def _checked(name: str, matrix: Matrix) -> _Entries:
+def _checked_entries(name: str, matrix: Matrix) -> _Entries:
     """The entries of a matrix, checked for signs of asymmetry and indefiniteness."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
@@ -331,7 +331,7 @@ def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
 def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
     """InputError for a penalty between two dofs that drowns their own stiffness in rounding."""
     typical = _typical(comm, entries)
-    large = np.abs(entries.value) > DROWNS * (typical or np.inf)
+    large = np.abs(entries.value) > DOMINATES * (typical or np.inf)
     large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)
     small = np.zeros(len(entries.diagonal))
     np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
@@ -340,7 +340,7 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     _forbid(
         comm,
         entries,
-        large & (DROWNS * neighbours < np.abs(entries.value)),
+        large & (DOMINATES * neighbours < np.abs(entries.value)),
         "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
         "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
     )

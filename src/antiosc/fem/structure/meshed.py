@@ -527,9 +527,9 @@ def assembled(
     materials = [*(entry for entry, _ in parts), *stiffeners]
     doubts = plausible.warn_each(
         [
-            plausible.of_part(mesh.extent(), mesh.stated, mesh.tdim == 1),
-            *map(plausible.of_material, materials),
-            *(_of_section(entry, mesh.extent()) for entry in materials),
+            plausible.size_doubt(mesh.extent(), mesh.stated, mesh.tdim == 1),
+            *map(plausible.material_doubt, materials),
+            *(_section_doubt(entry, mesh.extent()) for entry in materials),
         ]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
@@ -579,7 +579,7 @@ def assembled(
     if bare:
         K = M = None
     else:
-        modes, shift = support.of_mesh(form, fixed, K, M, springs)
+        modes, shift = support.mesh_modes(form, fixed, K, M, springs)
     if conditions and modes.shape[1]:
         motions = support.described(mesh, form, modes)
         warn(
@@ -656,11 +656,11 @@ def _stretched(
     return float(min(material.section.thickness for material in materials))
 
 
-def _of_section(material: Family, extent: float) -> str:
+def _section_doubt(material: Family, extent: float) -> str:
     """Why the size of a section is implausible; "" if it is not."""
     section = getattr(material, "section", None)
     thickness = getattr(section, "thickness", None)
     if thickness is not None:
-        return plausible.of_thickness(thickness, extent)
+        return plausible.thickness_doubt(thickness, extent)
     area = getattr(section, "A", 0.0)
-    return plausible.of_thickness(float(np.sqrt(area)), extent, "beam")
+    return plausible.thickness_doubt(float(np.sqrt(area)), extent, "beam")

@@ -298,10 +298,10 @@ VANISHING = 1e-13
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
 STRAINING_SHARE = 1e-9
 #: Share of the largest of some eigenvalues below which rounding makes them up.
-DROWNED = 1e-14
+DOMINATED = 1e-14
 
 
-def of_mesh(
+def mesh_modes(
     form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
     """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²).
@@ -378,7 +378,7 @@ def first_elastic(
     if not len(values):
         return frequency(K, M)
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
-    return float(max(values[0], DROWNED * values[-1]))
+    return float(max(values[0], DOMINATED * values[-1]))
 
 
 def _fields(form: WeakForm, comm: MPI.Comm, rigid: bool = False) -> Array:
@@ -460,19 +460,19 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
     unit[:, 3:] /= size
     # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions
     motions = np.linalg.pinv(dot(mesh.comm, unit, unit)) @ dot(mesh.comm, unit, modes)
-    return of_body(motions / np.linalg.norm(motions, axis=0), centre, size)
+    return motions_text(motions / np.linalg.norm(motions, axis=0), centre, size)
 
 
-def of_body(motions: Array, centre: Array, size: float) -> str:
+def motions_text(motions: Array, centre: Array, size: float) -> str:
     """The rigid motions (6, m) of a body in words.
 
     Their coefficients are of unit translations along x, y, z and of rotations about axes through
     `centre` (3,), scaled by 1/`size` [m].
     """
     moves, rotations = _divided(motions)
-    words = [f"translation along {_name(move)}" for move in moves]
+    words = [f"translation along {_axis_text(move)}" for move in moves]
     for velocity, spin in rotations:
-        words.append(_turn(velocity, spin, moves, centre, size))
+        words.append(_rotation_text(velocity, spin, moves, centre, size))
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
@@ -507,16 +507,16 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
     return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)
 
 
-def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
+def _rotation_text(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
     """One rotating motion as text: axis and a point on it; `spin` is in units of 1/size."""
     axis = spin / np.linalg.norm(spin)
     pitch_speed = float(velocity @ axis)
-    words = f"rotation about {_name(axis)}"
+    words = f"rotation about {_axis_text(axis)}"
     if (
         abs(pitch_speed) > MOTION_ROUNDING * np.linalg.norm(velocity)
         and abs(pitch_speed) > MOTION_ROUNDING
     ):
-        words = f"a screw motion along {_name(axis)}"
+        words = f"a screw motion along {_axis_text(axis)}"
     if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), MOTION_ROUNDING) == 2:
         return words  # with these translations the axis may lie anywhere
     through = centre + size * np.cross(spin, velocity) / float(spin @ spin)
@@ -524,7 +524,7 @@ def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float
     return f"{words} through ({', '.join(f'{c:.4g}' for c in through)}) m"
 
 
-def _name(direction: Array) -> str:
+def _axis_text(direction: Array) -> str:
     """ "x", "y" or "z", or the direction in numbers."""
     unit = direction / np.linalg.norm(direction)
     largest = int(np.argmax(np.abs(unit)))

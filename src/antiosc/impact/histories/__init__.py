@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text
-from antiosc.impact.assembly import given_parts
+from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
@@ -242,7 +242,7 @@ def with_model(hit: History, model: object) -> History:
     structure = hit._ends[0]
     bodies = {**hit.assembly.bodies, structure.name: replace(structure, body=model)}
     return replace(
-        hit, assembly=replace(hit.assembly, parts=given_parts(hit.assembly.scene, bodies))
+        hit, assembly=replace(hit.assembly, parts=scene_source(hit.assembly.scene, bodies))
     )
 
 

@@ -18,7 +18,7 @@ from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.impact.histories.parts import OneContact
 from antiosc.impact.scene_parts import find_site
-from antiosc.models.auto_contact import chosen
+from antiosc.models.auto_contact import choice_at_sites
 from antiosc.models.body import site_points
 
 #: Radii of a contact that yields which the margin of a solid leaves out about it. There Hertz's
@@ -38,7 +38,7 @@ def choice_at(contact: OneContact) -> Choice | None:
     ends = [end.partition(":") for end in (parts.a, parts.b)]
     try:
         first, second = (scene.bodies[name] for name, _, _ in ends)
-        return chosen(first, second, (ends[0][2], ends[1][2]))
+        return choice_at_sites(first, second, (ends[0][2], ends[1][2]))
     except InputError:
         return None
 
@@ -152,7 +152,7 @@ def sentence(contact: OneContact) -> str:
     law = contact.law
     unknown = STRENGTH in unknown_dent(contact)
     if isinstance(law, ElasticPlastic) and not (unknown and contact.peak_force <= law.yield_force):
-        return _of_law(contact, law)
+        return _law_sentence(contact, law)
     if choice is None or not isinstance(law, Hertz | ElasticPlastic):
         return ""
     if isinstance(choice.law, ElasticPlastic) and contact.peak_force > choice.law.yield_force:
@@ -184,7 +184,7 @@ def law_error_text(contact: OneContact) -> str:
     return "law not known" if share is None else f"law {percent(share)}"
 
 
-def _of_law(contact: OneContact, law: ElasticPlastic) -> str:
+def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
     """The sentence on a contact with an elastic-plastic law."""
     pressure = elastic_pressure(law, contact.deepest)
     pressure_text = engineering(pressure, "Pa")

@@ -49,7 +49,7 @@ class HalvedBeams(MeshErrors):
         if site.point is None or site.direction is None:
             raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
         energies = self._energies(model, site, site.point, site.direction)
-        in_element = inside(self.part.mesh, site.point)
+        in_element = is_inside(self.part.mesh, site.point)
         facts = {"inside_element": in_element, "model": beam_facts(self.part, site)}
         return Estimate(energies, facts=facts)
 
@@ -165,7 +165,7 @@ def with_node(mesh: Mesh, point: Array) -> Mesh:
     return _divided(mesh, np.nan, point)
 
 
-def inside(mesh: Mesh, point: Array) -> bool:
+def is_inside(mesh: Mesh, point: Array) -> bool:
     """Whether a point lies within an element and not at a node."""
     ends = mesh.geometry.nodes[:, :2, : mesh.gdim]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -216,7 +216,7 @@ def _divided(mesh: Mesh, share: float, point: Array | None) -> Mesh:
         cuts = np.full(len(pieces.cells), share)
         if point is not None:
             _cut_at(cuts, pieces, point)
-        raw = _pieced(pieces, cuts)
+        raw = _cut_mesh(pieces, cuts)
     raw = mesh.comm.bcast(raw)
     if isinstance(raw, InputError):
         raise raw
@@ -236,7 +236,7 @@ def _cut_at(cuts: Array, pieces: Pieces, point: Array) -> None:
         cuts[closest] = nearest[closest]
 
 
-def _pieced(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
+def _cut_mesh(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
     """The mesh with cells cut at the shares `cuts` of their lengths; NaN: not cut."""
     cells = pieces.cells.astype(np.int64)
     cell_keys = keys(cells)

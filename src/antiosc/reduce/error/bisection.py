@@ -189,7 +189,7 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
         fresh = replace(fresh, cells=cells)
     values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(fresh)
     groups = {
-        name: {dim: _inside(new, dim, support, rows) for dim, rows in parts.items()}
+        name: {dim: _in_group(new, dim, support, rows) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
     return replace(fresh, groups=groups, values=values)
@@ -250,7 +250,7 @@ def _positions(rows: IntArray, among: IntArray) -> IntArray:
     return np.where(code[order][position] == row_keys, order[position], -1)
 
 
-def _inside(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:
+def _in_group(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:
     """Vertices of the entities of the new mesh that lie in the old entities `group`."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
     carriers = _carriers(support, entities)

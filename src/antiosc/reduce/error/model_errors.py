@@ -34,10 +34,10 @@ WHY = {
 
 def estimator(structure: Structure) -> StrainErrors:
     """The estimator for the structure's element family; InputError if there is none."""
-    return _of_part(on_mesh(structure, NO_MESH))
+    return _part_estimator(on_mesh(structure, NO_MESH))
 
 
-def _of_part(matrices: MeshedStructure) -> StrainErrors:
+def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     """The estimator for a part."""
     if matrices.kind.name in WHY:
         raise InputError(
@@ -69,7 +69,9 @@ class ModelErrors:
             raise InputError(JOINTED)
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
-        self._errors: MeshErrors = HalvedBeams(part) if part.kind.name == "beam" else _of_part(part)
+        self._errors: MeshErrors = (
+            HalvedBeams(part) if part.kind.name == "beam" else _part_estimator(part)
+        )
         self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:

@@ -109,7 +109,7 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
         smooth &= ~np.isin(edges, mesh.groups[name][1])
     ends = edge_ends[edges[smooth]]
     a, b = pairs[:, smooth]
-    opposite = _ahead(corners[a], ends) == _ahead(corners[b], ends)
+    opposite = _is_forward(corners[a], ends) == _is_forward(corners[b], ends)
     number = _connected(count, a, b)
     side = _sides(number, a, b, opposite, mesh.name)
     # layers have a side of their own, which turns with the surface, or the piece ends there
@@ -164,7 +164,7 @@ def _largest(values: Array) -> float:
     return float(values.max(initial=0.0))
 
 
-def _ahead(corners: IntArray, ends: IntArray) -> BoolArray:
+def _is_forward(corners: IntArray, ends: IntArray) -> BoolArray:
     """Mask (cells,): whether a cell traverses an edge from its first end to its second."""
     corner = np.argmax(corners == ends[:, :1], axis=1)
     next_corner = (corner + 1) % corners.shape[1]

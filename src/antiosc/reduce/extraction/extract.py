@@ -35,7 +35,7 @@ from antiosc.reduce.extraction import shapes_of_models
 from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
-    Reached,
+    DampedBand,
     by_krylov,
     with_damping,
 )
@@ -132,7 +132,7 @@ def models_of(
         )
         at_site = at_one_site(static, selected, options.n) if UNNAMED in group else None
         band: Band | None = None
-        if options.band is not None and isinstance(remainder, Reached):
+        if options.band is not None and isinstance(remainder, DampedBand):
             band = _band(remainder.bottom, options.band, remainder.error)
         elif options.band is not None and callable(remainder):
             omega = selected.omega if at_site is None else at_site.omega

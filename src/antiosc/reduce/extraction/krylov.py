@@ -71,13 +71,13 @@ from antiosc.reduce.extraction.oscillators import (
 )
 
 #: Share of the damping of the model by which dampers may brake motions that it has not.
-UNBRAKED = 1e-12
+UNDAMPED = 1e-12
 #: Frequencies at which the residual is found at once.
 AT_ONCE = 64
 
 
 @dataclass(frozen=True)
-class Reached:
+class DampedBand:
     """Error bound of a damped model's receptance in its band, and the band's lower end [rad/s]."""
 
     error: float
@@ -102,7 +102,7 @@ def with_damping(
     elif static.nodal.size:
         rigid_damping = np.trace(projected(structure.comm, terms, static.nodal).matrix)
         total_damping = np.trace(projected(structure.comm, terms, V).matrix)
-        if rigid_damping > UNBRAKED * total_damping:
+        if rigid_damping > UNDAMPED * total_damping:
             raise InputError(
                 "a damper brakes a rigid-body motion that the site does not see, and that matrices "
                 "without coordinates do not tell: give them a map with coordinates."
@@ -149,7 +149,7 @@ def band_error(
     n: int,
     band: float,
     terms: Sequence[Dissipation],
-) -> Reached:
+) -> DampedBand:
     """Error bound (see the module) for the first n of the vectors V, with H = VᵀMV and c = VᵀMΦ."""
     p = len(static.kept)
     k = vectors.shape[1]
@@ -180,7 +180,7 @@ def band_error(
         Z = spectral_norms(np.linalg.inv(y[:, :p]))
         coercive = np.abs(s) / s.real * np.maximum(1.0, shift / np.abs(s) ** 2)
         worst = max(worst, float(np.max(coercive * residual_norms**2 * Z)))
-    return Reached(worst, float(abs(omega[0])))
+    return DampedBand(worst, float(abs(omega[0])))
 
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
@@ -382,7 +382,7 @@ class Lanczos:
 
         return bound
 
-    def damped_error(self, n: int, band: float) -> Reached:
+    def damped_error(self, n: int, band: float) -> DampedBand:
         """The bound on the error of the receptance with damping (`band_error`)."""
         basis = self.vectors, self.H
         return band_error(self._structure, self._static, *basis, self._c, n, band, self._terms)
@@ -408,7 +408,7 @@ def by_krylov(
     band: float | None,
     accuracy: float,
     terms: Sequence[Dissipation] = (),
-) -> list[tuple[Modes, Remainder | Reached | None]]:
+) -> list[tuple[Modes, Remainder | DampedBand | None]]:
     """(Ritz pairs; with a band the bound on their truncation error) of each model.
 
     Without a band there are `counts` pairs with more than the share `tol` in Z,
@@ -421,7 +421,7 @@ def by_krylov(
         Lanczos(structure, static, (n if band is None else 0) + BASIS_STEP, terms)
         for static, n in zip(statics, counts, strict=True)
     ]
-    results: dict[int, tuple[Modes, Remainder | Reached | None]] = {}
+    results: dict[int, tuple[Modes, Remainder | DampedBand | None]] = {}
     if band is None:
         results = {i: (run.modes(0), None) for i, run in enumerate(lanczos) if counts[i] == 0}
     with doing("extracting anti-oscillators", structure.comm.rank) as report:
@@ -438,11 +438,11 @@ def by_krylov(
             for i, solution in zip(active, np.split(shapes, ends[:-1], axis=1), strict=True):
                 steps_before = lanczos[i].steps
                 lanczos[i].advance(solution)
-                bound: Remainder | Reached | None = None
+                bound: Remainder | DampedBand | None = None
                 if terms:
                     count, bound = _enough_damped(lanczos[i], counts[i], band, accuracy)
                 else:
-                    count = _finished(lanczos[i], steps_before, counts[i], tol, band, accuracy)
+                    count = _kept_count(lanczos[i], steps_before, counts[i], tol, band, accuracy)
                     bound = None if band is None or count is None else lanczos[i].remainder(count)
                 if count is not None:
                     results[i] = lanczos[i].modes(count), bound
@@ -453,7 +453,7 @@ def by_krylov(
 
 def _enough_damped(
     run: Lanczos, n: int, band: float | None, accuracy: float
-) -> tuple[int | None, Reached | None]:
+) -> tuple[int | None, DampedBand | None]:
     """(vectors to keep of a damped model, or None to continue; its error bound)."""
     if band is None:
         return (min(n, run.steps) if run.steps >= n or run.exhausted else None), None
@@ -465,7 +465,7 @@ def _enough_damped(
     return (count if sufficient else None), bound
 
 
-def _finished(
+def _kept_count(
     run: Lanczos, before: int, n: int, tol: float, band: float | None, accuracy: float
 ) -> int | None:
     """Number of vectors to keep, or None to continue; vectors after `before` are from the last

@@ -32,7 +32,7 @@ LEAST_SHARE = 1e-12
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
-TOLD_APART = 1e-8
+DISTINCT = 1e-8
 #: Relative distance of the samples of a bound: a quarter of the half-width of a damped peak.
 SAMPLE_STEP = DAMPING / 4
 #: Largest share by which the bound rises between two samples.
@@ -185,7 +185,7 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     omega = known.modes.omega
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
     groups = np.split(np.arange(len(omega)), start[1:]) if len(omega) else []
-    mixed = [(group, u) for group in groups for u in _told_apart(known, group).T]
+    mixed = [(group, u) for group in groups for u in _distinct_motions(known, group).T]
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
     poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
     # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
@@ -227,13 +227,13 @@ def every_mode(known: ConstraintModes, n: int) -> Selection:
     )
 
 
-def _told_apart(known: ConstraintModes, group: IntArray) -> Array:
+def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
     """Combinations (g, k) of g modes of equal frequency that move the sites differently."""
     if len(group) < 2:
         return np.eye(len(group))
     scale = np.sqrt(known.static.mass.diagonal())
     U, size, _ = np.linalg.svd(known.P[group] / scale)
-    count = int(np.sum(size > TOLD_APART * size[0]))
+    count = int(np.sum(size > DISTINCT * size[0]))
     if count == len(group):
         return np.eye(count)
     U = U[:, :count]

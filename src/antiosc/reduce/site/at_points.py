@@ -51,22 +51,22 @@ def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functi
 
     def work() -> list[Functional]:
         loads = before_joining(structure, sites, lambda member: member.part)
-        return [_joined(structure, *pair) for pair in zip(sites, loads, strict=True)]
+        return [_on_q(structure, *pair) for pair in zip(sites, loads, strict=True)]
 
-    return [_each(structure.own, loads) for loads in structure.decided(work)]
+    return [_mapped(structure.own, loads) for loads in structure.decided(work)]
 
 
-def _each(change: Callable[[Array], Array], functional: Functional) -> Functional:
+def _mapped(change: Callable[[Array], Array], functional: Functional) -> Functional:
     """The functional with `change` applied to all of its load vectors."""
-    tangential = tuple(_each(change, side) for side in functional.across)
+    tangential = tuple(_mapped(change, side) for side in functional.across)
     return replace(functional, b=change(functional.b), across=tangential)
 
 
-def _joined(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
+def _on_q(structure: MeshedParts, site: Site, functional: Functional) -> Functional:
     """The functional with its load vector on q instead of u; InputError if nothing at the site can
     move.
     """
-    on_q = _each(structure.joined, functional)
+    on_q = _mapped(structure.joined, functional)
     comm = structure.workers
     if norm(comm, on_q.b) <= LEAST_FREE_SHARE * norm(comm, functional.b):
         assert functional.point is not None
@@ -101,8 +101,10 @@ def before_joining(
         on_neighbours = _beyond_seams(structure, member, patched_sites, part_of)
         total_share = patched_sites.share + sum(share for _, share, _ in on_neighbours)
         warn_of_doubts(part, replace(patched_sites, share=np.minimum(total_share, 1.0)))
-        for i, load in enumerate(_of_sites(part, list(sites_of_part.values()), patched_sites)):
-            placed_load = _placed(structure, member, load)
+        for i, load in enumerate(
+            _site_functionals(part, list(sites_of_part.values()), patched_sites)
+        ):
+            placed_load = _on_whole(structure, member, load)
             if on_neighbours and total_share[i] > patched_sites.share[i]:
                 placed_load.b[:] *= patched_sites.share[i] / total_share[i]
                 for neighbour, share, b in on_neighbours:
@@ -137,7 +139,7 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
     return member, replace(site, point=point_key, direction=towards, snap=snap, part=None)
 
 
-def _placed(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
+def _on_whole(structure: MeshedParts, member: Member, functional: Functional) -> Functional:
     """The functional of a part with its load vector on all dofs of the structure."""
     assert functional.point is not None
     assert functional.direction is not None
@@ -147,7 +149,7 @@ def _placed(structure: MeshedParts, member: Member, functional: Functional) -> F
         b[member.rows] = functional.b
     x = member.at.placed(functional.point[None])[0]
     d = member.at.rotation @ functional.direction
-    tangential = tuple(_placed(structure, member, side) for side in functional.across)
+    tangential = tuple(_on_whole(structure, member, side) for side in functional.across)
     name = member.name or None
     return replace(functional, b=b, point=x, direction=d, across=tangential, part=name)
 
@@ -237,7 +239,7 @@ def _on_mesh(
         _check_distance(mesh, extent, site, placed(np.array([points[i], nearest[i].x])), nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
     plausible.warn_each(
-        plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
+        plausible.patch_doubt(site.radius, extent) for site in sites if site.radius is not None
     )
     sites_found = located(structure, nearest.x, directions, radii, nearest)
     _check(sites_found, placed)
@@ -283,12 +285,12 @@ def _beyond_seams(
     return on_neighbours
 
 
-def _of_sites(
+def _site_functionals(
     structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
 ) -> list[Functional]:
     """The load vector and patch data of each site."""
     columns = sites_found.loads.toarray().T
-    sides = _across(structure, sites, sites_found)
+    sides = _tangential(structure, sites, sites_found)
     nearest = closest_many(structure.mesh, sites_found.points)
     # computed here, since all ranks must take part
     low, high = structure.mesh.box
@@ -339,7 +341,7 @@ def cell_and_waves(
     return size, speed * gyration, speed
 
 
-def _across(
+def _tangential(
     structure: MeshedStructure, sites: Sequence[Site], sites_found: Sites
 ) -> list[tuple[Functional, ...]]:
     """The tangential load vectors of each site; () for sites without tangential directions."""

@@ -51,7 +51,7 @@ def warn_of_doubts(structure: MeshedStructure, sites: Sites, marked: bool = Fals
 
     `marked`: a map marks and counts those of `doubtful_patches`; they are not told here.
     """
-    told = _of_mesh(structure, sites) if marked else _doubts(structure, sites)
+    told = _mesh_doubts(structure, sites) if marked else _doubts(structure, sites)
     doubts = [doubt for doubt in told if doubt.which.any()]
     if not doubts:
         return
@@ -73,11 +73,11 @@ def doubtful_patches(sites: Sites) -> dict[str, BoolArray]:
 
 def _doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
     """The reasons for doubts, with the sites of each."""
-    yield from _of_mesh(structure, sites)
-    yield from _of_patches(sites)
+    yield from _mesh_doubts(structure, sites)
+    yield from _patch_doubts(sites)
 
 
-def _of_mesh(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
+def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
     """The sites whose radius or direction does not suit the mesh."""
     if not structure.kind.point_load:
         yield _points_on_solids(structure, sites)
@@ -86,7 +86,7 @@ def _of_mesh(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
         yield _along_surface(sites, sites.contact.normals, sites.contact.depth)
 
 
-def _of_patches(sites: Sites) -> Iterator[Doubt]:
+def _patch_doubts(sites: Sites) -> Iterator[Doubt]:
     """The sites of `doubtful_patches`."""
     cut = _cut(sites)
     share = percent(sites.share[cut].min(initial=1.0))

@@ -88,7 +88,7 @@ def targets(where: object) -> Sequence[str] | None:
     return names
 
 
-def joined(surfaces: Sequence[MapSites]) -> MapSites:
+def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
     """The sites of several surfaces, concatenated.
 
     If one surface has triangles, segments of lines are dropped: their sites stand alone.
@@ -153,7 +153,7 @@ def sites_of(
                 _on_part(structure, member, None, direction, radius, member.name)
                 for member in structure.members()
             ]
-            return movable(joined(surfaces), None)
+            return movable(concatenated(surfaces), None)
         if names is None:
             return _at_points(structure, where, direction, radius)
         surfaces = []
@@ -161,7 +161,7 @@ def sites_of(
             member, group = _part_and_group(structure, name)
             on_part = _on_part(structure, member, group, direction, radius, name)
             surfaces.append(movable(on_part, name))
-        return joined(surfaces)
+        return concatenated(surfaces)
 
     surfaces = structure.decided(work)
     return replace(
@@ -212,7 +212,7 @@ def _at_points(
                 _on_part(structure, member, points_in_part, direction, radius, member.name)
             )
             order.append(of_part[of_parts[-1].kept])
-    all_sites = movable(joined(of_parts), None)
+    all_sites = movable(concatenated(of_parts), None)
     return all_sites.taken(np.argsort(np.concatenate(order)))
 
 

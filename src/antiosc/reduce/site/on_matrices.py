@@ -82,7 +82,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         row = matrices.map.row(site.node, component)
         b[row] = 1.0
         direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
-        return _checked(structure, b, f"node {site.node}", _position(matrices, row), direction)
+        return _checked_load(structure, b, f"node {site.node}", _position(matrices, row), direction)
     if site.direction is None:
         return None
     direction = in_space(site.direction)
@@ -100,7 +100,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     else:
         nodes, weights, point = _at_point(matrices, site, direction)
         label = f"the site at ({', '.join(f'{c:.6g}' for c in point)}) m"
-    checked_load = _checked(
+    checked_load = _checked_load(
         structure, _load(matrices, nodes, weights, direction), label, point, direction, site.radius
     )
     if not site.tangential:
@@ -128,7 +128,7 @@ def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: A
     return b
 
 
-def _checked(
+def _checked_load(
     structure: Structure,
     b: Array,
     label: str,

@@ -61,11 +61,11 @@ def surface_at(
     def work() -> Surface:
         struck = _Struck.of(matrices, point, direction, part)
         material = struck.material
-        matter = _matter(material)
+        matter = _contact_material(material)
         if matter is None:
             raise InputError("a plane part has no surface in space.")
         if isinstance(material, Beam):
-            return _of_bar(material, matter, radius)
+            return _bar_surface(material, matter, radius)
         curved = struck.curvature(lengths)
         surface = placed(curved, matter, corner, radius)
         if curved.kind in SHARP:
@@ -209,7 +209,7 @@ def flat_face(structure: Structure) -> Surface | None:
         member = with_parts(structure, "matrices have no material.").members()[0]
     except InputError:
         return None
-    matter = _matter(member.part.parts[0][0])
+    matter = _contact_material(member.part.parts[0][0])
     if matter is None:
         return None
     return Surface(matter)
@@ -232,7 +232,7 @@ def placed(curvature: Curvature, matter: Matter, corner: float, radius: float | 
     )
 
 
-def _matter(material: Any) -> Matter | None:
+def _contact_material(material: Any) -> Matter | None:
     """The material properties that a contact needs; None for anisotropic and plane materials."""
     if getattr(material, "plane", None) is not None:
         return None
@@ -247,7 +247,7 @@ def _matter(material: Any) -> Matter | None:
         return None
 
 
-def _of_bar(bar: Beam, matter: Matter, radius: float | None) -> Surface:
+def _bar_surface(bar: Beam, matter: Matter, radius: float | None) -> Surface:
     """The surface of a bar struck from the side: a cylinder for round sections, otherwise flat."""
     section = bar.section
     if not section.isotropic or len(section.outline) <= 4:
