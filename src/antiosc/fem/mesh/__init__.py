@@ -44,6 +44,7 @@ class CellGeometry:
         self.simplex = cell in SIMPLICES
         self.affine = self.simplex and order == 1
         self.corners = np.asarray(basix.geometry(kind))
+        self._topology = basix.topology(kind)
         self._element = basix.create_element(basix.ElementFamily.P, kind, order)
 
     @property
@@ -70,6 +71,16 @@ class CellGeometry:
     def centre(self) -> Array:
         """Reference coordinates (tdim,) of the middle of a cell."""
         return np.asarray(self.corners.mean(axis=0))
+
+    def entities(self, dim: int) -> tuple[Array, Array]:
+        """Origins (n, tdim) and axes (n, tdim, dim) of the entities of one dimension (1 … tdim) in
+        the reference cell, in their local order: X = origin + axes ξ.
+        """
+        vertices = np.array(self._topology[dim])
+        neighbours = [1, 2, 3] if self.simplex else [1, 2, 4]
+        origin = self.corners[vertices[:, 0]]
+        axes = self.corners[vertices[:, neighbours[:dim]]] - origin[:, None]
+        return origin, np.swapaxes(axes, 1, 2)
 
 
 #: Largest distance of a facet from a side of the bounding box on which it lies, over the extent.

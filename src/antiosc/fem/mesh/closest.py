@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh import CellGeometry, Mesh
 from antiosc.fem.platform import compat
 
 #: Most Gauss–Newton steps onto a curved cell.
@@ -42,27 +42,39 @@ def projected(
     along : (n, 3) unit vectors, optional; the points are projected along these directions.
     """
     xi = np.array(start)
+    step = np.zeros_like(xi)
+    least = np.full(len(points), np.inf)
     moving = np.arange(len(points))
     for _ in range(1 if affine else FOOT_STEPS):
-        x, J = at(moving, xi[moving])
+        trial = xi[moving] + step[moving]
+        x, J = at(moving, trial)
         gap = points[moving] - x
         if along is not None:
             n = along[moving]
             gap = gap - n * np.einsum("nd,nd->n", n, gap)[:, None]
             J = J - n[:, :, None] * np.einsum("nd,ndt->nt", n, J)[:, None, :]
-        normal = np.einsum("ndt,nds->nts", J, J)
-        size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
-        # A direction in which the surface does not extend stays where it is.
-        normal = normal / size + 1e-14 * np.eye(xi.shape[1])
-        right = np.einsum("ndt,nd->nt", J, gap)[..., None] / size
-        step = np.linalg.solve(normal, right)[..., 0]
-        xi[moving] += step
-        xi_moving = xi[moving]
-        far = (xi_moving.min(axis=1) < -FOOT_BEYOND) | (xi_moving.max(axis=1) > 1 + FOOT_BEYOND)
-        moving = moving[(np.abs(step).max(axis=1) > FOOT_SETTLED) & ~far]
+        distance = np.linalg.norm(gap, axis=1)
+        # A step that leads away is halved: far from a curved cell, whole ones can grow for ever.
+        closer = (distance <= least[moving])[:, None]
+        least[moving] = np.minimum(least[moving], distance)
+        xi[moving] = np.where(closer, trial, xi[moving])
+        step[moving] = np.where(closer, _gauss_newton(J, gap), step[moving] / 2)
+        ahead = xi[moving] + step[moving]
+        far = (ahead.min(axis=1) < -FOOT_BEYOND) | (ahead.max(axis=1) > 1 + FOOT_BEYOND)
+        moving = moving[(np.abs(step[moving]).max(axis=1) > FOOT_SETTLED) & ~far]
         if not len(moving):
             break
-    return xi
+    return xi + step
+
+
+def _gauss_newton(J: Array, gap: Array) -> Array:
+    """Steps (n, t) that lessen the gaps (n, 3) of points with derivatives J (n, 3, t) most."""
+    normal = np.einsum("ndt,nds->nts", J, J)
+    size = np.einsum("ntt->n", normal)[:, None, None] + np.finfo(float).tiny
+    # A direction in which the surface does not extend stays where it is.
+    normal = normal / size + 1e-14 * np.eye(J.shape[2])
+    right = np.einsum("ndt,nd->nt", J, gap)[..., None] / size
+    return np.asarray(np.linalg.solve(normal, right)[..., 0])
 
 
 def excess(xi: Array, simplex: bool) -> Array:
@@ -216,64 +228,59 @@ def _cells_containing(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array
 
 
 def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
-    """The closest point on this rank; None if it has no cells.
+    """The closest point on this rank, of a point in none of its cells; None if it has no cells.
 
-    Cells are tried in the order of the distance of their bounding boxes.
+    The closest point is the foot of a perpendicular on a cell, a face or an edge, or an end of an
+    edge. A foot outside its entity is moved onto it: that point is on the structure too, but some
+    other entity has a closer one.
     """
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
-    low, high = mesh.boxes
-    bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
-    best: ClosestPoint | None = None
-    for cell in np.argsort(bound, kind="stable"):
-        if best is not None and bound[cell] >= best.distance:
-            break
-        nearest = _closest_in(mesh, int(cell), point)
-        if best is None or nearest.distance < best.distance:
-            best = nearest
-    return best
-
-
-def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
-    """The point of one cell closest to `point`: inside it or on its boundary."""
     geometry = mesh.geometry
-    scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
-    cell_as_array = np.array([cell])
+    low, high = mesh.boxes
+    from_box = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
+    from_nodes = np.linalg.norm(geometry.nodes[:n_cells] - point, axis=2).min()
+    near_cells = np.flatnonzero(from_box <= from_nodes)
+    cells = []
+    feet = []
+    for dim in range(1, mesh.tdim + 1):
+        origin, axes = geometry.entities(dim)
+        cell = np.repeat(near_cells, len(origin))
+        X = _feet(
+            geometry,
+            cell,
+            np.tile(origin, (len(near_cells), 1)),
+            np.tile(axes, (len(near_cells), 1, 1)),
+            point,
+        )
+        cells.append(cell)
+        feet.append(X)
+    cell = np.concatenate(cells)
+    X = np.concatenate(feet)
+    x = geometry.at(cell, X)[0]
+    distance = np.linalg.norm(x - point, axis=1)
+    i = int(distance.argmin())
+    return ClosestPoint(mesh.comm.rank, int(cell[i]), X[i], x[i], float(distance[i]))
 
-    def at(X: Array) -> tuple[Array, Array]:
-        return geometry.at(cell_as_array, X.reshape(1, -1))
 
-    middle = geometry.centre()
-    X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)
-    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= OUTSIDE_CELL:
-        X = clamped(X, geometry.simplex)
+def _feet(
+    geometry: CellGeometry, cell: IntArray, origin: Array, axes: Array, point: Array
+) -> Array:
+    """Reference coordinates (n, tdim) in cells (n,) of the feet of perpendiculars from `point` on
+    their entities X = origin (n, tdim) + axes (n, tdim, dim) ξ, moved onto the entities.
+    """
+    dim = axes.shape[2]
+    simplex = geometry.simplex or dim == 1
 
-        from scipy.optimize import minimize  # loaded where it is used: it takes long
+    def reference(k: IntArray, xi: Array) -> Array:
+        return origin[k] + np.einsum("ntd,nd->nt", axes[k], xi)
 
-        def objective(X: Array) -> tuple[float, Array]:
-            x, J = at(X)
-            gap = (x[0] - point) / scale
-            return float(gap @ gap), 2 * (gap @ J[0]) / scale
+    def at(k: IntArray, xi: Array) -> tuple[Array, Array]:
+        x, J = geometry.at(cell[k], reference(k, xi))
+        return x, np.einsum("nxt,ntd->nxd", J, axes[k])
 
-        bounds: list[dict[str, object]] = []
-        if geometry.simplex and mesh.tdim > 1:
-            bounds = [
-                {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
-            ]
-        starts = [X[0]] if geometry.affine else [X[0], middle]
-        results = [
-            minimize(
-                objective,
-                start,
-                jac=True,
-                method="SLSQP",
-                bounds=[(0, 1)] * mesh.tdim,
-                constraints=bounds,
-                options={"ftol": 1e-15, "maxiter": 200},
-            )
-            for start in starts
-        ]
-        X = clamped(min(results, key=lambda r: r.fun).x[None], geometry.simplex)
-    x = at(X)[0][0]
-    return ClosestPoint(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))
+    middle = np.full((len(cell), dim), 1 / (dim + 1) if simplex else 0.5)
+    points = np.broadcast_to(point, (len(cell), 3))
+    xi = projected(at, points, middle, affine=geometry.affine)
+    return reference(np.arange(len(cell)), clamped(xi, simplex))

@@ -86,12 +86,8 @@ def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
     if dim == mesh.tdim:
         count = len(number)
         return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
-    kind = getattr(basix.CellType, mesh.cell)
-    corners = np.asarray(basix.geometry(kind))
-    entities = basix.topology(kind)[dim]
-    origin = np.array([corners[e[0]] for e in entities])
-    axes = np.array([(corners[e[1 : dim + 1]] - corners[e[0]]).T for e in entities])
-    return origin[number], axes.reshape(len(entities), mesh.tdim, dim)[number]
+    origin, axes = mesh.geometry.entities(dim)
+    return origin[number], axes[number]
 
 
 class Entities:
