@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
-from antiosc.base.errors import AntioscError, InputError, SiteError, warnings_to
+from antiosc.base.errors import AntioscError, InputError, RangeError, SiteError, warnings_to
 from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
@@ -917,7 +917,8 @@ def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[
     if path.exists():
         return []
     try:
-        draw_it(path)
+        with progress.doing(f"drawing {path.name}"):
+            draw_it(path)
     except AntioscError as error:
         return [f"{path.name} is not drawn: {error}"]
     return [f"{about}: {path}"]
@@ -1003,15 +1004,21 @@ def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool
     """The inspection after a trial impact, at another site if the first fails; InputError if all
     fail.
     """
-    reason: InputError | None = None
+    reason: AntioscError | None = None
     first = inspection.point, inspection.direction, inspection.radius, inspection.room
     for point, direction, radius, room in (first, *inspection.others):
         trial = replace(inspection, point=point, direction=direction, radius=radius, room=room)
         try:
-            return _tried_at(scene, name, part, trial, drop)
+            try:
+                return _tried_at(scene, name, part, trial, drop)
+            except RangeError as error:  # the contact of a smaller ball is smaller in proportion
+                if radius is None or error.radius is None:
+                    raise
+                smaller = replace(trial, room=trial.ball * radius / error.radius)
+                return _tried_at(scene, name, part, smaller, drop)
         except SiteError as error:
             reason = reason or error
-        except InputError as error:
+        except (InputError, RangeError) as error:
             reason = reason or error
             break
     raise InputError(f"the part can be read, but not struck as it is: {reason}")
@@ -1057,6 +1064,8 @@ def _try(scene: Path, structure: Structure | None) -> float | None:
             if calls.fall is not None:
                 evaluate(_with(calls.fall, until=1))
     except AntioscError as error:
+        if isinstance(error, RangeError):
+            raise
         kind = SiteError if isinstance(error.__cause__, SiteError) else InputError
         raise kind(without_line(error)) from None
     if hit is None:

@@ -15,7 +15,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 import antiosc as ao
-from antiosc.base.errors import SiteError
+from antiosc.base.errors import RangeError, SiteError
 from antiosc.fem.mesh.surface import Faces
 from antiosc_app import new, units
 from antiosc_app.new import inspect_part
@@ -247,6 +247,25 @@ def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkey
     monkeypatch.setattr(new, "_try", refuse)
     with pytest.raises(ao.InputError, match="not struck as it is: the surfaces fit"):
         new._tried(scene, scene.name, "block.geo", found, False)
+
+
+def test_a_soft_part_is_struck_by_a_smaller_ball(tmp_path, monkeypatch):
+    """By so much smaller as the contact of the first ball is wider than the patch carries."""
+    found = inspect_part(_block(tmp_path))
+    balls = []
+
+    def refuse_large(scene, structure):
+        balls.append(tomllib.loads(scene.read_text())["impactor"]["radius"])
+        if len(balls) == 1:
+            error = RangeError("the peak force exceeds the range of the law")
+            error.radius = 2 * found.radius
+            raise error
+
+    monkeypatch.setattr(new, "_try", refuse_large)
+    scene = tmp_path / "s.toml"
+    struck = new._tried(scene, scene.name, "block.geo", found, False)
+    assert balls[0] == found.ball
+    assert balls[1] == struck.ball == pytest.approx(0.45 * found.ball, rel=0.02)
 
 
 def _block(folder: Path) -> Path:

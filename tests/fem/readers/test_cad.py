@@ -133,6 +133,24 @@ def test_other_ways_to_mesh_are_tried_and_told():
         _meshed(never, "part.step")
 
 
+def test_cells_that_joining_spoils_are_no_reason_to_mesh_again(tmp_path):
+    """Every attempt has nodes that close; before, each of eleven was made."""
+    path = tmp_path / "box.step"
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 20, 20, 20)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    asked = []
+
+    def spoiled(raw: RawMesh) -> RawMesh:
+        asked.append(raw)
+        raise UnmeshableError("2 of 10 cells use a node twice.")
+
+    with pytest.raises(ao.MeshError, match=r"node twice; .* smaller merge="):
+        reading.read(path, 0.01, merge=1e-6, sound=spoiled)
+    assert len(asked) == 1
+
+
 def test_no_further_attempt_begins_after_their_time(monkeypatch):
     seconds = [0.0]
     monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
