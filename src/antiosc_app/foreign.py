@@ -110,8 +110,9 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         length = float(np.ptp(file_outline.points, axis=0).max())
         if unit is None and suffix not in STATES_UNIT:
             read["unit"] = _unit_of_length(length)
-        length *= UnitSystem.of(read.get("unit", "m")).length
-        size = float(f"{length / ELEMENTS:.1g}")
+        factor = UnitSystem.of(read.get("unit", "m")).length
+        file_outline.points = factor * file_outline.points
+        size = float(f"{factor * length / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
             read["size"] = size
             ways = _of_solids(file_outline, notes)

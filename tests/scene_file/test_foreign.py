@@ -249,6 +249,20 @@ def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkey
         new._tried(scene, scene.name, "block.geo", found, False)
 
 
+def test_the_solids_of_a_file_without_a_unit_are_told_in_the_unit_that_is_taken(tmp_path):
+    path = tmp_path / "boxes.brep"
+    with gmsh_session() as gmsh:
+        for x, side in ((0, 20), (20, 10)):
+            gmsh.model.occ.addBox(x, 0, 0, side, side, side)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    found = inspect_part(path)
+    assert found.read["unit"] == "mm"
+    sides = [piece.high - piece.low for piece in found.pieces]
+    np.testing.assert_allclose(sides, [[20e-3] * 3, [10e-3] * 3], atol=1e-6)
+    assert any("1: 20 × 20 × 20 mm" in note for note in found.notes)
+
+
 def test_a_soft_part_is_struck_by_a_smaller_ball(tmp_path, monkeypatch):
     """By so much smaller as the contact of the first ball is wider than the patch carries."""
     found = inspect_part(_block(tmp_path))
