@@ -83,8 +83,8 @@ def _print_error(error: AntioscError) -> None:
     """Print an error on the first rank; errors of a scene file begin with the file's name."""
     from antiosc_app.scene_file.document import SceneFileError
 
-    head = "" if isinstance(error, SceneFileError) else "antiosc: "
-    print_text(f"{head}{error}", sys.stderr)
+    prefix = "" if isinstance(error, SceneFileError) else "antiosc: "
+    print_text(f"{prefix}{error}", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -129,8 +129,8 @@ def _parser() -> argparse.ArgumentParser:
                 "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
             )
         if name == "tradeoff":
-            sought = "relative error of interest (default: tol of [strike], or 0.02)"
-            command.add_argument("--tol", type=float, metavar="TOL", help=sought)
+            tol_help = "relative error of interest (default: tol of [strike], or 0.02)"
+            command.add_argument("--tol", type=float, metavar="TOL", help=tol_help)
             command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
             other_commands = (
                 "run the unreduced model and CalculiX too, if each takes at most so many seconds"

@@ -223,8 +223,8 @@ def _study(options: Namespace) -> int:
 
 def _stopped_early(computed: run.SceneResults) -> bool:
     """Whether the run, or one impact of a sweep, stopped before its end."""
-    several = () if computed.batch is None else computed.batch.status
-    return STOPPED in (getattr(computed.history, "status", 0), *several)
+    statuses = () if computed.batch is None else computed.batch.status
+    return STOPPED in (getattr(computed.history, "status", 0), *statuses)
 
 
 def _stored(scene: CompiledScene, path: str) -> CompiledScene:
@@ -324,8 +324,8 @@ def _impact_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[
     if "strike" not in scene.document.data:
         step = section.get("step", time / FIRST_STEPS)
         tol = section.get("tol", DEFAULT_TOL)
-        how = "given" if "step" in section else f"halved until tol = {tol:g} is met"
-        rows.append(("step", f"{engineering(step, 's')}, {how}"))
+        step_rule = "given" if "step" in section else f"halved until tol = {tol:g} is met"
+        rows.append(("step", f"{engineering(step, 's')}, {step_rule}"))
     impacts = len(next(iter(run.varied(scene).values()), [0]))
     if impacts > 1:
         rows.append(("sweep", f"{impacts} impacts"))

@@ -70,8 +70,8 @@ def _surface(fall: Fall) -> tuple[Array, IntArray]:
     except AntioscError:  # given matrices have no cells
         return surface_of(fall)
     outer = structure.comm.bcast(outer, root=0)
-    used, faces = np.unique(outer.faces, return_inverse=True)
-    return outer.points[used] - fall.body.centre, faces.reshape(-1, 3)
+    used_nodes, faces = np.unique(outer.faces, return_inverse=True)
+    return outer.points[used_nodes] - fall.body.centre, faces.reshape(-1, 3)
 
 
 def _impact(fall: Fall, k: int, times: Array) -> Data:

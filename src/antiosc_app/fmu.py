@@ -295,15 +295,15 @@ def text(title: str, data: RunData) -> str:
     upper = name.upper()
     outputs = distinct(identifier(variable.name).upper() for variable in data.output_variables)
     output_lines = [
-        f" *   {upper}_{short}  {_in_comment(variable.description)} [{variable.unit}]"
-        for short, variable in zip(outputs, data.output_variables, strict=True)
+        f" *   {upper}_{name_in_c}  {_in_comment(variable.description)} [{variable.unit}]"
+        for name_in_c, variable in zip(outputs, data.output_variables, strict=True)
     ]
     inputs = (
         "Forces on the sites: axm_set_input(run, site, force, rate)."
         if data.input_variables
         else ""
     )
-    head = _HEAD.format(
+    header = _HEAD.format(
         title=_in_comment(title),
         version=__version__,
         name=name,
@@ -316,8 +316,8 @@ def text(title: str, data: RunData) -> str:
     )
     names = [f"    {upper}_{variable} = {i}" for i, variable in enumerate(outputs)]
     enumeration = "enum {\n" + ",\n".join(names) + "\n};\n"
-    main = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
-    return "\n".join([head, code, enumeration, _numbers(name, data), main])
+    main_text = _MAIN.format(name=name, upper=upper, duration=data.duration, count=len(outputs))
+    return "\n".join([header, code, enumeration, _numbers(name, data), main_text])
 
 
 def _sources() -> str:
@@ -350,8 +350,8 @@ def _numbers(name: str, data: RunData) -> str:
         row = [_number(x) for x in values]
         law = f"{{{c.law.kind}, {c.law.n_params}, {name}_law_parameters + {offset}, 0}}"
         offset += c.law.n_params
-        head = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
-        contact_lines.append(f"    {{{', '.join([head, *row[2:], '0', '0'])}}}")
+        law_text = f"{law}, {row[0]}, {row[1]}, {c.first_tangential}, {c.n_tangential}"
+        contact_lines.append(f"    {{{', '.join([law_text, *row[2:], '0', '0'])}}}")
     if contact_lines:
         body = ",\n".join(contact_lines)
         lines.append(f"static const aom_contact {name}_contacts[] = {{\n{body}\n}};")

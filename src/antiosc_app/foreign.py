@@ -177,8 +177,8 @@ def _solids(file_outline: FileMesh) -> list[Piece]:
     from antiosc.io.reading import Piece
 
     boxes = file_outline.points[file_outline.cells["line"]]
-    several = boxes if len(boxes) > 1 else boxes[:0]
-    return [Piece("", box.min(axis=0), box.max(axis=0)) for box in several]
+    pieces = boxes if len(boxes) > 1 else boxes[:0]
+    return [Piece("", box.min(axis=0), box.max(axis=0)) for box in pieces]
 
 
 def _described(pieces: Sequence[Piece]) -> list[str]:
@@ -209,13 +209,13 @@ def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequen
 
 def _with_pieces(ways: list[Read]) -> Iterator[Read]:
     """Yields each alternative, then it with its pieces joined, and with the largest piece alone."""
-    for way in ways:
-        yield way
-        if "piece" not in way:
+    for options in ways:
+        yield options
+        if "piece" not in options:
             joined: list[Read] = [{"piece": 1}]
-            if not {"size", "fragments", "solid"} & set(way):
+            if not {"size", "fragments", "solid"} & set(options):
                 joined.insert(0, {"merge": MERGE_DISTANCE})
-            yield from ({**way, **option, "of_pieces": True} for option in joined)
+            yield from ({**options, **option, "of_pieces": True} for option in joined)
 
 
 def _option_notes(read: Read) -> list[str]:

@@ -255,12 +255,12 @@ def _package(
     """A package; its names on Debian, conda-forge and PyPI follow from the module's name."""
     module = module or name
     version = version or (lambda: importlib.import_module(module).__version__)
-    real = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""
-    pypi = "" if real or module == "mpi4py" else module
+    suffix = "-real" if module in ("dolfinx", "petsc4py", "slepc4py") else ""
+    pypi = "" if suffix or module == "mpi4py" else module
     conda = {"gmsh": "python-gmsh", "dolfinx": "fenics-dolfinx", "matplotlib": "matplotlib-base"}
     petsc = {"petsc4py": '"petsc=*=real_*" petsc4py'}
     packaged_name = (conda | petsc).get(module, module)
-    return Package(name, module, f"python3-{module}{real}", packaged_name, pypi, version, meshes)
+    return Package(name, module, f"python3-{module}{suffix}", packaged_name, pypi, version, meshes)
 
 
 PACKAGES = [

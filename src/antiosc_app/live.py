@@ -162,13 +162,13 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     loads = np.split(system.loads[0], [body.omega.size])
     local = law.compliance
     speed = abs(float(system.beta[0] @ system.v))
-    shared = impact_data(
+    common_data = impact_data(
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
-    if shared["law"]["yields"]:
-        shared["law"]["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
+    if common_data["law"]["yields"]:
+        common_data["law"]["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
     return {
-        **shared,
+        **common_data,
         "ratio": _ratio(hit.model),
         "gap": float(system.offsets[0, 0]),
         "duration": float(hit.run.time[-1]),
@@ -286,9 +286,9 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         return {"shares": {}, "variants": {}, "word": ""}
     model = hit.model
     variants = {}
-    moving = hit.assembly.bodies["structure"].start.any()
+    starts_moving = hit.assembly.bodies["structure"].start.any()
     linear = not hit.assembly.stretched
-    if shares and linear and not moving and getattr(model, "strain_error", None) is not None:
+    if shares and linear and not starts_moving and getattr(model, "strain_error", None) is not None:
         bodies = {"mesh": model.corrected(), "truncation": softest_model(model)}
         variants = {
             cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
@@ -377,10 +377,10 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     number, count = int(impact_map.doubtful.sum()), len(impact_map)
     cautions = []
     if 2 * number > count:
-        rest = f"the other {count - number}" if number < count else "these"
+        others_text = f"the other {count - number}" if number < count else "these"
         cautions.append(
             f"This map is no answer for the part: {doubts_text(impact_map)}, of {count} sites."
-            f" The numbers are those of {rest}."
+            f" The numbers are those of {others_text}."
         )
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))
@@ -400,11 +400,11 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
             ends = (float(end(getattr(impact_map, name)[mask])) for end in (np.nanmin, np.nanmax))
             text = " to ".join(engineering(value, unit) for value in ends)
             numbers.append((name.replace("_", " "), text))
-        where = point_text(impact_map.points[worst_site])
+        place_text = point_text(impact_map.points[worst_site])
         bar = None if structure is None else map_bar(impact_map, structure)
-        shown = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
+        force_text = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
         of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
-        sentences.append(f"The largest force{of_sites}, {shown}, arises at {where}.")
+        sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
         sentences.append(_softest(impact_map))
         if impact_map.doubtful.any():
             remedy = doubts_remedy(impact_map)
@@ -435,8 +435,8 @@ def _softest(impact_map: ImpactMap) -> str:
     k0 = impact_map.models.k0
     i = min(trusted(impact_map), key=lambda site: k0[site])
     stiffness = engineering(float(k0[i]), "N/m")
-    where = point_text(impact_map.points[i])
-    return f"The softest place, of a static stiffness k0 of {stiffness}, is at {where}."
+    place_text = point_text(impact_map.points[i])
+    return f"The softest place, of a static stiffness k0 of {stiffness}, is at {place_text}."
 
 
 def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
@@ -475,16 +475,16 @@ def _most_dangerous(impact_map: ImpactMap) -> str:
     if exposure is None:
         return f"{text}; the material has no yield_strength to compare it with."
     count = int(np.sum(exposure >= 1))
-    where = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
-    return f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {where}."
+    sites_text = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
+    return f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {sites_text}."
 
 
 def _struck(hit: History, structure: Structure | None) -> str:
     """Sentence on the striker, the part and the site."""
     part = "a model" if structure is None else _named(structure.describe())
     places = list(site_points(hit.model).values())
-    where = f" at {point_text(places[0])}" if len(places) == 1 else ""
-    return f"{_body(hit.impactor)} strikes {part}{where}."
+    place_text = f" at {point_text(places[0])}" if len(places) == 1 else ""
+    return f"{_body(hit.impactor)} strikes {part}{place_text}."
 
 
 def _body(body: LinearBody | None) -> str:

@@ -56,14 +56,14 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
-    used, faces = np.unique(skin.faces, return_inverse=True)
-    node = skin.node[used]
+    used_nodes, faces = np.unique(skin.faces, return_inverse=True)
+    node = skin.node[used_nodes]
     faces = faces.reshape(-1, 3)
     displacements = displacements[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
     x = _coordinates(hit, times)
     to_shapes = _by_coordinates(hit)
-    page = geometry(skin.points[used], faces)
+    page = geometry(skin.points[used_nodes], faces)
     page["held"] = _held(displacements).astype(np.uint8)
     page["motion"] = fields(
         displacements @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
@@ -71,7 +71,7 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     if stress is not None:
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
-        page["worst"] = _worst(stress_fields, x, skin.points[used], times)
+        page["worst"] = _worst(stress_fields, x, skin.points[used_nodes], times)
     return page
 
 
@@ -128,12 +128,12 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     """Lines as square bars with four points at each end: (points, triangles, nodes)."""
-    along = points[lines[:, 1]] - points[lines[:, 0]]
+    edges = points[lines[:, 1]] - points[lines[:, 0]]
     first_side = np.cross(
-        along, np.where(np.abs(along).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
+        edges, np.where(np.abs(edges).argmin(axis=1)[:, None] == np.arange(3), 1, 0)
     )
     first_side /= np.linalg.norm(first_side, axis=1, keepdims=True)
-    second_side = np.cross(along, first_side) / np.linalg.norm(along, axis=1, keepdims=True)
+    second_side = np.cross(edges, first_side) / np.linalg.norm(edges, axis=1, keepdims=True)
     width = BEAM * float(np.ptp(points, axis=0).max())
     corners = width * np.stack(
         [
@@ -216,8 +216,8 @@ def _by_coordinates(hit: History) -> Array:
 def _held(displacements: Array) -> BoolArray:
     """Mask (P,) of the points at which no shape moves a component that shapes move elsewhere."""
     reach = np.abs(displacements).max(axis=2, initial=0.0)
-    moves = reach.max(axis=0) > 0
-    return (reach[:, moves] <= HELD_RATIO * reach.max()).any(axis=1)
+    is_moving = reach.max(axis=0) > 0
+    return (reach[:, is_moving] <= HELD_RATIO * reach.max()).any(axis=1)
 
 
 def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -> Data:
@@ -359,8 +359,8 @@ def _skin(structure: Structure, mapped: float) -> Data | None:
         return None
     if _area(skin.points, skin.faces) < LARGER_AREA * mapped:
         return None
-    used, faces = np.unique(skin.faces, return_inverse=True)
-    return geometry(skin.points[used], faces.reshape(-1, 3))
+    used_nodes, faces = np.unique(skin.faces, return_inverse=True)
+    return geometry(skin.points[used_nodes], faces.reshape(-1, 3))
 
 
 def _area(points: Array, faces: IntArray) -> float:

@@ -375,7 +375,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     outer = Faces(mesh, mesh.tdim < 3)
     faces = _around(outer)
     where = () if structure is not None else _groups_with(mesh, SUPPORT_WORDS)[:1]
-    struck = _nodes_of(mesh, _groups_with(mesh, SITE_WORDS)[:1])
+    site_nodes = _nodes_of(mesh, _groups_with(mesh, SITE_WORDS)[:1])
     supported = np.zeros(len(x), dtype=bool)
     plane = None
     if where:
@@ -392,21 +392,21 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     thickness = _mean_thickness(x[faces], outer.normals) if family == "Solid" else 0.0
     sites: Iterator[tuple[Array, Array, float | None]]
     if family == "Beam":
-        sites = _on_lines(x, nodes, supported, struck)
+        sites = _on_lines(x, nodes, supported, site_nodes)
     elif mesh.gdim == 2:
         sites = _on_rim(x, faces, supported)
     else:
-        candidates = _on_faces(x, faces, outer, supported, struck, size)
+        candidates = _on_faces(x, faces, outer, supported, site_nodes, size)
         meshed = "size" in read
         largest = LARGEST_RADIUS * longest
         if family == "Solid":
             largest = min(largest, thickness)
         sites = (
-            (point, direction, _radius(inside, edge, largest, meshed))
-            for point, direction, inside, edge in candidates
+            (point, direction, _radius(edge_distance, edge, largest, meshed))
+            for point, direction, edge_distance, edge in candidates
         )
     sites = _spread(sites)
-    if not len(struck):
+    if not len(site_nodes):
         sites = _far_from(x[supported], AWAY * float(np.ptp(x, axis=0).max()), sites)
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites)
@@ -417,12 +417,12 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     if structure is not None:
         point, direction, radius = _movable(structure, (point, direction, radius), sites)
     flat = _flat(mesh, outer, structure, (point, direction, radius))
-    others = []
+    other_sites = []
     if mesh.tdim > 1 and structure is None:
-        apart = islice(sites, APART - 1, OTHERS * APART, APART)
-        others = [
+        spaced_sites = islice(sites, APART - 1, OTHERS * APART, APART)
+        other_sites = [
             (_rounded(p, size), _rounded(d), patch, _room(outer, (p, d, patch)))
-            for p, d, patch in apart
+            for p, d, patch in spaced_sites
         ]
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
@@ -449,7 +449,7 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         on_plane=_groups_on(mesh, supported) if plane else (),
         flat=flat,
         room=_room(outer, (point, direction, radius)),
-        others=others,
+        others=other_sites,
         plate=plate,
         bars=_has_bars(mesh, structure),
     )
@@ -525,13 +525,13 @@ def _far_from(
         yield from sites
         return
     tree = cKDTree(fixed_points)
-    near = []
+    near_sites = []
     for site in sites:
         if tree.query(site[0])[0] < least:
-            near.append(site)
+            near_sites.append(site)
         else:
             yield site
-    yield from near
+    yield from near_sites
 
 
 def _outside_hollows(
@@ -557,13 +557,13 @@ def _with_room(
     outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
 ) -> Iterator[tuple[Array, Array, float | None]]:
     """The sites; those where the largest ball meets the part elsewhere come last."""
-    narrow = []
+    narrow_sites = []
     for site in sites:
         if _room(outer, site) * BALL_OVER_ROOM < LARGEST_BALL:
-            narrow.append(site)
+            narrow_sites.append(site)
         else:
             yield site
-    yield from sorted(narrow, key=lambda site: -_room(outer, site))
+    yield from sorted(narrow_sites, key=lambda site: -_room(outer, site))
 
 
 def _room(outer: Faces, site: tuple[Array, Array, float | None]) -> float:
@@ -621,8 +621,8 @@ def _equal_holes(mesh: Mesh) -> tuple[str, ...]:
     """The holes of the diameter of which there are most, two or more: bolts hold the part there."""
     holes = [name for name in mesh.groups if HOLE.fullmatch(name)]
     counts = Counter(name.rpartition(" ")[0] for name in holes)
-    usual, count = counts.most_common(1)[0] if counts else ("", 0)
-    return tuple(name for name in holes if count > 1 and name.rpartition(" ")[0] == usual)
+    common_diameter, count = counts.most_common(1)[0] if counts else ("", 0)
+    return tuple(name for name in holes if count > 1 and name.rpartition(" ")[0] == common_diameter)
 
 
 def _nodes_of(mesh: Mesh, groups: Sequence[str]) -> IntArray:
@@ -653,8 +653,10 @@ def _plane(
     sides = [(2, low), (0, low), (1, low), (0, high), (1, high)]
     for axis, corner in sides:
         on_plane = np.abs(x[:, axis] - corner[axis]) < ON_PLANE * size
-        few = min(3, len(x) // 4) <= on_plane.sum() <= max(1.0, LARGEST_PLANE * len(x))
-        if few and (faces is None or 0 < _share(x[faces], on_plane[faces]) <= LARGEST_SIDE):
+        is_plausible = min(3, len(x) // 4) <= on_plane.sum() <= max(1.0, LARGEST_PLANE * len(x))
+        if is_plausible and (
+            faces is None or 0 < _share(x[faces], on_plane[faces]) <= LARGEST_SIDE
+        ):
             return on_plane, [_rounded(corner, size), np.eye(3)[axis].tolist()]
     return np.zeros(len(x), dtype=bool), None
 
@@ -697,17 +699,17 @@ def _on_faces(
         if len(edge_points[number]):
             on_side = side == number
             edge_distance[on_side] = cKDTree(edge_points[number]).query(middle[on_side])[0]
-    room = (np.minimum(edge_distance, ROOM * size) + ROOM * edge_distance) * (
+    clearance = (np.minimum(edge_distance, ROOM * size) + ROOM * edge_distance) * (
         support_distance + ROOM * size
     )
-    room[supported[faces].any(axis=1)] = 0.0
+    clearance[supported[faces].any(axis=1)] = 0.0
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    around = cKDTree(middle)
-    for best in np.lexsort((-room, -rating[side], ~chosen, fixed)):
+    tree = cKDTree(middle)
+    for best in np.lexsort((-clearance, -rating[side], ~chosen, fixed)):
         if not chosen[best] and len(edge_points[side[best]]):
             edge_distance[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
-        near = np.array(around.query_ball_point(middle[best], UNDER_PATCH * lengths[best]))
-        longest = float(lengths[near[side[near] == side[best]]].max())
+        neighbours = np.array(tree.query_ball_point(middle[best], UNDER_PATCH * lengths[best]))
+        longest = float(lengths[neighbours[side[neighbours] == side[best]]].max())
         yield middle[best], -normal[best], float(edge_distance[best]), longest
 
 
@@ -720,10 +722,10 @@ def _outward(x: Array, faces: IntArray, normal: Array) -> Array:
     closed = (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
     if faces.shape[1] == 3 and closed:
         a, b, c = x[oriented(x, faces)[0]].transpose(1, 0, 2)
-        along = np.einsum("ni,ni->n", np.cross(b - a, c - a), normal)
+        volumes = np.einsum("ni,ni->n", np.cross(b - a, c - a), normal)
     else:
-        along = normal @ UP
-    return np.asarray(normal * np.where(along < 0, -1.0, 1.0)[:, None])
+        volumes = normal @ UP
+    return np.asarray(normal * np.where(volumes < 0, -1.0, 1.0)[:, None])
 
 
 def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
@@ -776,8 +778,8 @@ def _on_lines(
     candidates = struck if len(struck) else np.unique(nodes)
     for best in candidates[np.argsort(-_from_supports(x, supported, x[candidates]), kind="stable")]:
         rows = nodes[(nodes == best).any(axis=1)]
-        along = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
-        axis = int(np.argmin(along[::-1]))  # z before y before x
+        extents = np.abs(x[rows[:, 1]] - x[rows[:, 0]]).sum(axis=0)
+        axis = int(np.argmin(extents[::-1]))  # z before y before x
         yield x[best], -np.eye(3)[2 - axis], None
 
 
@@ -807,8 +809,8 @@ def _radius(inscribed: float, edge: float, largest: float, meshed: bool) -> floa
     """Radius of the patch: inside its face, and on a given mesh at least the edges if they fit."""
     radius = min(RADIUS * inscribed, largest)
     if not meshed:
-        most = BEYOND_FACE if 1.05 * edge <= BEYOND_FACE * inscribed else 0.9
-        radius = min(max(radius, 1.05 * edge), most * inscribed)
+        largest_share = BEYOND_FACE if 1.05 * edge <= BEYOND_FACE * inscribed else 0.9
+        radius = min(max(radius, 1.05 * edge), largest_share * inscribed)
     return float(f"{radius:.2g}")
 
 
@@ -940,10 +942,10 @@ def write_scene(
     AntioscError
         The file exists, the part cannot be read, or the material is unknown: nothing is written.
     """
-    chosen = materials.record(MATERIAL if material is None else material)
-    if chosen.G is not None:
+    material_record = materials.record(MATERIAL if material is None else material)
+    if material_record.G is not None:
         raise InputError(
-            f"{chosen.name} is not isotropic: write the scene with another material, then give "
+            f"{material_record.name} is not isotropic: write the scene with another material, then give "
             "its orientation with the name in [material]."
         )
     target = checks.new_file("the scene file", path)
@@ -965,8 +967,8 @@ def write_scene(
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:
-        flat = None if inspection.flat is None else (chosen.E, chosen.nu)
-        inspection = replace(inspection, material=chosen.name, flat=flat)
+        flat = None if inspection.flat is None else (material_record.E, material_record.nu)
+        inspection = replace(inspection, material=material_record.name, flat=flat)
     elif material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."
@@ -1006,8 +1008,10 @@ def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool
     """
     reason: AntioscError | None = None
     first = inspection.point, inspection.direction, inspection.radius, inspection.room
-    for point, direction, radius, room in (first, *inspection.others):
-        trial = replace(inspection, point=point, direction=direction, radius=radius, room=room)
+    for point, direction, radius, edge_distance in (first, *inspection.others):
+        trial = replace(
+            inspection, point=point, direction=direction, radius=radius, room=edge_distance
+        )
         try:
             try:
                 return _tried_at(scene, name, part, trial, drop)
@@ -1029,8 +1033,8 @@ def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: b
     reason: InputError | None = None
     for bars in (True, False)[not inspection.bars :]:
         trial = replace(inspection, bars=bars)
-        few = replace(trial, count=min(trial.count, MOST_OSCILLATORS))
-        scene.write_text(text(name, part, few, drop), encoding="utf-8")
+        short_trial = replace(trial, count=min(trial.count, MOST_OSCILLATORS))
+        scene.write_text(text(name, part, short_trial, drop), encoding="utf-8")
         try:
             trial = replace(trial, cell=_try(scene, inspection.structure))
         except SiteError:

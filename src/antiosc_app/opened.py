@@ -204,7 +204,7 @@ class Opened:
         {"stale": True} where `stops` has become true during the work.
         """
 
-        def follow(doing: str) -> None:
+        def stop_if_asked(doing: str) -> None:
             self._doing = doing
             if doing and not self._building and stops():
                 raise Overtaken
@@ -212,7 +212,7 @@ class Opened:
         def run_work() -> Data:
             self._count(-1)
             messages: list[str] = []
-            with progress.following(follow), warnings_to(messages.append):
+            with progress.following(stop_if_asked), warnings_to(messages.append):
                 try:
                     result = work()
                 except Overtaken:
@@ -274,32 +274,34 @@ class Opened:
             return self._first
         from antiosc_app.skin import skin
 
-        look = self._inspected()
-        geometry = "size" in look.read and not look.of_deck
-        self._source = InspectedFile(self._path.name, look, {}, geometry)
-        thickness = None if look.family == "Solid" or look.of_deck else look.thickness
+        inspection = self._inspected()
+        geometry = "size" in inspection.read and not inspection.of_deck
+        self._source = InspectedFile(self._path.name, inspection, {}, geometry)
+        thickness = (
+            None if inspection.family == "Solid" or inspection.of_deck else inspection.thickness
+        )
         set_up = SetUp(
-            point=tuple(look.point),
-            direction=tuple(look.direction),
-            material="" if look.of_deck else FIRST,
+            point=tuple(inspection.point),
+            direction=tuple(inspection.direction),
+            material="" if inspection.of_deck else FIRST,
             thickness=thickness,
-            striker=Striker(radius=look.ball),
-            finer=look.plate and geometry,
+            striker=Striker(radius=inspection.ball),
+            finer=inspection.plate and geometry,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
-        shape, faces, faces_held = skin(self._structure(scene), look)
+        shape, faces, faces_held = skin(self._structure(scene), inspection)
         self._source = self._source._replace(faces=faces)
         self._first = {
             "name": self._path.name,
-            "told": _told_of_file(look),
+            "told": _told_of_file(inspection),
             "skin": shape,
             "faces": list(faces),
-            "materials": [] if look.of_deck else MATERIALS,
+            "materials": [] if inspection.of_deck else MATERIALS,
             "strikers": STRIKERS,
             "striker_materials": MATERIALS,
             "hammers": HAMMERS,
             "floors": FLOORS,
-            "fall": {"damping": RATIO, "corner_radius": _corner(look)},
+            "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
             "geometry": geometry,
             "saves": self._given is None,
             "engine": live.engine(),
@@ -442,12 +444,12 @@ class Opened:
         with without_warnings():  # those of one site
             blow = self._struck(set_up)
         source = self._opened()
-        where = values.get("where")
-        if where is not None:
-            where = face_of(source, where).get("where")
+        group = values.get("where")
+        if group is not None:
+            group = face_of(source, group).get("where")
         impact_map = antiosc.impact_map(
             blow.structure,
-            where,
+            group,
             blow.hit.impactor,
             AUTO,
             LONGER_OF_MAP * float(blow.hit.run.time[-1]),
@@ -457,8 +459,8 @@ class Opened:
         data = live_data.data_of_map(impact_map, blow.structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        head = live.headline_of_map(impact_map, blow.structure)
-        return {"map": data, "caution": head.caution, "verdict": head.sentences}
+        headline = live.headline_of_map(impact_map, blow.structure)
+        return {"map": data, "caution": headline.caution, "verdict": headline.sentences}
 
     def _names(self, _: Table) -> Data:
         """The names of the scene and the report that would be written, and their folder, to be
@@ -554,7 +556,7 @@ def _told(blow: PageImpact) -> Data:
     blow_data = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
     if blow_data is None:
         raise InputError("the page cannot repeat this impact.")
-    head = _headline(blow, {})
+    headline = _headline(blow, {})
     info = info_of(blow.model)
     assert blow.scene.model is not None
     site = blow.scene.model.arguments["site"].made
@@ -562,9 +564,9 @@ def _told(blow: PageImpact) -> Data:
         "blow": blow_data,
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
-        "about": head.about,
-        "caution": head.caution if blow.settled else "",
-        "verdict": _said(head, blow.settled),
+        "about": headline.about,
+        "caution": headline.caution if blow.settled else "",
+        "verdict": _said(headline, blow.settled),
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},
         "python": repr(site),
@@ -579,13 +581,13 @@ def _said(head: live.Headline, settled: bool) -> list[str]:
 
 def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:
     """A fall as data for the page, with headline."""
-    head = falls.headline_of_fall(dropped.fall, worst)
+    headline = falls.headline_of_fall(dropped.fall, worst)
     return {
         **falls.data_of_fall(dropped.fall, worst),
         "settled": worst is not None,
-        "about": head.about,
-        "caution": head.caution,
-        "verdict": head.sentences,
+        "about": headline.about,
+        "caution": headline.caution,
+        "verdict": headline.sentences,
     }
 
 

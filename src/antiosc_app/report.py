@@ -83,8 +83,8 @@ def _cell(value: object) -> object:
 
 def write_numbers(path: Path, content: Mapping[str, object]) -> Path:
     """A JSON file; NaN and infinity become null."""
-    head = {"antiosc": info.version(), "units": "SI"}
-    text = json.dumps(live.plain({**head, **content}), indent=1, allow_nan=False)
+    header = {"antiosc": info.version(), "units": "SI"}
+    text = json.dumps(live.plain({**header, **content}), indent=1, allow_nan=False)
     files.write_text(path, text + "\n", "the numbers")
     return path
 

@@ -127,15 +127,15 @@ def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None
 
 def spectrum(model: AntiOscillators, ax: Axes) -> None:
     """Draw frequency and mass of each anti-oscillator."""
-    several = np.ndim(model.k0) > 0
-    height = model.mass_shares if several else model.m
+    has_sites = np.ndim(model.k0) > 0
+    height = model.mass_shares if has_sites else model.m
     ax.vlines(model.omega / (2 * np.pi), 0, height, lw=1.5)
     ax.plot(model.omega / (2 * np.pi), height, "o", ms=4)
     if model.n and np.max(model.omega) > 30 * np.min(model.omega[model.omega > 0], initial=np.inf):
         ax.set_xscale("log")
     ax.set_ylim(bottom=0)
     ax.set_xlabel("frequency (Hz)")
-    ax.set_ylabel("share of the static mass" if several else "mass (kg)")
+    ax.set_ylabel("share of the static mass" if has_sites else "mass (kg)")
 
 
 def escaped(name: str) -> str:
@@ -577,11 +577,11 @@ class Probe:
 
     def table(self) -> Columns:
         """The columns of a file."""
-        heads = [
+        headings = [
             f"{self.name} {c}".rstrip() + (f" ({unit})" if unit else "")
             for c, unit in self.units().items()
         ]
-        return dict(zip(heads, self.values.T, strict=True))
+        return dict(zip(headings, self.values.T, strict=True))
 
     def peak(self) -> Columns:
         """The largest value: for a vector its magnitude, for other quantities that of one
@@ -841,13 +841,13 @@ def _map(results: SceneResults) -> Presentation:
             force = engineering(impact_map.peak_force[i], "N", 4)
             text += f", at most {force} at {placed(impact_map.points[i])}"
         rows.append((name, text))
-    heads = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in labels.items()}
+    headings = {name: f"{name} ({unit})" if unit else name for name, (_, unit) in labels.items()}
     table = {"surface": impact_map.names.tolist()} if len(surfaces) > 1 else {}
     table |= {f"{axis} (m)": impact_map.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
     return Presentation(
         text=[*map_cautions(impact_map), format_rows(rows)],
-        tables={"map.csv": table | {heads[name]: values for name, values in quantities.items()}},
+        tables={"map.csv": table | {headings[name]: values for name, values in quantities.items()}},
         numbers={"map": numbers | {"doubtful": impact_map.doubtful}},
         plotted={"map": impact_map},
         fields={"map.vtu": impact_map.write},

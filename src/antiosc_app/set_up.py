@@ -183,23 +183,23 @@ def _checked_fields(what: str, values: object, kind: type) -> Mapping[str, Any]:
 
 def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     """The sections of the scene of a set-up; `duration` of the impact [s]."""
-    look = source.look
+    inspection = source.look
     title = f"An impact on {source.name}"
     if set_up.striker.kind == FLOOR:
         part = _part(source, replace(set_up, finer=False))
-        if look.of_deck:
+        if inspection.of_deck:
             part["deck"]["free"] = True
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
     site: Table = {"point": list(set_up.point), "direction": list(set_up.direction), "snap": True}
-    if look.family == "Solid":
+    if inspection.family == "Solid":
         finer = FINER if set_up.finer and source.geometry else 1.0
         site["radius"] = set_up.radius or rounded_up(
             RESOLVED * source.size_at(set_up.point) / finer
         )
-    extract: Table = {"n": look.count}
+    extract: Table = {"n": inspection.count}
     if set_up.damping:
         extract["damping"] = set_up.damping
-    if look.bars:
+    if inspection.bars:
         extract["error"] = "estimate"
     return {
         "title": title,
@@ -214,18 +214,18 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
 
 def _part(source: InspectedFile, set_up: SetUp) -> Table:
     """The sections of the part: mesh or geometry with material, or the deck."""
-    look = source.look
+    inspection = source.look
     read = dict(source.look.read)
-    if look.of_deck:
+    if inspection.of_deck:
         strength = {"yield_strength": set_up.yield_strength} if set_up.yield_strength else {}
         return {"deck": {"path": source.name, **read, **strength}}
     if set_up.finer and source.geometry:
         read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
     material: Table = {"name": set_up.material}
-    thickness = set_up.thickness or look.thickness
-    if look.family == "Shell":
+    thickness = set_up.thickness or inspection.thickness
+    if inspection.family == "Shell":
         material["thickness"] = thickness
-    if look.family == "Beam":
+    if inspection.family == "Beam":
         material["section"] = {"kind": "Section.circle", "d": thickness}
     return {"geometry": {"source": source.name, **read}, "material": material}
 

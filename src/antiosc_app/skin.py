@@ -41,10 +41,10 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     mesh = members[0].part.mesh
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
-        drawn = surface(points, cells)
-        used_points, faces = np.unique(drawn.faces, return_inverse=True)
-        shape = geometry(drawn.points[used_points], faces.reshape(-1, 3))
-        shape["tags"] = np.zeros(len(drawn.faces), dtype=np.uint32)
+        page_surface = surface(points, cells)
+        used_points, faces = np.unique(page_surface.faces, return_inverse=True)
+        shape = geometry(page_surface.points[used_points], faces.reshape(-1, 3))
+        shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         return PageSkin(shape, *_with_usual(_groups(mesh), look))
     outer = Faces(mesh, mesh.tdim < 3)
     groups = _groups(mesh)
@@ -61,10 +61,12 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     shape = geometry(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
     on_plane = _faces_on(outer, look.plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
-    beyond = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
+    has_others = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()
     names = [name for number, name in enumerate(groups, start=1) if number in numbers]
     # a face that goes on beyond the plane would hold more, perhaps the site
-    all_faces, held_first = _with_usual(groups, look) if beyond or not names else (groups, names)
+    all_faces, held_first = (
+        _with_usual(groups, look) if has_others or not names else (groups, names)
+    )
     return PageSkin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
 
 

@@ -239,8 +239,8 @@ def read(sources: Sources) -> Whole:
     for part, (spelled, _) in parts.items():
         if part not in used_parts:
             assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
-    for card, moves in instances:
-        assembled.add(_instance_of(assembled, card, moves, parts, meshes))
+    for card, placement_rows in instances:
+        assembled.add(_instance_of(assembled, card, placement_rows, parts, meshes))
     for card in sorted(assembled.named(*NOUNS), key=lambda card: not card.within.name):
         assembled.read_set(card)
     sets_by_keyword = {"NSET": assembled.deck.node_sets, "ELSET": assembled.deck.element_sets}
@@ -307,7 +307,7 @@ def _instance_of(
         if part_name.upper() not in meshes:
             meshes[part_name.upper()] = mesh_of(cards, spelled)
         mesh = meshes[part_name.upper()]
-    turn = np.eye(3)
+    rotation = np.eye(3)
     shift = np.zeros(3)
     rows = card.rows()
     if rows:
@@ -319,6 +319,6 @@ def _instance_of(
         angle = np.deg2rad(row.real(6))
         row.needs(length != 0, "the two points of a rotation coincide.")
         K = -lever((b - a) / length)
-        turn = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
-        shift = a + turn @ (shift - a)
-    return Instance(name, turn, shift, assembled, cards, mesh)
+        rotation = np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+        shift = a + rotation @ (shift - a)
+    return Instance(name, rotation, shift, assembled, cards, mesh)

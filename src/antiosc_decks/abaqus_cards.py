@@ -198,10 +198,10 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
             cards_read[-1].places.append(place)
             continue
         while line.endswith(",") and number < len(lines):
-            following = lines[number].strip()
-            if following[:1] in "*+-.0123456789":  # numbers are data
+            next_line = lines[number].strip()
+            if next_line[:1] in "*+-.0123456789":  # numbers are data
                 break
-            line += following
+            line += next_line
             number += 1
         card = _card(line, place)
         include = card.keyword == "INCLUDE"

@@ -320,16 +320,16 @@ def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
     rows, places = _numbers(mesh, card, element_kind.nodes, kind)
     table = np.array(rows, dtype=np.int64).reshape(-1, 1 + element_kind.nodes)
     nodes = mesh.nodes.rows(table[:, 1:])
-    wrong = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
-    if not len(wrong):  # a middle node may be left out
-        wrong = np.flatnonzero((nodes[:, list(element_kind.corners)] < 0).any(axis=1))
-    if len(wrong):
-        row = int(wrong[0])
+    bad_rows = np.flatnonzero(((nodes < 0) & (table[:, 1:] != 0)).any(axis=1))
+    if not len(bad_rows):  # a middle node may be left out
+        bad_rows = np.flatnonzero((nodes[:, list(element_kind.corners)] < 0).any(axis=1))
+    if len(bad_rows):
+        row = int(bad_rows[0])
         missing_node = int(table[row, 1:][nodes[row] < 0][0])
         message = (
             f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does not"
         )
-        raise places[row].error(f"{message} define ({len(wrong)} such elements).")
+        raise places[row].error(f"{message} define ({len(bad_rows)} such elements).")
     if len(table):
         corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
         mesh.blocks.append(Block(element_kind.shape, kind, corners, mids, inner, element_kind.role))

@@ -166,16 +166,17 @@ def profile_of(card: Card) -> Profile:
     """The cross-section of *BEAM SECTION or *BEAM GENERAL SECTION in the deck's units."""
     kind = card.option("SECTION", "RECT").upper()
     d = card.first().reals()
-    short = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
+    section_kind = next((name for name in BEAM_SECTIONS if kind.startswith(name)), "")
     card.needs(
-        short, f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL."
+        section_kind,
+        f"SECTION={kind} is not supported; it must be RECT, CIRC, PIPE, BOX or GENERAL.",
     )
-    number_count, positive, profile = BEAM_SECTIONS[short]
+    number_count, positive, profile = BEAM_SECTIONS[section_kind]
     complete = len(d) >= number_count and min(d[:positive]) > 0
     card.needs(complete, f"SECTION={kind} needs {number_count} positive dimensions; got {d}.")
-    if short == "BOX":
+    if section_kind == "BOX":
         card.needs(d[2:4] == d[4:6], "a BOX with unequal opposite walls is not supported.")
-    if short == "GENERAL":
+    if section_kind == "GENERAL":
         card.needs(not d[2], "I12 must be 0: rotate the section to its principal axes.")
     return profile(d)
 

@@ -143,8 +143,12 @@ def _widths(rows: Iterator[Line]) -> tuple[int, int, int]:
     place.needs(
         integers, f"the format of a block is as (3i9,6e21.13e3); got {text.strip()[:40]!r}."
     )
-    real = re.search(r"e(\d+)\.", text.lower())
-    return sum(n * width for n, width in integers), integers[0][1], int(real[1]) if real else 1
+    real_width = re.search(r"e(\d+)\.", text.lower())
+    return (
+        sum(n * width for n, width in integers),
+        integers[0][1],
+        int(real_width[1]) if real_width else 1,
+    )
 
 
 def _cut(text: str, width: int, start: int = 0) -> list[str]:
@@ -155,12 +159,12 @@ def _cut(text: str, width: int, start: int = 0) -> list[str]:
 
 def _nodes(archive: Archive, rows: Iterator[Line]) -> None:
     """Read the lines of NBLOCK."""
-    start, width, real = _widths(rows)
+    start, width, real_width = _widths(rows)
     for text, place in rows:
         if text.startswith(("N,", "-1")) or not text[:width].strip():
             return
         archive.labels.append(whole_number(text[:width], place))
-        x = [real_number(column, place) for column in _cut(text, real, start)[:3]]
+        x = [real_number(column, place) for column in _cut(text, real_width, start)[:3]]
         archive.points.append([*x, 0.0, 0.0, 0.0][:3])
 
 
@@ -168,15 +172,15 @@ def _elements(archive: Archive, rows: Iterator[Line]) -> None:
     """Read the lines of EBLOCK."""
     _, width, _ = _widths(rows)
     for text, place in rows:
-        head = [whole_number(column, place) for column in _cut(text, width)]
-        if not head or head[0] == -1:
+        numbers = [whole_number(column, place) for column in _cut(text, width)]
+        if not numbers or numbers[0] == -1:
             return
-        place.needs(len(head) > HEAD, f"an element has {HEAD} numbers and its nodes.")
-        count = head[8]
-        nodes = head[HEAD:]
+        place.needs(len(numbers) > HEAD, f"an element has {HEAD} numbers and its nodes.")
+        count = numbers[8]
+        nodes = numbers[HEAD:]
         while len(nodes) < count:
             nodes += [whole_number(column, place) for column in _cut(next(rows)[0], width)]
-        element = (head[0], head[1], head[2], head[3], head[10], nodes[:count])
+        element = (numbers[0], numbers[1], numbers[2], numbers[3], numbers[10], nodes[:count])
         archive.elements.append((element, place))
 
 
@@ -268,9 +272,9 @@ def _model(
 ) -> None:
     """Add the sections of the elements and the supports to the builder."""
     planes = {int(block.type): len(block) for block in deck.blocks if block.role == "plane"}
-    wrong = {int(k): n for k, n in deck.left.items() if int(k) not in BESIDE} | planes
-    if wrong:
-        kinds = ", ".join(f"{count} of type {kind}" for kind, count in wrong.items())
+    refused = {int(k): n for k, n in deck.left.items() if int(k) not in BESIDE} | planes
+    if refused:
+        kinds = ", ".join(f"{count} of type {kind}" for kind, count in refused.items())
         raise MeshError(
             f"{deck.name} holds elements that no family here carries ({kinds}): read_mesh reads "
             "its solids and shells, without them."
@@ -278,13 +282,15 @@ def _model(
     groups: dict[tuple[str, int, float], list[int]] = {}
     for block, rows in deck.numbered():
         for row in rows.tolist():
-            material, real, section, place = owners[row]
+            material, constants, section, place = owners[row]
             t = 0.0
             if block.role == "shell":
                 t = archive.thickness.get(("section", section)) or archive.thickness.get(
-                    ("real", real), 0.0
+                    ("real", constants), 0.0
                 )
-                place.needs(t > 0, f"the shell has no thickness (SECDATA {section}, R {real}).")
+                place.needs(
+                    t > 0, f"the shell has no thickness (SECDATA {section}, R {constants})."
+                )
             groups.setdefault((block.role, material, t), []).append(row)
     for (role, number, t), members in groups.items():
         place = owners[members[0]][3]

@@ -99,16 +99,16 @@ class ModelBuilder:
         blocks = [(block, block[self.chosen[rows]]) for block, rows in self.deck.numbered()]
         roles = {members.role for _, members in blocks if len(members)}
         self.truss = "rod" in roles and roles <= SPRINGS
-        used = np.zeros(len(self.used), dtype=bool)
+        is_used = np.zeros(len(self.used), dtype=bool)
         for block, members in blocks:
-            used[block.nodes] = True
+            is_used[block.nodes] = True
             if block.role not in SPRINGS or (self.truss and block.role == "rod"):
                 self.used[members.nodes] = True
             else:
-                used[members.nodes] = False
+                is_used[members.nodes] = False
             if block.role in ("shell", "beam"):
                 self.has_rotations[members.nodes] = True
-        self.gone = used & ~self.used
+        self.gone = is_used & ~self.used
 
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
@@ -290,21 +290,21 @@ class ModelBuilder:
         """Add a spring on a sum of terms, in the deck's units; terms of fixed motions are left
         out.
         """
-        moving = self._moving(terms)
-        if len(moving) == 1:
-            ((node, motion, coefficient),) = moving
-            moving = [(node, motion, 1.0)]
+        free_terms = self._moving(terms)
+        if len(free_terms) == 1:
+            ((node, motion, coefficient),) = free_terms
+            free_terms = [(node, motion, 1.0)]
             stiffness = stiffness * coefficient**2
-        if moving:
-            self.joints.springs.append((moving, stiffness))
+        if free_terms:
+            self.joints.springs.append((free_terms, stiffness))
 
     def damped(self, terms: Sequence[Term], damping: float) -> None:
         """Add a damper on a sum of terms, in the deck's units; terms of fixed motions are left
         out.
         """
-        moving = self._moving(terms)
-        if moving and damping:
-            self.joints.dampers.append((moving, damping))
+        free_terms = self._moving(terms)
+        if free_terms and damping:
+            self.joints.dampers.append((free_terms, damping))
 
     def _moving(self, terms: Sequence[Term]) -> list[Term]:
         """The terms of motions that are not fixed, without rounding errors."""

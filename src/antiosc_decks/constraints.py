@@ -90,9 +90,9 @@ class DeckConstraints:
             if abs(c) > NEGLIGIBLE_TERM * largest
         ]
         for node, motion, _ in significant:
-            turns = motion < 3 or not self._used(node) or self.has_rotations[node]
+            has_motion = motion < 3 or not self._used(node) or self.has_rotations[node]
             place.needs(
-                turns,
+                has_motion,
                 "a constraint acts on a rotation of a node of solids, which have no "
                 "rotations; constrain displacements of several nodes.",
             )
@@ -193,13 +193,13 @@ class DeckConstraints:
             for first in (0, 3):
                 if first and self._used(node) and not self.has_rotations[node]:
                     continue
-                for pivot, along in _directions(frames.get(node), motions, first):
-                    terms = [(node, first + pivot, float(along[pivot]))]
-                    components = [k for k in range(3) if along[k]]
-                    terms += [(node, first + k, float(along[k])) for k in components if k != pivot]
-                    terms += [(leader, first + k, -float(along[k])) for k in components]
+                for pivot, normal in _directions(frames.get(node), motions, first):
+                    terms = [(node, first + pivot, float(normal[pivot]))]
+                    components = [k for k in range(3) if normal[k]]
+                    terms += [(node, first + k, float(normal[k])) for k in components if k != pivot]
+                    terms += [(leader, first + k, -float(normal[k])) for k in components]
                     if not first:
-                        arm_row = along @ arm
+                        arm_row = normal @ arm
                         terms += [
                             (leader, 3 + k, -float(arm_row[k])) for k in range(3) if arm_row[k]
                         ]
@@ -289,8 +289,8 @@ class DeckConstraints:
     def finished(self, units: UnitSystem) -> Joints:
         """The joints in SI units as JSON; the k-th point of no element has the number −1 − k."""
         length = units.length
-        loose = self.loose()
-        number = {node: -1 - k for k, node in enumerate(loose)}
+        loose_nodes = self.loose()
+        number = {node: -1 - k for k, node in enumerate(loose_nodes)}
 
         def scaled(terms: list[Term]) -> list[Term]:
             return [(number.get(n, n), m, c * (length if m >= 3 else 1.0)) for n, m, c in terms]
@@ -303,7 +303,7 @@ class DeckConstraints:
                 ([[(number.get(n, n), m, c) for n, m, c in terms] for terms in rows], M.tolist(), m)
                 for rows, M, m in self.masses
             ],
-            "points": [[float(c) * length for c in self.place(node)] for node in loose],
+            "points": [[float(c) * length for c in self.place(node)] for node in loose_nodes],
         }
 
 

@@ -72,10 +72,10 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
     for node, _ in joints.alias:  # motions along axes of its own
         if node < len(stiff):
             stiff[node] = 1.0
-    loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
-    if loose.any():
-        builder.fixed[:, :3] |= loose
-        message = f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod"
+    free = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
+    if free.any():
+        builder.fixed[:, :3] |= free
+        message = f"{int(free.sum())} motions of nodes of {builder.deck.name} against which no rod"
         builder.deck.told.append(f"{message} is stiff are held (AUTOSPC).")
 
 
@@ -190,10 +190,10 @@ def finished(builder: ModelBuilder) -> Model:
     mixed = "shell" in roles and kept_apart(builder.deck)
     stiffened = roles == {"shell", "beam"} and not mixed and not joins_nodes
     stiffened = stiffened and _on_edges(builder)
-    several = mixed or (len(roles) > 1 and not stiffened)
+    has_parts = mixed or (len(roles) > 1 and not stiffened)
     attached = [element[0] for element in builder.masses] + [terms[0][0] for terms, _ in grounded]
     off_elements = any(not builder.used[node] for node in attached)
-    is_assembly = several or off_elements or joins_nodes
+    is_assembly = has_parts or off_elements or joins_nodes
     if is_assembly:
         _attach(builder)
     if stiffened:
@@ -246,25 +246,25 @@ def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) 
     joints = builder.joints
     nodes = len(builder.deck.points)
     x = np.vstack([builder.deck.points, *joints.more])
-    moves, fixed = np.zeros((2, len(x), 6), dtype=bool)
-    moves[:nodes, :count] = True
-    moves[:nodes, 3:] &= builder.has_rotations[:, None]
+    has_motion, fixed = np.zeros((2, len(x), 6), dtype=bool)
+    has_motion[:nodes, :count] = True
+    has_motion[:nodes, 3:] &= builder.has_rotations[:, None]
     fixed[:nodes] = builder.fixed
-    loose = joints.loose()
-    moves[loose] = True
+    loose_nodes = joints.loose()
+    has_motion[loose_nodes] = True
     for number, motions in fixed_points:
-        fixed[loose[-1 - number], [MOTIONS.index(name) for name in motions]] = True
+        fixed[loose_nodes[-1 - number], [MOTIONS.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
-    return held_apart(builder.deck, x, moves, fixed, rows)
+    return held_apart(builder.deck, x, has_motion, fixed, rows)
 
 
 def _drop_alone(builder: ModelBuilder) -> None:
     """Remove masses and joints that no element is connected to, and dampers with a massless end."""
     joints = builder.joints
-    used = builder.used
+    is_used = builder.used
     node_rows = [np.array([[n for n, *_ in terms]]) for terms in joints.every() if terms]
-    label = connected(node_rows, len(used) + len(joints.more))
-    is_connected = np.isin(label, label[: len(used)][used])
+    label = connected(node_rows, len(is_used) + len(joints.more))
+    is_connected = np.isin(label, label[: len(is_used)][is_used])
 
     def moves(node: int) -> bool:
         return bool(is_connected[joints.alias.get((node, 0), (node, 0))[0]])
@@ -272,7 +272,7 @@ def _drop_alone(builder: ModelBuilder) -> None:
     on_fixed = [
         entry
         for entry in builder.masses
-        if not used[entry[0]] and builder.fixed[entry[0], :3].all()
+        if not is_used[entry[0]] and builder.fixed[entry[0], :3].all()
     ]
     unjoined = [entry[1] for entry in builder.masses if not moves(entry[0])]
     builder.ignored += [f"a mass on a held node of no element ({entry[1]})" for entry in on_fixed]
@@ -288,7 +288,9 @@ def _drop_alone(builder: ModelBuilder) -> None:
 
     def resists(terms: Sequence[Term]) -> bool:
         """Whether each end of a damper has mass, or a spring or constraint acts on it."""
-        return all((n < len(used) and used[n]) or (n, m) in loaded_motions for n, m, _ in terms)
+        return all(
+            (n < len(is_used) and is_used[n]) or (n, m) in loaded_motions for n, m, _ in terms
+        )
 
     dampers = [entry for entry in joints.dampers if resists(entry[0])]
     removed_count += len(joints.dampers) - len(dampers)
@@ -333,16 +335,16 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
     """[(number of a point of no element, its motions that are fixed or on which nothing acts)]."""
-    loose = builder.joints.loose()
+    loose_nodes = builder.joints.loose()
     loaded_motions = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
     fixed_of: dict[int, set[str]] = {}
-    for k, node in enumerate(loose):
+    for k, node in enumerate(loose_nodes):
         fixed_of[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in loaded_motions}
     for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
         motion_of_node = int(node), int(motion)
         target, axis = builder.joints.alias.get(motion_of_node, motion_of_node)
-        if target in loose:
-            fixed_of[-1 - loose.index(target)].add(MOTIONS[axis])
+        if target in loose_nodes:
+            fixed_of[-1 - loose_nodes.index(target)].add(MOTIONS[axis])
     motions = {"x", "y", "rz"} if plane else set(MOTIONS)
     return [(n, sorted(fixed & motions)) for n, fixed in fixed_of.items() if fixed & motions]
 
@@ -357,9 +359,9 @@ def _refuse_uncovered(builder: ModelBuilder) -> None:
                 "family here carries (solids, plane stress and strain, shells, "
                 "beams)."
             )
-        if bare := int((builder.of_element[rows] < 0).sum()):
+        if uncovered := int((builder.of_element[rows] < 0).sum()):
             raise MeshError(
-                f"{name}: {bare} of {len(block)} {block.type} elements have no "
+                f"{name}: {uncovered} of {len(block)} {block.type} elements have no "
                 "section, so their material is not known."
             )
 

@@ -82,7 +82,7 @@ def point_name(number: int) -> str:
 
 def attachments(model: Model) -> list[PointMass | Spring | Damper]:
     """The masses and springs of a deck."""
-    masses = [PointMass(at, mass, inertia) for at, mass, inertia in model["masses"]]
+    masses = [PointMass(point, mass, inertia) for point, mass, inertia in model["masses"]]
     return [*masses, *(Spring(at, stiffness) for at, stiffness in model["springs"])]
 
 
@@ -276,9 +276,9 @@ def outline_of_deck(
     Nothing is assembled. `options` are those of `read_model`; the ones that reading does not need
     are ignored.
     """
-    needed = ("density", "merge", "parts", "piece", "free", "elements", "root", "timeout")
-    known = {name: options[name] for name in needed if name in options}
-    raws = _reader(checked_path("path", path), unit, **known)()
+    option_names = ("density", "merge", "parts", "piece", "free", "elements", "root", "timeout")
+    given_options = {name: options[name] for name in option_names if name in options}
+    raws = _reader(checked_path("path", path), unit, **given_options)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
     if _model(next(iter(raws.values())))["joined"]:
         inner = [f"{name}:{group}" for name, raw in raws.items() for group in raw.groups]
@@ -331,10 +331,10 @@ def _reader(
         if value is not None:
             positive(name, value, unit_name)
     if parts is not None:
-        named = isinstance(parts, list | tuple) and all(
+        are_names = isinstance(parts, list | tuple) and all(
             isinstance(name_of_part, str) for name_of_part in parts
         )
-        if not named or not parts:
+        if not are_names or not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
     free = flag("free", free)
@@ -376,8 +376,8 @@ def _choices(raw: RawMesh) -> str:
     """Text that names the arguments of `read_model` which choose a part of a deck."""
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
-    named = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
-    return f"piece=1 is the largest{named * bool(names)}"
+    sets_text = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
+    return f"piece=1 is the largest{sets_text * bool(names)}"
 
 
 def _model(raw: RawMesh) -> Model:

@@ -85,9 +85,9 @@ def _form(source: MatrixFile, number: int, name: str, fields: list[str]) -> int:
         kind = int(fields[2])
     except (ValueError, IndexError):
         raise source.error(number, f"the header of DMIG {name} has no form and type.") from None
-    real = kind in (1, 2)
+    is_real = kind in (1, 2)
     valid = form in (SYMMETRIC_FORM, SQUARE_FORM)
-    source.needs(real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
+    source.needs(is_real, number, f"DMIG {name} is complex: stiffness and mass must be real.")
     source.needs(valid, number, f"DMIG {name} has form {form}: 6 (symmetric) or 1 is expected.")
     return form
 
@@ -337,7 +337,7 @@ def read_op4(source: MatrixFile) -> dict[str, Entries]:
 
 def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, int, Array]]:
     """Yields (column, first row, values) of each string of entries."""
-    lead = 2 if header.bigmat or header.rows >= BIGMAT_ROWS else 1
+    word_count = 2 if header.bigmat or header.rows >= BIGMAT_ROWS else 1
     text = isinstance(reader, _Text)
     words = 1 if text else reader.words  # of a number of a dense column
     while True:
@@ -351,10 +351,10 @@ def _strings(reader: _Text | _Binary, header: _Header) -> Iterator[tuple[int, in
         if row > 0:
             yield column - 1, row - 1, reader.numbers(count // words)
         while row <= 0 and count > 0:
-            first, *second = reader.whole(lead)
+            first, *second = reader.whole(word_count)
             length, start = [first, *second] if second else [first >> 16, first & 0xFFFF]
             length -= 1
-            count -= length + lead
+            count -= length + word_count
             if length < 0 or length % reader.words or count < 0:
                 raise reader.bad("the length of a string of entries is expected")
             yield column - 1, start - 1, reader.numbers(length // reader.words)
@@ -537,7 +537,7 @@ def _records(name: str, columns: scipy.sparse.csc_matrix) -> Iterator[bytes]:
         words = (
             (struct.pack("<2i", 2 * len(v) + 1, r[0] + 1), v.astype("<f8")) for r, v in strings
         )
-        content = b"".join(lead + v.tobytes() for lead, v in words)
+        content = b"".join(prefix + v.tobytes() for prefix, v in words)
         length = 12 + len(content)
         yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content
         yield struct.pack("<i", length)

@@ -341,14 +341,14 @@ def divide(deck: NastranDeck) -> list[End]:
                 ends.append(
                     End(rows[end], nodes[end], motions, axes, entry, neutral[end] @ axes[1:])
                 )
-            bend = beam_profiles.entry if beam_profiles and entry.name == "CBEND" else None
-            pieces = PIECES if bend or entry.property_number() in tapered else 1
+            bend_entry = beam_profiles.entry if beam_profiles and entry.name == "CBEND" else None
+            pieces = PIECES if bend_entry or entry.property_number() in tapered else 1
             heights: list[Array | None] = [None] * pieces
             x = np.array([points[row] for row in rows])
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
             inner = (1 - shares) * x[0] + shares * x[1]
-            if bend:
-                inner, directions = arc(entry, bend, x, _vector(deck, entry), pieces)
+            if bend_entry:
+                inner, directions = arc(entry, bend_entry, x, _vector(deck, entry), pieces)
                 heights = list(directions)
             chain = [rows[0], *range(len(points), len(points) + len(inner)), rows[1]]
             points += list(inner)
@@ -389,8 +389,8 @@ def _own_ends(
     x = deck.deck.points[nodes]
     line = x[1] + offsets[1] - x[0] - offsets[0]
     length = float(np.linalg.norm(line))
-    long = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
-    entry.needs(long, f"{entry.name} {entry.text(0)} has no length.")
+    is_offset = length > 1e-12 * max(float(np.abs(x).max()), 1e-300)
+    entry.needs(is_offset, f"{entry.name} {entry.text(0)} has no length.")
     height = orientation(deck, entry, line / length)
     common_offset = float(offsets[0] @ height)
     residual = np.abs(

@@ -128,8 +128,8 @@ class Continuations:
         entry = self._last
         if entry is None:
             raise place.error("a continuation without an entry before it.")
-        before = self._marks.get(id(entry), ())
-        if label and label not in before:
+        marks = self._marks.get(id(entry), ())
+        if label and label not in marks:
             candidates = list(self._open.get(label, {}).values())
             error = place.error(
                 f"the continuation {name[:20]!r} does not follow its entry; write "
@@ -137,7 +137,7 @@ class Continuations:
             )
             if len(candidates) == 1:
                 entry = candidates[0]
-            elif candidates or before:
+            elif candidates or marks:
                 entry.fault = error
             else:
                 self._by_order.append((entry, error))
@@ -247,8 +247,8 @@ class Bulk:
         if self.entries and self.entries[-1].name in TEXTS and line[0] in " +*,":
             return
         name, fields, large, mark = fields_of(line)
-        long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
-        fault = place.error(LONG_LINE) if long else None
+        is_long = (name == "GRID" and any(fields[8:])) or any(map(_MARK.match, fields[4:]))
+        fault = place.error(LONG_LINE) if is_long else None
         if name[:1] == "=":
             self._copy(words[0].split(",")[0], fields, place)
         elif name[:1] in ("", "+", "*"):

@@ -38,12 +38,12 @@ class CoordinateSystem:
         if self.kind != "R":
             theta = math.radians(c[1])
             phi = math.radians(c[2 if self.kind == "S" else 1])
-            across, height = (
+            radius, height = (
                 (c[0], c[2])
                 if self.kind == "C"
                 else (c[0] * math.sin(theta), c[0] * math.cos(theta))
             )
-            c = np.array([across * math.cos(phi), across * math.sin(phi), height])
+            c = np.array([radius * math.cos(phi), radius * math.sin(phi), height])
         return np.asarray(self.origin + c @ self.axes)
 
     def frame(self, x: Array) -> Array:
@@ -170,7 +170,7 @@ def moved_parts(
 ) -> dict[int, CoordinateSystem]:
     """Scope of a part -> its basic system after SELOC, which moves three nodes to three points."""
     points = {entry.whole(0): entry for entry in entries if entry.name == "POINT"}
-    moves = {}
+    part_systems = {}
 
     def aim(number: int, place: DeckPlace) -> Array:
         if number not in points:
@@ -184,8 +184,10 @@ def moved_parts(
             a = axes_of([node(entry.whole(k), placement) for k in (1, 2, 3)], entry)
             b = axes_of([aim(entry.whole(k), entry.place) for k in (4, 5, 6)], entry)
             rotation = a.axes.T @ b.axes
-            moves[placement.scope] = CoordinateSystem(b.origin - a.origin @ rotation, rotation)
-    return moves
+            part_systems[placement.scope] = CoordinateSystem(
+                b.origin - a.origin @ rotation, rotation
+            )
+    return part_systems
 
 
 #: Selection of the case control -> entries with such sets; the name of their sum ends with ADD.
@@ -313,12 +315,12 @@ class NastranDeck:
 
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
         """[(row, motion 0 to 5)] of the ends of CELAS, CDAMP or CMASS, without the ground."""
-        two = entry.name[-1] in "12"
+        has_components = entry.name[-1] in "12"
         ends = []
-        for k in (2, 4) if two else (2, 3):
+        for k in (2, 4) if has_components else (2, 3):
             if entry.whole(k, 0):
                 row = self.at(entry, k)
-                motion = entry.whole(k + 1, 0) - 1 if two else -1
+                motion = entry.whole(k + 1, 0) - 1 if has_components else -1
                 exists = motion in (-1, 0) if row in self.scalar else 0 <= motion < 6
                 entry.needs(
                     exists,
@@ -400,9 +402,9 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
-    twice = np.intersect1d(labels, scalar)
-    if len(twice):
-        raise MeshError(f"{name} defines {twice[0]} as a GRID and as an SPOINT.")
+    repeated = np.intersect1d(labels, scalar)
+    if len(repeated):
+        raise MeshError(f"{name} defines {repeated[0]} as a GRID and as an SPOINT.")
     nodes = Numbering(np.concatenate([labels, scalar]))
     positions: dict[int, Array] = {}
 

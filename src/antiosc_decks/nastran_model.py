@@ -243,10 +243,10 @@ class NastranJoints:
             axis = axes[k % 3]
             first = 3 * (int(k) // 3)
             terms: list[Term] = []
-            for row, where, sign in zip(rows, x, (1.0, -1.0), strict=False):
-                arm = np.cross(place - where, axis) if not first else np.zeros(3)
+            for row, end_point, sign in zip(rows, x, (1.0, -1.0), strict=False):
+                arm = np.cross(place - end_point, axis) if not first else np.zeros(3)
                 armed = entry.name not in ON_LINE
-                if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - where):
+                if armed and np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - end_point):
                     row = self.builder.joints.leader(row)
                     terms += axis_terms(row, arm, 3, sign)
                 terms += axis_terms(row, axis, first, sign)

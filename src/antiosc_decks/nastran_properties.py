@@ -57,8 +57,8 @@ class Properties:
             entry = properties.get(int(number))
             if entry is None:
                 raise self._unknown(every[elements[0]], int(number) % SCOPE)
-            for wrong in sorted(n for n in names if entry.name not in CELLS[n].properties):
-                raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
+            for element_name in sorted(n for n in names if entry.name not in CELLS[n].properties):
+                raise entry.place.error(f"{entry.name} is not a property of {element_name}.")
             add = OF_PROPERTY.get(entry.name, Properties._beams)
             add(self, entry, label_of(int(number)), elements)
 
@@ -348,11 +348,11 @@ class Properties:
             thickness = entry.text(k + 1) or thickness
             ply = Entry(entry.name, entry.place, [material, thickness, entry.text(k + 2)])
             plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
-        how = entry.text(7).upper()
-        fault = f"LAM={how}" if plies else "no plies"
-        read = how in ("", "SYM") and plies
+        lam_option = entry.text(7).upper()
+        fault = f"LAM={lam_option}" if plies else "no plies"
+        read = lam_option in ("", "SYM") and plies
         entry.needs(read, f"{entry.name} with {fault} is not supported.")
-        plies += plies[::-1] if how == "SYM" else []
+        plies += plies[::-1] if lam_option == "SYM" else []
         total = sum(thickness for _, thickness, _ in plies)
         own_offset = entry.real(1) + total / 2 if entry.text(1) else 0.0
         layers = [self._ply(*ply) for ply in plies]

@@ -301,9 +301,9 @@ def everywhere(deck: Deck, elements: IntArray, vectors: Array, length: float) ->
     directions = []
     for x, vector in zip(corners_of(deck, elements), vectors.tolist(), strict=True):
         thirds = range(4) if len(x) == 4 else ()
-        cut = [x.mean(axis=0), *(np.delete(x, k, axis=0).mean(axis=0) for k in thirds)]
-        places += [(c * length).tolist() for c in cut]
-        directions += [vector] * len(cut)
+        centres = [x.mean(axis=0), *(np.delete(x, k, axis=0).mean(axis=0) for k in thirds)]
+        places += [(c * length).tolist() for c in centres]
+        directions += [vector] * len(centres)
     return {"places": places, "directions": directions}
 
 

@@ -138,8 +138,8 @@ class Nodes:
         for index, mesh in enumerate(self.meshes):
             if number in mesh.at_cell and (mesh.member.has_rotations or not rotations):
                 return index, *mesh.at_cell[number]
-        what = "rotation of the node" if rotations else "node"
-        raise InputError(f"a constraint acts on the {what} {number}, which no part has.")
+        noun = "rotation of the node" if rotations else "node"
+        raise InputError(f"a constraint acts on the {noun} {number}, which no part has.")
 
     def functionals(self, equations: Sequence[Sequence[Term]]) -> Sparse:
         """Σ coefficient × motion as a matrix over the dofs, one row for each list of terms."""
@@ -273,9 +273,9 @@ class CoincidentNodes:
         reach = TIED_NEAR * float(np.linalg.norm(positions - positions.mean(axis=0), axis=1).max())
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, positions, strict=True):
-            first, *others = self.equations[rows[number]]
-            shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
-            if any(m != motion or n < 0 for n, m, c in others if n in shares):
+            first, *other_terms = self.equations[rows[number]]
+            shares = {n: -c / first[2] for n, _, c in other_terms if abs(c) > LEAST_WEIGHT}
+            if any(m != motion or n < 0 for n, m, c in other_terms if n in shares):
                 return None
             if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
                 return None
@@ -326,11 +326,11 @@ def between_nodes(
         else:
             dependent.setdefault(motion, {}).setdefault(number, row)
     rows_found: list[Row] = []
-    tied = CoincidentNodes(nodes, equations)
+    coincident = CoincidentNodes(nodes, equations)
     for mesh in nodes.meshes:
         for motion in dependent:
             rows_found += _followers(
-                nodes, mesh, motion, dependent, equations, functionals, among, tied
+                nodes, mesh, motion, dependent, equations, functionals, among, coincident
             )
         for first, directions in sliding.items():
             rows_found += _sliders(nodes, mesh, first, directions, among)
@@ -359,11 +359,11 @@ def _dofs(
     space = member.part.form.space
     X = np.asarray(compat.subspace(space, path).element.basix_element.points)
     weights = np.asarray(mesh.cell_map.tabulate(0, X))[0, :, :, 0]
-    needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
+    columns_of_rows = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
     dofs = compat.cell_dofs(space, path, touching)
     used: set[int] = set()
     for position, cell in enumerate(touching):
-        for d, members in enumerate(needed):
+        for d, members in enumerate(columns_of_rows):
             column = member.first + int(dofs[position, d])
             if column not in used:
                 used.add(column)
@@ -421,7 +421,7 @@ def _followers(
 
 def _sum(terms: Sequence[Row]) -> Row:
     """The sum of rows."""
-    columns, values = (np.concatenate(both) for both in zip(*terms, strict=True))
+    columns, values = (np.concatenate(pieces) for pieces in zip(*terms, strict=True))
     return columns, values
 
 
@@ -455,12 +455,13 @@ def _determined(
     are not.
     """
     dependent = [n for n in numbers if n in rows]
-    others = set(numbers) - set(dependent)
+    independent = set(numbers) - set(dependent)
     if dependent and all(
-        others <= {n for n, m, _ in equations[rows[node]][1:] if m == motion} for node in dependent
+        independent <= {n for n, m, _ in equations[rows[node]][1:] if m == motion}
+        for node in dependent
     ):
         return True
-    return all(nodes.is_fixed(n, motion) for n in others)
+    return all(nodes.is_fixed(n, motion) for n in independent)
 
 
 def _sliders(
@@ -542,14 +543,16 @@ def _following(
         followed: set[int] = set()
         for leader in leaders:
             components = [mesh.member.part.form.components.keys() for mesh in (follower, leader)]
-            where = (
+            node_places = (
                 _shared(follower, leader, followed)
                 if components[0] & components[1] & set(names)
                 else {}
             )
-            followed |= set(where)
-            if where:
-                constraints.append(_tied(layout, follower.member, leader.member, where, names))
+            followed |= set(node_places)
+            if node_places:
+                constraints.append(
+                    _tied(layout, follower.member, leader.member, node_places, names)
+                )
     return constraints
 
 
@@ -630,9 +633,9 @@ class NodeConstraints(Joint):
         for row in held.rows:
             is_single = np.diff(row.matrix.indptr) == 1
             nodes.fixed[row.matrix[is_single].indices] = True
-        between = between_nodes(nodes, self.equations, equations, self.among)
-        if between.shape[0]:
-            rows.append(Rows.free(between, label))
+        inner_rows = between_nodes(nodes, self.equations, equations, self.among)
+        if inner_rows.shape[0]:
+            rows.append(Rows.free(inner_rows, label))
         middles = _on_middles(nodes)
         if middles.shape[0]:
             rows.append(Rows.free(middles, label))
@@ -645,13 +648,13 @@ class NodeConstraints(Joint):
         functionals = nodes.functionals(
             [*flat, *(terms for rows, _, _ in self.masses for terms in rows)]
         )
-        nothing = np.zeros((1, 1))
+        zero_mass = np.zeros((1, 1))
         springs = [
-            Stiffness(functionals[k], np.array([[stiffness]]), nothing)
+            Stiffness(functionals[k], np.array([[stiffness]]), zero_mass)
             for k, (_, stiffness) in enumerate(self.springs)
         ]
         dampers = [
-            Stiffness(functionals[len(springs) + k], nothing, nothing, c=np.array([[damping]]))
+            Stiffness(functionals[len(springs) + k], zero_mass, zero_mass, c=np.array([[damping]]))
             for k, (_, damping) in enumerate(self.dampers)
         ]
         masses = []

@@ -56,8 +56,10 @@ class Sources:
         self._on_size(self.size)
         content = path.read_bytes()
         if b"\0" in content:
-            wide = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-            message = "it is UTF-16; save it as UTF-8" if wide else "it is no text, or is damaged"
+            is_utf16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+            message = (
+                "it is UTF-16; save it as UTF-8" if is_utf16 else "it is no text, or is damaged"
+            )
             raise MeshError(f"{name} contains zero bytes: {message}.")
         try:
             text = content.decode("utf-8-sig")

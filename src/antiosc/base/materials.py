@@ -67,7 +67,7 @@ def record(name: object) -> MaterialRecord:
     wanted = checks.text("material", name)
     words = _words(wanted)
     matches = [name for name in all_names if all(_begins(word, _words(name)) for word in words)]
-    exact = [other for other in all_names if _words(other) == words]
+    exact = [name for name in all_names if _words(name) == words]
     for candidates in (exact, matches):
         if len(candidates) == 1:
             return _read(candidates[0], _table()["material"][candidates[0]])
@@ -90,7 +90,7 @@ def _words(name: str) -> list[str]:
 
 
 def _begins(word: str, words: list[str]) -> bool:
-    return any(other.startswith(word) for other in words)
+    return any(known_word.startswith(word) for known_word in words)
 
 
 def _likeness(asked_name: str, name: str) -> float:
@@ -133,5 +133,5 @@ def _spelled_out(source: str) -> str:
     key, _, place = source.partition(" ")
     title = _table()["sources"][key]
     page = _table()["read"].get(key)
-    how = "recalled" if page is None else f"read at {page}"
-    return f"{title} {place}".rstrip() + f" ({how})"
+    origin_text = "recalled" if page is None else f"read at {page}"
+    return f"{title} {place}".rstrip() + f" ({origin_text})"

@@ -111,8 +111,10 @@ def _likely_units(E: float | None, rho: float | None) -> str:
     if E is None or rho is None:
         return ""
     for of_E, of_rho, words in UNITS:
-        real = MODULI[0] <= of_E * E <= MODULI[1] and DENSITIES[0] <= of_rho * rho <= DENSITIES[1]
-        if real and 10 * SLOWEST_WAVE <= sqrt(of_E * E / (of_rho * rho)) <= FASTEST_WAVE:
+        is_real = (
+            MODULI[0] <= of_E * E <= MODULI[1] and DENSITIES[0] <= of_rho * rho <= DENSITIES[1]
+        )
+        if is_real and 10 * SLOWEST_WAVE <= sqrt(of_E * E / (of_rho * rho)) <= FASTEST_WAVE:
             return f"; {words} is probably meant: E={of_E * E:g}, rho={of_rho * rho:g}"
     return ""
 
@@ -168,8 +170,8 @@ def modulus_doubt(E: float) -> str:
     if E >= SOFTEST:
         return ""
     scales = ((1e9, "GPa"), (1e6, "MPa"))
-    real = [(s, unit) for s, unit in scales if MODULI[0] <= s * E <= MODULI[1]] or scales[1:]
-    suggestions = " or ".join(f"{scale * E:g} ({E:g} {unit})" for scale, unit in real)
+    likely = [(s, unit) for s, unit in scales if MODULI[0] <= s * E <= MODULI[1]] or scales[1:]
+    suggestions = " or ".join(f"{scale * E:g} ({E:g} {unit})" for scale, unit in likely)
     return (
         f"E = {E:g} Pa of a surface in contact is less than that of rubber, {SOFTEST:g}: E is in "
         f"Pa; {suggestions} is probably meant."
@@ -218,8 +220,8 @@ def impact_doubt(model: object, movers: Iterable[object], *velocities: object) -
     `model` is struck; its `info` has √(E/ρ) of the material where it was extracted. `movers` have a
     velocity; `velocities` are further ones [m/s]: numbers, arrays or a `Motion`.
     """
-    moving = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
-    speed = max(map(_fastest, moving), default=0.0)
+    all_velocities = [*velocities, *(getattr(mover, "velocity", 0.0) for mover in movers)]
+    speed = max(map(_fastest, all_velocities), default=0.0)
     wave = float(getattr(getattr(model, "info", None), "wave_speed", None) or 0.0)
     strained = 0 < wave < speed / LINEAR
     if not strained and speed <= FASTEST_BLOW:

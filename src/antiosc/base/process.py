@@ -233,8 +233,8 @@ def free_cores() -> int:
             return 1
         samples.append(other_threads)
         time.sleep(SAMPLE_PAUSE)
-    idle = (os.cpu_count() or 1) - int(np.median(samples))
-    return max(1, min(allowed, idle))
+    free_count = (os.cpu_count() or 1) - int(np.median(samples))
+    return max(1, min(allowed, free_count))
 
 
 def threads() -> int:
@@ -404,19 +404,21 @@ def free_memory() -> float:
         if line.startswith("MemAvailable:"):
             free = 1024 * float(line.split()[1])
     for limit, usage, stat in CONTAINERS:
-        most = _lines(limit)
+        limit_text = _lines(limit)
         used_memory = _lines(usage)
-        if most and used_memory and most[0].isdigit():
+        if limit_text and used_memory and limit_text[0].isdigit():
             cached = [line.split()[1] for line in _lines(stat) if line.startswith("inactive_file ")]
-            free = min(free, float(most[0]) - float(used_memory[0]) + float((cached or ["0"])[0]))
+            free = min(
+                free, float(limit_text[0]) - float(used_memory[0]) + float((cached or ["0"])[0])
+            )
     return min(free, _process_limit())
 
 
 def trim_heap() -> None:
     """Return the memory that glibc keeps after `free` to the system, so that it counts as free."""
-    trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
-    if trim is not None:
-        trim(0)
+    malloc_trim = getattr(ctypes.CDLL(None) if os.name == "posix" else None, "malloc_trim", None)
+    if malloc_trim is not None:
+        malloc_trim(0)
 
 
 def _process_limit() -> float:

@@ -53,13 +53,13 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     index = len(lines)
     lines.append(text)
 
-    def further(further_text: str) -> None:
+    def append_text(further_text: str) -> None:
         lines[index] = f"{text}: {further_text}"
         _write(rank)
 
     try:
         _write(rank)
-        yield further
+        yield append_text
     finally:
         del lines[index:]
         _write(rank)

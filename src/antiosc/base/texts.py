@@ -86,8 +86,10 @@ class Result(ReprMixin):
         names = [f.name for f in dataclasses.fields(self)]  # type: ignore[arg-type]
         values = {name: getattr(self, name) for name in names}
         single = bool, int, float, str, np.generic
-        known = {name: _json(value) for name, value in values.items() if isinstance(value, single)}
-        return {**known, "status": _json(self.status), "message": self.message}
+        single_values = {
+            name: _json(value) for name, value in values.items() if isinstance(value, single)
+        }
+        return {**single_values, "status": _json(self.status), "message": self.message}
 
 
 class Completed(Result):

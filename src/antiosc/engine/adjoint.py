@@ -85,14 +85,14 @@ def gradient(
         exits=addresses[4],
     )
     goal = library.CGoal(len(readings), *addresses[5:])
-    out, slopes = _slopes_of(system)
+    pointers, slopes = _slopes_of(system)
     if space.work is None:
         space.work = np.empty(library.library.aom_gradient_size(space.stepper) // 8 + 1)
     work = library.address(space.work), space.work.nbytes
     places = byref(record), byref(goal), byref(slopes)
     status = library.library.aom_gradient(space.stepper, *places, *work)
     return_space(packed, space)
-    return Slopes(*out), slopes.grazing, status
+    return Slopes(*pointers), slopes.grazing, status
 
 
 def _slopes_of(system: System) -> tuple[list[Array], library.CSlopes]:

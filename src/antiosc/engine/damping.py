@@ -163,8 +163,8 @@ def _factor(name: str, matrix: object, size: int | None) -> Array:
             f"{name} must be symmetric and positive semidefinite, as dashpots and springs make it;"
             f" its least eigenvalue is {smallest:.2g} of its diagonal: it would add energy."
         )
-    real = values > 1e-15 * len(values)
-    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
+    is_positive = values > 1e-15 * len(values)
+    return np.asarray((vectors[:, is_positive] * np.sqrt(values[is_positive])).T * scale)
 
 
 #: Share of the largest damping of a mode below which a mode has none.
@@ -370,19 +370,19 @@ def first_order(omega: Array, damping: DampingMatrix) -> FirstOrder:
 
 def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     J = omega.size
-    turn = np.eye(J)
+    rotation = np.eye(J)
     rigid = np.flatnonzero(omega == 0)
     slow = damping.matrix + sum((t * G for G, t in damping.branches), np.zeros(1))
-    values, turn[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
-    modal_damping = np.sum((damping.factor @ turn) ** 2, axis=0)
+    values, rotation[np.ix_(rigid, rigid)] = np.linalg.eigh(slow[np.ix_(rigid, rigid)])
+    modal_damping = np.sum((damping.factor @ rotation) ** 2, axis=0)
     modal_damping += sum(
-        (tau * np.sum((L @ turn) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J)
+        (tau * np.sum((L @ rotation) ** 2, axis=0) for L, tau in damping.factors), np.zeros(J)
     )
     touched = modal_damping > UNDAMPED * modal_damping.max(initial=0.0)
     touched[rigid] = values > UNDAMPED_RIGID * modal_damping.max(initial=0.0)
     coupled = np.flatnonzero(touched)
     undamped = np.flatnonzero(~touched)
-    damping_of_coupled = in_coordinates(damping, turn[:, coupled])
+    damping_of_coupled = in_coordinates(damping, rotation[:, coupled])
     w, d, S, JS, braked, stretched = _modes(omega[coupled], damping_of_coupled)
     k = coupled.size
     size = w.size
@@ -404,17 +404,19 @@ def _first_order_modes(omega: Array, damping: DampingMatrix) -> FirstOrder:
     for L, _ in damping_of_coupled.factors:
         by_mode = np.zeros((J, 2 * total))
         end = row + len(L)
-        by_mode[:, second] = turn[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+        by_mode[:, second] = (
+            rotation[:, coupled] @ np.linalg.pinv(L, SPRINGLESS) @ stretched[row:end]
+        )
         springs.append(by_mode)
         row = end
-    shapes = scipy.linalg.block_diag(turn, turn)
+    shapes = scipy.linalg.block_diag(rotation, rotation)
     w = np.append(omega[undamped], w)
     d = np.append(np.zeros(free), d)
     states = shapes @ states
     dual = shapes @ dual
     upper, lower = np.split(dual.T, 2)  # T^-1 of them
     inverse = np.vstack([lower, upper - 2 * d[:, None] * lower])
-    return FirstOrder(w, d, states[:J], states[J:], turn @ deceleration, inverse, springs)
+    return FirstOrder(w, d, states[:J], states[J:], rotation @ deceleration, inverse, springs)
 
 
 def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
@@ -427,16 +429,16 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     damping the matrix is skew. Y'JY is (v'v - (Omega q)'(Omega q) - (L q - xi)'(L q - xi))/lambda.
     """
     k = omega.size
-    moving = np.flatnonzero(omega)
+    elastic_modes = np.flatnonzero(omega)
     L = np.vstack([np.zeros((0, k)), *(factor for factor, _ in damping.factors)])
     times = [np.full(len(factor), t) for factor, t in damping.factors]
     tau = np.concatenate([np.zeros(0), *times])
-    e = moving.size
+    e = elastic_modes.size
     q = slice(0, e)
     v = slice(e, e + k)
     y = slice(e + k, e + k + tau.size)
     A = np.zeros((y.stop, y.stop))
-    A[q, v] = np.diag(omega)[moving]
+    A[q, v] = np.diag(omega)[elastic_modes]
     A[v, q] = -A[q, v].T
     A[v, v] = -damping.matrix
     A[v, y] = -L.T
@@ -451,7 +453,7 @@ def _modes(omega: Array, damping: DampingMatrix) -> tuple[Array, ...]:
     Y = np.zeros((2 * k + tau.size, len(A)), dtype=complex)
     Y[:k] = Z[v] / poles
     Y[k : 2 * k] = Z[v]
-    Y[moving] = Z[q] / omega[moving, None]
+    Y[elastic_modes] = Z[q] / omega[elastic_modes, None]
     Y[2 * k :] = L @ Y[:k] - Z[y]
     pairs: list[tuple[float, float, Array, Array]] = []
     plus: list[tuple[float, Array]] = []
@@ -514,13 +516,13 @@ def _in_subspace(A: Array, sign: Array, poles: Numbers, Z: Numbers) -> tuple[Num
 
     T, basis, size = scipy.linalg.schur(A, sort=in_cluster)
     basis = basis[:, :size]
-    values, turn = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
+    values, rotation = np.linalg.eigh(basis.T @ (sign[:, None] * basis))
     if size != poles.size or values[0] * values[-1] <= 0:
         return poles, Z
     scale = np.sqrt(np.abs(values))
-    reduced = turn.T @ T[:size, :size] @ turn * scale[:, None] / scale
+    reduced = rotation.T @ T[:size, :size] @ rotation * scale[:, None] / scale
     eigenvalues, vectors = np.linalg.eigh((reduced + reduced.T) / 2)
-    return eigenvalues + 0j, basis @ (turn / scale @ vectors) + 0j
+    return eigenvalues + 0j, basis @ (rotation / scale @ vectors) + 0j
 
 
 def _equal_poles(poles: Numbers) -> list[list[int]]:

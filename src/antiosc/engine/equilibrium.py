@@ -54,7 +54,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
         while True:
             step = np.linalg.solve(H + damp * np.eye(q.size), residual)
             new = q + step
-            W, new_force, bend = _closed_contacts(
+            W, new_force, stiffness = _closed_contacts(
                 laws, states, beta @ new - gap, system.R[:p, :p], force
             )
             new_potential = 0.5 * square @ new**2 - load @ new + W
@@ -66,7 +66,7 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
         stalled = np.abs(step).max() <= 1e-15 * np.abs(new).max()
         q = new
         force = new_force
-        slope = bend
+        slope = stiffness
         value = new_potential
         if stalled and np.abs(residual).max() <= 1e-8 * scale:
             return q, force

@@ -49,8 +49,10 @@ class CallbackLaw:
         return self._filled(f"force and tangent at {delta:g} m and {rate:g} m/s", values, out)
 
     def _touch(self, _: object, speed: float, first: int, state: Doubles, origin: Doubles) -> int:
-        before = None if first else tuple(state[: self.size])
-        return self._state(f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, before)
+        old_state = None if first else tuple(state[: self.size])
+        return self._state(
+            f"touch at {speed:g} m/s", state, origin, self.law.touch, speed, old_state
+        )
 
     def _advance(
         self, _: object, delta: float, rate: float, state: Doubles, origin: Doubles

@@ -228,13 +228,13 @@ class Workspace:
 
     def renew(self, packed: PackedSystem) -> None:
         """Use the memory for another system of this size, as allocation costs more than a run."""
-        answer = library.library.aom_create(
+        status = library.library.aom_create(
             byref(packed.system),
             library.address(self.memory),
             self.memory.nbytes,
             byref(self.stepper),
         )
-        check_status(answer)
+        check_status(status)
 
 
 #: All workspaces, including those in use.
@@ -309,13 +309,13 @@ def solve(
         addressof(space.records),
         max(_NODES_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
     )
-    answer = library.PAUSED
-    while answer in (library.PAUSED, library.FULL):
-        answer = library.library.aom_solve(*arguments)
-        if answer == library.FULL:
+    status = library.PAUSED
+    while status in (library.PAUSED, library.FULL):
+        status = library.library.aom_solve(*arguments)
+        if status == library.FULL:
             buffers[solution.present].enlarge(keep)
-    check_status(answer)
-    if answer == library.LAW_FAILED:
+    check_status(status)
+    if status == library.LAW_FAILED:
         return_space(packed, space)
         packed.failed()
     best = buffers[solution.best].run(solution.answer, solution.summary, keep)
@@ -379,8 +379,8 @@ def converge(
 
     `contact_time_estimate`: the shortest expected duration of a contact [s].
     """
-    fine = contact_time_estimate / FINE
-    options = library.COptions(duration, tol, 0.0, 0.0, fine, max_contacts, max_steps, 0)
+    first_step = contact_time_estimate / FINE
+    options = library.COptions(duration, tol, 0.0, 0.0, first_step, max_contacts, max_steps, 0)
     run, solution = solve(system, options)
     return Converged(run, solution.share, solution.force, solution.peak, solution.certain)
 

@@ -99,9 +99,9 @@ def margin(omega: Array, beta: Array, R: Array, stiffness: Array, h: float) -> f
     shares = np.geomspace(SOFTEST, STIFFNESS_SAFETY, SHARES)
     contacts = np.arange(stiffness.size)
     single_contacts = (np.where(contacts == c, stiffness, 0.0) for c in contacts)
-    together = (stiffness,) if stiffness.size > 1 else ()
+    all_closed = (stiffness,) if stiffness.size > 1 else ()
     onset = np.inf
-    for closed in chain(single_contacts, together):
+    for closed in chain(single_contacts, all_closed):
         for i, share in enumerate(shares):
             if share >= onset:
                 break

@@ -9,8 +9,8 @@ from antiosc.base._types import Array
 
 def stretch_energy(quadratic: Array, cubic: Array, a: Array) -> Array:
     """Energies (n,) [J] of the forces at amplitudes (n, m)."""
-    two, three = stretch_forces(quadratic, cubic, a)
-    return np.asarray(np.sum((two / 3 + three / 4) * a, axis=1))
+    quadratic_force, cubic_force = stretch_forces(quadratic, cubic, a)
+    return np.asarray(np.sum((quadratic_force / 3 + cubic_force / 4) * a, axis=1))
 
 
 def stretch_forces(quadratic: Array, cubic: Array, a: Array) -> tuple[Array, Array]:

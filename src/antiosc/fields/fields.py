@@ -247,13 +247,13 @@ def _warn_if_mass_missing(structure: Structure, history: History, body: str) -> 
         motions = structure.matrices.rigid_motions
         modal_loads = dot(structure.comm, motions, load)
         inertia = dot(structure.comm, motions, multiply(structure.M, motions))
-        shaken = float(modal_loads @ np.linalg.lstsq(inertia, modal_loads, rcond=None)[0])
+        moved = float(modal_loads @ np.linalg.lstsq(inertia, modal_loads, rcond=None)[0])
         represented = float(np.sum(weight[:, i] ** 2))
-        if represented < LEAST_CARRIED * shaken:
+        if represented < LEAST_CARRIED * moved:
             axis = "xyz"[i]
             message = (
-                f"the ground shakes {shaken:.3g} kg along {axis}, and the model carries "
-                f"{percent(represented / shaken)} of it: contact forces are right, fields far from "
+                f"the ground shakes {moved:.3g} kg along {axis}, and the model carries "
+                f"{percent(represented / moved)} of it: contact forces are right, fields far from "
                 "the sites "
                 f"are not; name a site whose direction is {axis} as well, or raise n."
             )
@@ -443,11 +443,11 @@ def _static_equilibrium(structure: Structure, pulled: Array) -> Array:
     fixed = structure.fixed[structure.fixed < structure.rows]
     solver = structure.factorize()
     reactions = np.zeros_like(pulled)
-    moving = structure.comm.allreduce(np.einsum("ij,ij->j", pulled, pulled)) > 0
+    has_force = structure.comm.allreduce(np.einsum("ij,ij->j", pulled, pulled)) > 0
     if structure.rigid_modes.shape[1]:
-        for k in np.flatnonzero(moving):
+        for k in np.flatnonzero(has_force):
             reactions[:, k] = beside_rigid(structure, solver, pulled[:, k])
-    elif moving.any():
-        reactions[:, moving] = solver.solve_checked(pulled[:, moving])
+    elif has_force.any():
+        reactions[:, has_force] = solver.solve_checked(pulled[:, has_force])
     reactions[fixed] = 0.0
     return reactions

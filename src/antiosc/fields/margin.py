@@ -116,36 +116,38 @@ class Margin(ReprMixin):
         """The result in one sentence."""
         name = CRITERIA[self.criterion][1]
         there = " there" if self.scope else ""
-        where = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
+        place_text = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if self.layer is not None:
-            where = f"in layer {self.layer} ({self.surface}) {where}"
+            place_text = f"in layer {self.layer} ({self.surface}) {place_text}"
         if self.criterion == "yield":
-            largest = f"{engineering(self.value + self.spread, 'Pa')} {where}"
+            largest = f"{engineering(self.value + self.spread, 'Pa')} {place_text}"
             if self.spread:
                 model = engineering(self.value, "Pa")
                 largest += f" ({model}, and what the patch's radius makes uncertain)"
-            used = (
+            exposure_text = (
                 f"the largest von Mises stress{there}, {largest}, is "
                 f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
             )
         else:
-            used = f"the largest exposure{there} by {name} is {self.exposure:.3g}, {where}"
+            exposure_text = (
+                f"the largest exposure{there} by {name} is {self.exposure:.3g}, {place_text}"
+            )
         margin = f"margin of safety {self.margin:.3g}"
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             largest = engineering(self.nearer.value, "Pa")
             margin += f"; nearer, up to {largest} at {point_text(self.nearer.point)}"
-        return f"{self._verdict}: {used}; {margin}"
+        return f"{self._verdict}: {exposure_text}; {margin}"
 
     @property
     def _verdict(self) -> str:
         """Sentence on whether yield or failure is reached, and on the zones that the margin leaves
         out.
         """
-        what = CRITERIA[self.criterion][0]
+        noun = CRITERIA[self.criterion][0]
         if self.reached and self.value < self.strength:
-            verdict = f"{what} may be reached"
+            verdict = f"{noun} may be reached"
         else:
-            verdict = f"{what} is {'reached' if self.reached else 'not reached'}"
+            verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
         if self.scope:
             verdict = f"{self.scope} {verdict}"
         elif self.contact:
@@ -194,11 +196,11 @@ def margin_of(
     """
     leave_out = zones.balls
     if len(leave_out):
-        within = is_within(points, leave_out)
+        in_zones = is_within(points, leave_out)
         of_points = criterion, values, points, times, places
         beyond, nearer = (
             margin_of(*of_points[:2], np.where(judged, strengths, np.nan), *of_points[2:], inner)
-            for judged, inner in ((~within, zones._replace(balls=NOTHING)), (within, NO_ZONES))
+            for judged, inner in ((~in_zones, zones._replace(balls=NOTHING)), (in_zones, NO_ZONES))
         )
         if beyond is None:
             return nearer
@@ -217,10 +219,10 @@ def margin_of(
 
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
     """Whether points (P, 3) lie in one of the balls (n, 4): x, y, z, radius [m]."""
-    within = np.zeros(len(points), dtype=bool)
+    in_zones = np.zeros(len(points), dtype=bool)
     for ball in balls:
-        within |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3]
-    return within
+        in_zones |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3]
+    return in_zones
 
 
 #: Surfaces of a ply at which a criterion can be largest: in-plane stresses are linear through a
@@ -293,14 +295,14 @@ def criteria_of(structure: Structure) -> list[str]:
 
 def with_strength(criterion: str, tensors: NodeTensors) -> NodeTensors:
     """The tensors of materials with the strength that a criterion needs."""
-    known = [_has_strength(strength, criterion) for strength, _ in tensors.origins]
-    with_strength = np.array(known, dtype=bool)[tensors.origin]
+    has_strength = [_has_strength(strength, criterion) for strength, _ in tensors.origins]
+    with_strength = np.array(has_strength, dtype=bool)[tensors.origin]
     arrays = (
         tensors.nodes[with_strength],
         tensors.columns[with_strength],
         tensors.origin[with_strength],
     )
-    return NodeTensors(*arrays, tensors.origins if any(known) else [])
+    return NodeTensors(*arrays, tensors.origins if any(has_strength) else [])
 
 
 def _has_strength(strength: object, criterion: str) -> bool:
@@ -320,12 +322,14 @@ def stresses(
     """The largest values of tensors, with exposures and margin if the strengths are known."""
     criterion = quantity
     if quantity in PLY_SURFACES:
-        extremes, then, error = _of_plies(quantity, tensors, search)
+        extremes, times_of_plies, error = _of_plies(quantity, tensors, search)
         strengths = np.ones(len(extremes))
     else:
         principal = quantity in ("stress", "strain")
         columns = tensors.columns if principal else equivalent_parts(tensors.columns)
-        extremes, then, error = search(columns, extreme_principal if principal else length)
+        extremes, times_of_plies, error = search(
+            columns, extreme_principal if principal else length
+        )
         yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
         strengths = np.array(yields)[tensors.origin]
         criterion = "yield"
@@ -335,15 +339,15 @@ def stresses(
     margin = None
     if np.isfinite(strengths).any():
         share = np.nan_to_num(extremes / strengths)
-        exposures, _ = nodal_maxima(tensors.nodes, share, then, len(points))
+        exposures, _ = nodal_maxima(tensors.nodes, share, times_of_plies, len(points))
         places = [tensors.origins[k].place for k in tensors.origin]
-        at = points[tensors.nodes]
-        margin = margin_of(criterion, extremes, strengths, at, then, places, zones)
+        positions = points[tensors.nodes]
+        margin = margin_of(criterion, extremes, strengths, positions, times_of_plies, places, zones)
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())
-    values, when = nodal_maxima(tensors.nodes, extremes, then, len(points))
-    return Maxima(values, when, error, exposures, margin)
+    values, peak_times = nodal_maxima(tensors.nodes, extremes, times_of_plies, len(points))
+    return Maxima(values, peak_times, error, exposures, margin)
 
 
 def _of_plies(
@@ -353,15 +357,17 @@ def _of_plies(
     together.
     """
     values = np.zeros(len(tensors.nodes))
-    when = np.zeros(len(tensors.nodes))
-    missed = None
+    peak_times = np.zeros(len(tensors.nodes))
+    error_bound = None
     of_origin = [strength for strength, _ in tensors.origins]
     for strength in dict.fromkeys(s for s in of_origin if isinstance(s, Strengths)):
         of_material = np.isin(tensors.origin, [k for k, s in enumerate(of_origin) if s == strength])
         scalar = functools.partial(exposure, criterion, strength)
-        values[of_material], when[of_material], error = search(tensors.columns[of_material], scalar)
-        missed = _larger_error(missed, error)
-    return values, when, missed
+        values[of_material], peak_times[of_material], error = search(
+            tensors.columns[of_material], scalar
+        )
+        error_bound = _larger_error(error_bound, error)
+    return values, peak_times, error_bound
 
 
 def nodal_maxima(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
@@ -443,8 +449,8 @@ def mesh_error(
     """
     from antiosc.recovery.mesh_fields import stress_jumps  # needs dolfinx
 
-    at, number = np.unique(times, return_inverse=True)
-    factors = stress_amplitudes(structure, history, at, body)[number.ravel()]
+    instants, number = np.unique(times, return_inverse=True)
+    factors = stress_amplitudes(structure, history, instants, body)[number.ravel()]
     return stress_jumps(structure, shapes, factors, part)
 
 

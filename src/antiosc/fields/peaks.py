@@ -120,10 +120,10 @@ def refined_maxima(
                 higher = np.flatnonzero(top > best[block])
                 best[block][higher] = top[higher]
                 k[block][higher] = first + index[higher]
-    values, when = _refined_near(motion, columns, scalar, times, coarse_places[0])
-    second_best, then = _refined_near(motion, columns, scalar, times, coarse_places[1])
+    values, first_times = _refined_near(motion, columns, scalar, times, coarse_places[0])
+    second_best, second_times = _refined_near(motion, columns, scalar, times, coarse_places[1])
     above = second_best > values
-    return np.where(above, second_best, values), np.where(above, then, when), missed
+    return np.where(above, second_best, values), np.where(above, second_times, first_times), missed
 
 
 def sampled_maxima(
@@ -131,13 +131,13 @@ def sampled_maxima(
 ) -> tuple[Array, Array]:
     """(largest value (S,) of a scalar of components (S, c, B) at these times, its time)."""
     values = np.zeros(len(columns))
-    when = np.zeros(len(columns))
+    peak_times = np.zeros(len(columns))
     for block in _blocks(columns, len(times)):
         sampled = _values(columns[block], factors, scalar)
         k = sampled.argmax(axis=1)
         values[block] = sampled[np.arange(len(k)), k]
-        when[block] = times[k]
-    return values, when
+        peak_times[block] = times[k]
+    return values, peak_times
 
 
 def _step(
@@ -154,10 +154,10 @@ def _step(
     weights = np.zeros(len(motion.omega))
     for block in _blocks(columns, len(weights)) if top else ():
         share = _values(columns[block], motion.shapes, scalar) * motion.sizes / values[block, None]
-        bends = share @ motion.omega**2
-        worst = int(bends.argmax())
-        if bends[worst] > curved:
-            curved = float(bends[worst])
+        curvatures = share @ motion.omega**2
+        worst = int(curvatures.argmax())
+        if curvatures[worst] > curved:
+            curved = float(curvatures[worst])
             weights = share[worst]
 
     def missed(h: float) -> float:
@@ -208,9 +208,9 @@ def _parabola_maxima(t: Array, y: Array) -> Array:
     middle = y[node, k + 1].astype(float)
     rise = (middle - y[node, k]) / before
     fall = (y[node, k + 2] - middle) / after
-    bend = (fall - rise) / (before + after)
+    curvature = (fall - rise) / (before + after)
     slope = (fall * before + rise * after) / (before + after)
-    gain = np.divide(slope**2, -4 * bend, out=np.zeros_like(bend), where=bend < 0)
+    gain = np.divide(slope**2, -4 * curvature, out=np.zeros_like(curvature), where=curvature < 0)
     tops[node, k + 1] += gain
     return tops
 
@@ -224,27 +224,31 @@ def _refined_near(
 ) -> tuple[Array, Array]:
     """(largest values (S,) within a step of the times `coarse_places` (S,), their times)."""
     values = np.zeros(len(columns))
-    when = np.zeros(len(columns))
+    peak_times = np.zeros(len(columns))
     order = np.argsort(coarse_places, kind="stable")
-    used, starts = np.unique(coarse_places[order], return_index=True)
+    used_places, starts = np.unique(coarse_places[order], return_index=True)
     groups = np.split(order, starts[1:])
     share = np.linspace(0, 1, PARTS + 1)
-    before = times[np.maximum(used - 1, 0)]
-    after = times[np.minimum(used + 1, len(times) - 1)]
-    at = times[used]
-    fine = np.concatenate(
+    before = times[np.maximum(used_places - 1, 0)]
+    after = times[np.minimum(used_places + 1, len(times) - 1)]
+    centres = times[used_places]
+    times_near = np.concatenate(
         (
-            before[:, None] + (at - before)[:, None] * share,
-            at[:, None] + (after - at)[:, None] * share[1:],
+            before[:, None] + (centres - before)[:, None] * share,
+            centres[:, None] + (after - centres)[:, None] * share[1:],
         ),
         axis=1,
     )
-    for first in range(0, len(used), WINDOW // fine.shape[1]):
-        block = slice(first, first + WINDOW // fine.shape[1])
-        factors = motion.factors(fine[block].ravel()).reshape(*fine[block].shape, -1)
-        for factors_of_group, t, group in zip(factors, fine[block], groups[block], strict=True):
-            values[group], when[group] = sampled_maxima(columns[group], factors_of_group, t, scalar)
-    return values, when
+    for first in range(0, len(used_places), WINDOW // times_near.shape[1]):
+        block = slice(first, first + WINDOW // times_near.shape[1])
+        factors = motion.factors(times_near[block].ravel()).reshape(*times_near[block].shape, -1)
+        for factors_of_group, t, group in zip(
+            factors, times_near[block], groups[block], strict=True
+        ):
+            values[group], peak_times[group] = sampled_maxima(
+                columns[group], factors_of_group, t, scalar
+            )
+    return values, peak_times
 
 
 def _values(columns: Reals, factors: Reals, scalar: Callable[[Array], Array]) -> Array:
@@ -517,32 +521,36 @@ def peak_field(
     zones = _zones(leave_out, history, body)
     if len(zones.balls) and not margin.only_solids(structure, shapes, part):
         zones = margin.NO_ZONES
-    at = times_of(history, times)
+    instants = times_of(history, times)
     search: Search
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
     if recovered == "stress":
         factors = functools.partial(stress_amplitudes, structure, history, body=body)
     static = recovered != "motion" and structure.matrices.preload is not None
     if times is None and not isinstance(history, BodyHistory):
-        at = _evenly(at, MOST)
-        omega, modal, sizes = modal_amplitudes(history, at, body, derivative)
+        instants = _evenly(instants, MOST)
+        omega, modal, sizes = modal_amplitudes(history, instants, body, derivative)
         if stretch_in(history, body) is None:
             # a spring is stretched by no more than the body
-            modal = np.tile(modal, factors(times=at[:1]).shape[1] // max(modal.shape[1], 1))
+            modal = np.tile(modal, factors(times=instants[:1]).shape[1] // max(modal.shape[1], 1))
         else:
-            omega, modal, sizes = _with_pairs(history, at, body, derivative, omega, modal, sizes)
+            omega, modal, sizes = _with_pairs(
+                history, instants, body, derivative, omega, modal, sizes
+            )
         if static:
             modal = np.pad(modal, ((0, 0), (0, 1)))
             factors = functools.partial(_beside_static, factors)
-        search = functools.partial(refined_maxima, BodyMotion(at, factors, omega, modal, sizes))
+        search = functools.partial(
+            refined_maxima, BodyMotion(instants, factors, omega, modal, sizes)
+        )
     else:
-        factors_of_motion = factors(times=at)
+        factors_of_motion = factors(times=instants)
         factors_of_motion = (
             np.pad(factors_of_motion, ((0, 0), (0, 1)), constant_values=1.0)
             if static
             else factors_of_motion
         )
-        search = functools.partial(_at_times, factors_of_motion, at)
+        search = functools.partial(_at_times, factors_of_motion, instants)
     if recovered == "motion":
         points, cells, displacements = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(displacements, length))
@@ -567,8 +575,8 @@ def peak_field(
     points, cells, best = structure.comm.bcast((points, cells, best), root=0)
     result = _peak_field_of(quantity, unit, points, cells, best)
     if quantity in ("von_mises", "stress", "yield"):
-        when = np.where(best.values > 0, best.times, at[-1])
-        errors = mesh_error(structure, shapes, part, history, when, body)
+        peak_times = np.where(best.values > 0, best.times, instants[-1])
+        errors = mesh_error(structure, shapes, part, history, peak_times, body)
         result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
         if result.mesh_error is not None and result.values.any():
             k = result.judged

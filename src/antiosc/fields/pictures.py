@@ -134,15 +134,15 @@ class SavedFields(ReprMixin):
         InputError
             Another file, or a damaged one.
         """
-        needed = {"points", "shapes", "time", "factors"}
-        header, arrays = model_file.read(path, needed, FORMAT, LARGEST)
+        names = {"points", "shapes", "time", "factors"}
+        header, arrays = model_file.read(path, names, FORMAT, LARGEST)
         try:
             kinds = [str(kind) for kind in header["kinds"]]
             cells: list[tuple[str, IntArray]] = [
                 (kind, np.asarray(arrays[f"cells{i}"], dtype=int)) for i, kind in enumerate(kinds)
             ]
             base: dict[str, Array] = {
-                name: checks.floats(name, arrays[name], None) for name in sorted(needed)
+                name: checks.floats(name, arrays[name], None) for name in sorted(names)
             }
             fields = cls(cells=cells, **base)
             len(fields.faces)  # of corners that the cells have
@@ -194,8 +194,8 @@ def _cells(blocks_of_cells: Iterable[tuple[str, IntArray]]) -> list[tuple[str, I
 def outer_faces(blocks: Sequence[tuple[str, IntArray]]) -> IntArray:
     """(F, 3 or 4) corners of the outer faces; (F, 2) of lines, (F, 1) of nodes alone."""
     faces = [_outer(kind, cells) for kind, cells in blocks]
-    most = max(f.shape[1] for f in faces)
-    visible = [f for f in faces if f.shape[1] >= min(most, 3)]
+    max_corners = max(f.shape[1] for f in faces)
+    visible = [f for f in faces if f.shape[1] >= min(max_corners, 3)]
     if len({f.shape[1] for f in visible}) > 1:  # quadrilaterals as triangles
         visible = [
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in visible
@@ -273,13 +273,13 @@ def plot_map(
     """
     if not callable(getattr(impact_map, "quantities", None)) or isinstance(impact_map, type):
         raise InputError(f"impact_map must be an ImpactMap; got {checks.shown(impact_map)}.")
-    known = impact_map.quantities()
-    if not isinstance(quantity, str) or quantity not in known:
+    quantities = impact_map.quantities()
+    if not isinstance(quantity, str) or quantity not in quantities:
         raise InputError(
-            f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
+            f"quantity must be one of {', '.join(quantities)}; got {checks.shown(quantity)}."
         )
     grey = impact_map.doubtful & ~impact_map.doubtful.all()
-    value = np.where(grey, np.nan, known[quantity])
+    value = np.where(grey, np.nan, quantities[quantity])
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
     label += f" ({unit})" if unit else ""
     triangles = len(impact_map.elements) > 0 and impact_map.elements.shape[1] == 3
@@ -309,9 +309,9 @@ def _on_faces(value: Array) -> Array:
     """Mean (T,) of the known values at the corners (T, 3) of faces; NaN where fewer than two are
     known.
     """
-    known = ~np.isnan(value)
-    count = known.sum(axis=1)
-    mean = np.where(known, value, 0.0).sum(axis=1) / np.maximum(count, 1)
+    has_value = ~np.isnan(value)
+    count = has_value.sum(axis=1)
+    mean = np.where(has_value, value, 0.0).sum(axis=1) / np.maximum(count, 1)
     return np.where(count > 1, mean, np.nan)
 
 
@@ -323,10 +323,10 @@ def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
     """
     corners = impact_map.points[impact_map.elements]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    into = impact_map.directions[impact_map.elements].mean(axis=1)
-    across = np.einsum("td,td->t", normal, into)
-    steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
-    if impact_map.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
+    directions = impact_map.directions[impact_map.elements].mean(axis=1)
+    cosines = np.einsum("td,td->t", normal, directions)
+    is_frontal = np.abs(cosines) > 0.5 * np.linalg.norm(normal, axis=1)
+    if impact_map.info.get("cell_dimension") != 3 or np.mean(is_frontal) < 0.9:
         return np.ones(len(corners), dtype=bool)
     elevation = np.radians(axes.elev)
     azimuth = np.radians(axes.azim)
@@ -337,4 +337,4 @@ def _front_faces(impact_map: SurfaceMap, axes: Axes3D) -> BoolArray:
             np.sin(elevation),
         ]
     )
-    return np.asarray((normal @ view) * -np.sign(across) > 0)
+    return np.asarray((normal @ view) * -np.sign(cosines) > 0)

@@ -84,10 +84,12 @@ def work_on(
     assert forces is not None
     count = shapes.shape[1] - forces.size * (forces.size + 1) // 2
     phi = shapes[:, :count] @ stretch_factors(history, body).T
-    two, three = stretching.work_on(structure, phi, shapes[:, count:], motions)
+    quadratic_work, cubic_work = stretching.work_on(structure, phi, shapes[:, count:], motions)
     a = stretch_amplitudes(history, at, body)
     pairs = forces.pairs(a)
-    return np.asarray(pairs @ two + np.einsum("nk,np,kpr->nr", a, pairs, three, optimize=True))
+    return np.asarray(
+        pairs @ quadratic_work + np.einsum("nk,np,kpr->nr", a, pairs, cubic_work, optimize=True)
+    )
 
 
 def tensors_at_nodes(

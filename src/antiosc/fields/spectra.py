@@ -235,11 +235,11 @@ def _warn_if_rough(t: Array, a: Array) -> None:
     fraction = np.diff(t)[:-1] / (t[2:] - t[:-2])
     deviation = a[1:-1] - (a[:-2] + fraction * (a[2:] - a[:-2]))
     size = np.sqrt(np.mean((a - a.mean()) ** 2))
-    rough = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
-    if rough > ROUGH:
+    roughness = np.sqrt(np.mean(deviation**2)) / size if size > 0 else 0.0
+    if roughness > ROUGH:
         warn(
             "the accelerations change from one sample to the next as much as they are large "
-            f"(rms {rough:.2g} of the signal's): their samples do not resolve them, and the "
+            f"(rms {roughness:.2g} of the signal's): their samples do not resolve them, and the "
             'spectrum may be wrong at all frequencies. Give velocities with signal="velocity", at '
             "20 or more equal steps a period of the highest frequency.",
             AccuracyWarning,
@@ -351,9 +351,9 @@ def _largest(y: Array) -> float:
     k = int(np.argmax(y))
     top = float(y[k])
     if 0 < k < y.size - 1:
-        bend = 2 * top - y[k - 1] - y[k + 1]
-        if bend > 0:
-            top += float((y[k + 1] - y[k - 1]) ** 2 / (8 * bend))
+        curvature = 2 * top - y[k - 1] - y[k + 1]
+        if curvature > 0:
+            top += float((y[k + 1] - y[k - 1]) ** 2 / (8 * curvature))
     return max(top, 0.0)
 
 

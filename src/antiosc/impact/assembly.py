@@ -69,13 +69,13 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     gaps = system.offsets[0, :p]
     modal = system.v if system.v.any() else system.omega * system.q  # of what is let go
     system.mass[:] = [effective_mass(beta, system.omega) for beta in system.beta[:p]]
-    push = np.zeros(p)
+    forces = np.zeros(p)
     closing = _largest_component(system.beta[:p], modal[None])
     if system.loads.any():
         # bodies at rest are set in motion by the others, at their speed, or by the loads
-        push = _largest_component(system.beta[:p], system.loads)
-        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
-        closing = np.maximum(closing, np.minimum(falling, push * duration))
+        forces = _largest_component(system.beta[:p], system.loads)
+        falling = np.sqrt(2 * forces * np.maximum(gaps, 1e-3 * duration**2 * forces))
+        closing = np.maximum(closing, np.minimum(falling, forces * duration))
     highest_speed = float(closing.max())
     if highest_speed == 0.0:
         system.depth[:] = system.speed[:] = 1e-300
@@ -88,7 +88,7 @@ def expect_contacts(scene: SceneParts, system: System, local: Array, duration: f
     for c, law in enumerate(system.laws):
         speed = float(system.speed[c])
         mass = float(system.mass[c])
-        push_force = float(push[c])
+        push_force = float(forces[c])
         farthest = speed * duration + push_force * duration**2
         blow = _ContactStart(speed, 0.5 * mass * speed**2, push_force * mass, farthest)
         depth = largest_indentation(law, *blow)
@@ -333,10 +333,10 @@ def assemble_scene(scene: SceneParts, duration: float, stretch: bool = False) ->
     first = stacked_first_order(bodies.values())
     system = posed(modes, laws, R, offsets, breaks, tangents, first)
     time = expect_contacts(scene, system, local, duration)
-    turns = any(map(may_rotate, bodies.values()))
+    can_rotate = any(map(may_rotate, bodies.values()))
     thin = any(map(is_thin, scene.bodies.values()))
     parts = scene_source(scene, bodies)
-    return Assembly(parts, G, laws, notes, system, time, turns, thin, stretches)
+    return Assembly(parts, G, laws, notes, system, time, can_rotate, thin, stretches)
 
 
 def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:

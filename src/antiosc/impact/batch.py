@@ -98,13 +98,13 @@ def sweep(
     if earlier is not None:
         results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
         check_earlier(len(results), size)
-    todo = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
+    open_calls = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if executor is None:
-        for i in todo:
+        for i in open_calls:
             results[i] = make(**arguments[i])
         return results
-    calls: list[Call] = [((), arguments[i]) for i in todo]
-    for i, result in zip(todo, call_results(executor, make, calls), strict=True):
+    calls: list[Call] = [((), arguments[i]) for i in open_calls]
+    for i, result in zip(open_calls, call_results(executor, make, calls), strict=True):
         results[i] = cast("T", result)
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
@@ -353,14 +353,14 @@ def simulate_many(
     columns["contacts"] = _laws(columns["contacts"], columns["models"], movers)
     scenes = list(map(Impact._make, zip(*columns.values(), strict=True)))
     rows = _rows_of(earlier, size)
-    todo = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
+    open_scenes = [i for i, row in enumerate(rows) if row.result.status == STOPPED]
     chunk = CHUNK_SIZE if executor is None else -(-size // CHUNKS)
-    parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
+    parts = [open_scenes[k : k + chunk] for k in range(0, len(open_scenes), chunk)]
 
     def given_of(part: list[int]) -> _Chunk:
         return [scenes[i] for i in part], [steps[i] for i in part], n, settings
 
-    with counting("simulating impacts", len(todo)) as report:
+    with counting("simulating impacts", len(open_scenes)) as report:
         if executor is None:
             chunks: Iterable[list[_Row] | AntioscError] = (
                 _solve_chunk(*given_of(part), partial(_report_progress, report, k * chunk))
@@ -374,7 +374,7 @@ def simulate_many(
                 result = [_failed(result)] * len(part)
             for i, row in zip(part, result, strict=True):
                 rows[i] = row
-            report(min(count * chunk, len(todo)))
+            report(min(count * chunk, len(open_scenes)))
     _raise(rows)
     warn_batch([r.result for r in rows])
     hits = [i for i, row in enumerate(rows) if row.impulse > 0]
@@ -496,9 +496,9 @@ def _solve_chunk(
     linear_models: dict[int, LinearBody] = {}
     linear = [_linear(scene, linear_models) for scene in scenes]
     groups: dict[tuple[object, ...], list[int]] = {}
-    together = settings.method == "exact" and n is None
+    can_group = settings.method == "exact" and n is None
     for i, (scene, step) in enumerate(zip(linear, steps, strict=True)):
-        key = scene.group() if together and step is None else None
+        key = scene.group() if can_group and step is None else None
         if key is not None:
             groups.setdefault(key, []).append(i)
     for group in groups.values():

@@ -480,8 +480,11 @@ class RigidBody(FieldsRepr):
                     f"site {name!r} must be (point, direction); got {checks.shown(site)}."
                 )
             point = checks.floats(f"point of site {name!r}", site[0], (3,))
-            along = checks.floats(f"direction of site {name!r}", site[1], (3,))
-            sites[str(name)] = (point, unit_vectors(f"direction of site {name!r}", along[None])[0])
+            direction = checks.floats(f"direction of site {name!r}", site[1], (3,))
+            sites[str(name)] = (
+                point,
+                unit_vectors(f"direction of site {name!r}", direction[None])[0],
+            )
         object.__setattr__(self, "sites", sites)
 
 
@@ -602,11 +605,11 @@ class SceneBody:
         rigid = self.omega == 0
         if isinstance(self.body, Obstacle) or not rigid.any():
             return True
-        carried = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
-        if carried is None:
+        weights = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        if weights is None:
             return False
-        size = float(np.abs(carried).max(initial=0.0))
-        return bool(np.any(np.abs(carried[~rigid]) > SUPPORTED_SHARE * size))
+        size = float(np.abs(weights).max(initial=0.0))
+        return bool(np.any(np.abs(weights[~rigid]) > SUPPORTED_SHARE * size))
 
 
 def may_rotate(body: SceneBody | ModalBody | SiteModes) -> bool:
@@ -693,12 +696,12 @@ def _rigid_body(name: str, body: RigidBody) -> SceneBody:
     columns: list[Array] = []
     sites: dict[str, tuple[int, ...]] = {}
     directions: dict[str, Array] = {}
-    for i, (site, (point, push)) in enumerate(body.sites.items()):
+    for i, (site, (point, direction)) in enumerate(body.sites.items()):
         arm = np.asarray(point) - body.centre
-        turn = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
-        columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
+        rotations = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
+        columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), rotations)))
         sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
-        directions[site] = np.asarray(push)
+        directions[site] = np.asarray(direction)
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = body.mass * np.eye(3)
     matrix[3:, 3:] = body.inertia

@@ -451,8 +451,8 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     if model.radius is None:
         return bars.NO_ERROR, []
     if second_patch is None or "compliance" not in second_patch:
-        cut = second_patch is not None and second_patch.get("cut")
-        return bars.NO_ERROR, [CUT_PATCH if cut else NO_PATCH]
+        is_cut = second_patch is not None and second_patch.get("cut")
+        return bars.NO_ERROR, [CUT_PATCH if is_cut else NO_PATCH]
     change = abs(float(second_patch["compliance"]))
     subtracted = min(change, model.local_compliance)
     local = model.local_compliance - subtracted

@@ -83,9 +83,9 @@ def motions(
         P, W, S, J0, J1, _ = library.responses(omega, decay, h[:, None])
         slope = (force[:, k + 1] - force[:, k]) / np.where(h > 0, h, 1.0)
         rise = (b.T * slope).T
-        push = b * force[:, k, None]
-        q_end = P * q + S * v + push * J0 + rise * J1
-        v = W * v - omega**2 * S * q + push * S + rise * J0
+        modal_force = b * force[:, k, None]
+        q_end = P * q + S * v + modal_force * J0 + rise * J1
+        v = W * v - omega**2 * S * q + modal_force * S + rise * J0
         q = q_end
         yield time[:, k + 1], q, force[:, k + 1]
 

@@ -95,13 +95,13 @@ class SceneStep(SceneMethod):
         node = Step(q, v, force, s.beta @ q - gap - s.R @ force, s.beta @ v, force)
         nodes = [node]
         times = [t]
-        answer = library.DONE
+        status = library.DONE
         work = 0.0
         start = self._energy(node) + (s.contact_energy if t == 0.0 else 0.0)
         with np.errstate(over="ignore", invalid="ignore"):
-            while self.busy and end - t > SAME_TIME * end and answer == library.DONE:
+            while self.busy and end - t > SAME_TIME * end and status == library.DONE:
                 if self.steps >= max_steps:
-                    answer = library.TOO_MANY_STEPS
+                    status = library.TOO_MANY_STEPS
                     break
                 h, new, step_loads = self._step(node, t, min(self.step, end - t))
                 work += float(
@@ -110,16 +110,16 @@ class SceneStep(SceneMethod):
                 kick = 0.5 * float((h * step_loads.load1) ** 2 @ self.moved_modes)
                 self.highest = max(self.highest, start + work + kick)  # at rest, all that is given
                 if not self._energy(new) <= BLOW_UP * self.highest:
-                    answer = library.GREW
+                    status = library.GREW
                     break
                 if contacts.touches > max_contacts:
-                    answer = library.TOO_MANY_CONTACTS
+                    status = library.TOO_MANY_CONTACTS
                 self.steps += 1
                 node = new
                 t += h
                 nodes.append(node)
                 times.append(t)
-        return _segment_of(np.array(times), nodes), answer
+        return _segment_of(np.array(times), nodes), status
 
     def move_anchors(self, start: Step, end: Step) -> None:
         """Move the anchors of friction by the sliding of a step."""
@@ -208,16 +208,16 @@ class NewmarkScene(SceneStep):
         a = self.acceleration(start, acting.load)
         v1 = (v + h / 2 * (a + acting.load1 - x * (q + h / 2 * v))) / scale
         q1 = q + h / 2 * (v + v1)
-        pull = h / 2 * s.beta / scale  # how unit forces at the end slow the modes
-        gain = pull @ s.beta.T
+        response = h / 2 * s.beta / scale  # how unit forces at the end slow the modes
+        gain = response @ s.beta.T
         A = s.R + h / 2 * gain
         A_rate = gain + s.R / h
         free = s.beta @ q1 - acting.gap1
         rate = s.beta @ v1 + s.R @ F / h
         F1 = self.contacts.forces(free, A, rate, A_rate, F)
         return Step(
-            q1 - h / 2 * F1 @ pull,
-            v1 - F1 @ pull,
+            q1 - h / 2 * F1 @ response,
+            v1 - F1 @ response,
             F1,
             free - A @ F1,
             rate - A_rate @ F1,
@@ -246,12 +246,12 @@ class LeapfrogScene(SceneStep):
         q1 = start.q + h * half
         scale = 1 + h * s.decay
         v1 = (half + h / 2 * (acting.load1 - self.square * q1)) / scale
-        pull = h / 2 * s.beta / scale
-        A_rate = pull @ s.beta.T + s.R / h
+        response = h / 2 * s.beta / scale
+        A_rate = response @ s.beta.T + s.R / h
         free = s.beta @ q1 - acting.gap1
         rate = s.beta @ v1 + s.R @ F / h
         F1 = self.contacts.forces(free, s.R, rate, A_rate, F)
-        return Step(q1, v1 - F1 @ pull, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
+        return Step(q1, v1 - F1 @ response, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
 
 
 class Quotient:
@@ -336,13 +336,13 @@ class ConservingScene(SceneStep):
         load = (acting.load + acting.load1) / 2
         v1 = (v * (1 - stiff) + h * (load - x * q)) / (1 + stiff)
         q1 = q + h / 2 * (v + v1)
-        pull = h * s.beta / (1 + stiff)
-        A = h / 2 * pull @ s.beta.T
+        response = h * s.beta / (1 + stiff)
+        A = h / 2 * response @ s.beta.T
         free_before = start.delta + s.R @ start.force
         free = s.beta @ q1 - acting.gap1
         mean = self._means(free_before, free, A, start.mean, h)
-        q1 = q1 - h / 2 * mean @ pull
-        v1 = v1 - mean @ pull
+        q1 = q1 - h / 2 * mean @ response
+        v1 = v1 - mean @ response
         delta_end = free - A @ mean
         force = self._nodal(delta_end, s.beta @ v1, mean)
         return Step(q1, v1, force, delta_end - s.R @ force, (delta_end - free_before) / h, mean)
@@ -502,18 +502,18 @@ def _converged(
         if factor * coarse.steps > settings.max_steps or coarse.touches >= settings.max_contacts:
             break
         finer = min(step / factor, longest)
-        fine = run_with(finer)
+        finer_run = run_with(finer)
         control.halvings = log2(step / finer)
         diverged = coarse.answer == library.GREW
-        if fine.answer == library.GREW and not diverged:
+        if finer_run.answer == library.GREW and not diverged:
             control.halvings += 1
             continue
         if not diverged:
-            force, peak, certain = difference(coarse, fine, tol)
+            force, peak, certain = difference(coarse, finer_run, tol)
             control.update(force, peak)
-        coarse = fine
+        coarse = finer_run
         step = finer
-        if control.reached and fine.answer == library.DONE:
+        if control.reached and finer_run.answer == library.DONE:
             break
     return Converged(coarse, step, control.error["force"], control.error["peak"], certain)
 
@@ -562,15 +562,15 @@ class Refinement:
         before = self._before if force > 0 else None
         rate = _SECOND_ORDER if before is None else _rate(force / before[0], before[1], k)
         rho = max(rate, _SECOND_ORDER)
-        likely = rho**k / (1 - rho**k)
+        ratio = rho**k / (1 - rho**k)
         remaining_share = 1.0
         if before is not None:
             proven = abs(rate - self._rate) <= _AGREE * rho and rate >= (1 - _AGREE) * _SECOND_ORDER
-            remaining_share = (1.0 if proven else _SAFETY) * likely
+            remaining_share = (1.0 if proven else _SAFETY) * ratio
             self._rate = rate
         self.error = {"force": force * remaining_share, "peak": max(force, peak) * remaining_share}
         self._before = (force, k) if force > 0 else None
-        aim = max(force, peak) * likely / (_AIM * self.tol)
+        aim = max(force, peak) * ratio / (_AIM * self.tol)
         if aim > 1 and isfinite(aim):
             self.halvings = min(max(log(aim) / log(1 / rho), 1.0), _MOST_HALVINGS)
         else:

@@ -247,24 +247,24 @@ class SceneMethod(ABC):
         pieces = [Segment(np.zeros(1), force, depth, np.stack((s.q, s.v))[None])]
         for c in contacts.active:
             contacts.anchor[contacts.tangents(c)] = depth[0, contacts.tangents(c)]
-        answer = library.DONE
-        while answer == library.DONE and duration - pieces[-1].time[-1] > SAME_TIME * duration:
+        status = library.DONE
+        while status == library.DONE and duration - pieces[-1].time[-1] > SAME_TIME * duration:
             t = float(pieces[-1].time[-1])
             force = pieces[-1].force
             start_states = pieces[-1].states[-1]
             if self.busy:
-                piece, answer = self.integrate_contact(
+                piece, status = self.integrate_contact(
                     t, start_states, force[-1], duration, max_contacts, max_steps
                 )
             else:
-                piece, answer = self._flight(t, start_states, duration, max_contacts)
+                piece, status = self._flight(t, start_states, duration, max_contacts)
             pieces.append(piece)
         segment = joined_segments(pieces)
         start_energy = s.contact_energy + float(library.energies(segment.states[:1], s.omega)[0])
         return Run(
             *segment,
             events=np.array(contacts.events, dtype=float).reshape(-1, 4),
-            answer=answer,
+            answer=status,
             steps=self.steps,
             attempts=self.steps,
             touches=contacts.touches,
@@ -298,14 +298,14 @@ class SceneMethod(ABC):
         s = self.system
         origins = np.zeros(len(s.beta))
         origins[: self.p] = [self.contacts.origin(c) for c in range(self.p)]
-        later = s.breaks > t
+        is_later = s.breaks > t
         load, gap, _ = self.loads_at(t)
         flight_system = replace(
             s,
             R=np.zeros_like(s.R),
-            breaks=np.append(0.0, s.breaks[later] - t),
-            loads=np.vstack((load, s.loads[later])),
-            offsets=np.vstack((gap, s.offsets[later])) + origins,
+            breaks=np.append(0.0, s.breaks[is_later] - t),
+            loads=np.vstack((load, s.loads[is_later])),
+            offsets=np.vstack((gap, s.offsets[is_later])) + origins,
             laws=[Linear(1.0)] * self.p,
             q=begin[0],
             v=begin[1],
@@ -401,20 +401,20 @@ class SceneIVP(SceneMethod):
         s = self.system
         contacts = self.contacts
         y = np.concatenate((*begin, np.zeros(len(s.beta) - self.p)))
-        answer = library.DONE
-        idle = 0
+        status = library.DONE
+        idle_steps = 0
         self.most = EVALUATIONS * max_steps
         depth = s.free_rows(*begin)[0] - self.loads_at(t)[1] - s.R @ force
         pieces = [Segment(np.array([t]), force[None], depth[None], begin[None])]
         breaks = [b for b in s.breaks[1:] if b < end] + [end]
         atol = self._absolute()
-        while answer == library.DONE and self.busy and end - t > SAME_TIME * end:
+        while status == library.DONE and self.busy and end - t > SAME_TIME * end:
             until = next(b for b in breaks if b > t)
             try:
                 with np.errstate(all="ignore"):
                     solution = self._solved((t, until), y, atol)
             except _TooManyEvaluations:
-                answer = library.TOO_MANY_STEPS
+                status = library.TOO_MANY_STEPS
                 break
             if solution.t.size > 1:
                 pieces.append(self._recorded(solution.t, solution.sol))
@@ -426,16 +426,16 @@ class SceneIVP(SceneMethod):
             if solution.status == 1:
                 self._apply_events(end_time, y, solution.t_events)
             elif solution.status < 0:
-                answer = library.STUCK
+                status = library.STUCK
             if self.steps > max_steps:
-                answer = library.TOO_MANY_STEPS
+                status = library.TOO_MANY_STEPS
             elif contacts.touches > max_contacts:
-                answer = library.TOO_MANY_CONTACTS
-            idle = 0 if end_time - t > SAME_TIME * end else idle + 1
-            if idle > MOST_IDLE:
-                answer = library.STUCK
+                status = library.TOO_MANY_CONTACTS
+            idle_steps = 0 if end_time - t > SAME_TIME * end else idle_steps + 1
+            if idle_steps > MOST_IDLE:
+                status = library.STUCK
             t = until if solution.status == 0 else end_time
-        return joined_segments(pieces), answer
+        return joined_segments(pieces), status
 
     def _solved(self, span: tuple[float, float], y: Array, atol: Array) -> Any:
         """The solution up to its first event.
@@ -542,10 +542,10 @@ class SceneIVP(SceneMethod):
         R = self.system.R[:p, :p]
         depth = free[:p] - R @ force[:p]
         stiff = np.zeros(p)
-        for other in self.contacts.active:
-            law = self.laws[other]
-            state = self.contacts.state(other)
-            stiff[other] = law.tangent(float(depth[other]), 0.0, state)[0]
+        for active_contact in self.contacts.active:
+            law = self.laws[active_contact]
+            state = self.contacts.state(active_contact)
+            stiff[active_contact] = law.tangent(float(depth[active_contact]), 0.0, state)[0]
         # F' = k (delta' - R F') of all contacts
         rising = np.linalg.solve(np.eye(p) + stiff[:, None] * R, stiff * rate[:p])
         mu, stiffness = self.system.slip[c]
@@ -607,15 +607,15 @@ class SceneIVP(SceneMethod):
         free, rate, force = self._contact_state(t, y)
         for c in range(self.p):
             events = event_times[3 * c : 3 * c + 3]
-            touch, turn, switch = (times.size > 0 and times[-1] == t for times in events)
+            touched, reversed_, switch = (times.size > 0 and times[-1] == t for times in events)
             z = self._elongation(c, y)
-            if touch and self.contacts.closed[c]:
+            if touched and self.contacts.closed[c]:
                 self.contacts.part(c, t)
                 z[:] = 0.0
-            elif touch:
+            elif touched:
                 self.contacts.touch(c, t, float(rate[c]), free)
                 self.on_touch(c, free, rate, force)
-            elif turn:
+            elif reversed_:
                 self.turning[c] *= -1.0
             elif switch:
                 if self.sliding[c]:

@@ -180,8 +180,8 @@ class SceneParts(FieldsRepr):
         for name, body in self.bodies.items():
             if ":" in checks.name("a body's name", name):
                 raise InputError(f"a body's name is a text without ':'; got {name!r}.")
-            several = isinstance(body, AntiOscillators) and len(body.sites) > 0
-            if not several and not isinstance(body, RigidBody | SiteModes):
+            has_sites = isinstance(body, AntiOscillators) and len(body.sites) > 0
+            if not has_sites and not isinstance(body, RigidBody | SiteModes):
                 checked_body(f"body {name!r}", body)
         for name, motion in self.motion.items():
             if not isinstance(motion, Motion | ModalState):
@@ -391,9 +391,9 @@ def direction_notes(contacts: Sequence[Contact], bodies: dict[str, SceneBody]) -
     notes = []
     for contact in contacts:
         (a, at), (b, bt) = (find_site(end, bodies) for end in (contact.a, contact.b))
-        push = a.pushes.get(at)
+        direction = a.pushes.get(at)
         other_direction = b.pushes.get(bt)
-        if other_direction is not None and (push is None or push @ other_direction > 0):
+        if other_direction is not None and (direction is None or direction @ other_direction > 0):
             notes.append(
                 f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
                 f" direction of its site, as it is named second; name it first if it should be"
@@ -470,14 +470,14 @@ def tangential_rows(
     contact: Contact, ends: tuple[End, End], direction: Array | None, stacked: StackedBodies
 ) -> list[Array]:
     """One or two rows (P,) of the tangential displacement of end b relative to end a."""
-    moving = [(body, site) for body, site in ends if body.columns_of(site)]
-    if direction is None or any(body.directions is None for body, _ in moving):
+    movable_ends = [(body, site) for body, site in ends if body.columns_of(site)]
+    if direction is None or any(body.directions is None for body, _ in movable_ends):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
             f" surface too: a RigidBody, or a model with Site(..., tangential=True)."
         )
     across: list[Array] = []
-    for body, site in moving:
+    for body, site in movable_ends:
         axes = body.directions
         assert axes is not None
         for i in body.sites[site]:
@@ -546,12 +546,12 @@ def load_series(
             if not np.any(body.omega == 0):
                 continue
             if gravity.ndim == 1:
-                pull = _unit_loads(body, True) @ gravity
+                gravity_load = _unit_loads(body, True) @ gravity
             else:
-                pull = _unit_loads(body, False)[:, 0] * float(gravity)
+                gravity_load = _unit_loads(body, False)[:, 0] * float(gravity)
             if body.supported:
-                pull = np.where(body.omega == 0, pull, 0.0)
-            loads[:, stacked.spans[name]] += pull
+                gravity_load = np.where(body.omega == 0, gravity_load, 0.0)
+            loads[:, stacked.spans[name]] += gravity_load
     if scene.base is not None:
         if not any(body.grounded for body in bodies.values()):
             raise InputError(

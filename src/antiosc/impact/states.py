@@ -81,11 +81,11 @@ def modal_loads(system: System, t: Array) -> Array:
 def locate(run: Run, t: Array) -> tuple[Index, Array]:
     """Index of the step that contains each time (n,), and the time since its start."""
     starts = run.time[:-2:2]
-    close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
-    step = np.searchsorted(starts, t + close, side="right") - 1
+    tolerance = 1e-13 * float(run.time[-1])  # what is meant as a node is one
+    step = np.searchsorted(starts, t + tolerance, side="right") - 1
     step = np.clip(step, 0, max(starts.size - 1, 0))
     since = t - run.time[2 * step]
-    return step, np.where(since > close, since, 0.0)
+    return step, np.where(since > tolerance, since, 0.0)
 
 
 def forces(run: Run, step: Index, since: Array) -> Array:
@@ -148,17 +148,17 @@ def integrated_starts(run: Run, system: System, step: Index) -> tuple[Array, Arr
     stored, stored_index = np.unique(step // run.every, return_inverse=True)
     steps_ahead = step % run.every
     block_size = max(BLOCK // max(run.states.shape[2], 1), 1)
-    for begin in range(0, stored.size, block_size):
-        in_block = np.flatnonzero((stored_index >= begin) & (stored_index < begin + block_size))
-        x, y = (run.states[stored[begin : begin + block_size], i] for i in range(2))
+    for start in range(0, stored.size, block_size):
+        in_block = np.flatnonzero((stored_index >= start) & (stored_index < start + block_size))
+        x, y = (run.states[stored[start : start + block_size], i] for i in range(2))
         most_ahead = np.zeros(len(x), dtype=np.intp)
-        np.maximum.at(most_ahead, stored_index[in_block] - begin, steps_ahead[in_block])
+        np.maximum.at(most_ahead, stored_index[in_block] - start, steps_ahead[in_block])
         for k in range(int(most_ahead.max()) + 1):
             at_step = in_block[steps_ahead[in_block] == k]
-            q[at_step] = x[stored_index[at_step] - begin]
-            v[at_step] = y[stored_index[at_step] - begin]
+            q[at_step] = x[stored_index[at_step] - start]
+            v[at_step] = y[stored_index[at_step] - start]
             remaining = np.flatnonzero(most_ahead > k)
-            numbers = stored[begin + remaining] * run.every + k
+            numbers = stored[start + remaining] * run.every + k
             h = run.time[2 * numbers + 2] - run.time[2 * numbers]
             x[remaining], y[remaining] = _advanced(
                 run, system, numbers, h, x[remaining], y[remaining]
@@ -184,27 +184,34 @@ def _advanced(
     start = run.time[2 * step]
     middle = run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start
-    long = np.where(h > 0, h, 1.0)[:, None]
+    steps_or_one = np.where(h > 0, h, 1.0)[:, None]
     start_loads = modal_loads(full_system, start)
-    slope = (modal_loads(full_system, middle) - start_loads) / (0.5 * long)
-    bends = f0, (4 * f1 - 3 * f0 - f2) / long, 4 * (f0 - 2 * f1 + f2) / long**2
+    slope = (modal_loads(full_system, middle) - start_loads) / (0.5 * steps_or_one)
+    coefficients = (
+        f0,
+        (4 * f1 - 3 * f0 - f2) / steps_or_one,
+        4 * (f0 - 2 * f1 + f2) / steps_or_one**2,
+    )
     if full_system.first is not None:
         start_loads = full_system.first.rows(start_loads)
         slope = full_system.first.rows(slope)
     size = system.omega.size
-    a = bends[0] @ system.beta - start_loads[:, :size]
-    b = bends[1] @ system.beta - slope[:, :size]
-    c = bends[2] @ system.beta
+    a = coefficients[0] @ system.beta - start_loads[:, :size]
+    b = coefficients[1] @ system.beta - slope[:, :size]
+    c = coefficients[2] @ system.beta
     displacements = P * q + S * v - a * J0 - b * J1 - c * J2
-    sped = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
+    velocity = W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1
     if system.gamma is None:
-        return displacements, sped
-    x, y, z = (bend @ system.gamma for bend in bends)
+        return displacements, velocity
+    x, y, z = (bend @ system.gamma for bend in coefficients)
     x = x - start_loads[:, size:]
     y = y - slope[:, size:]
     force_response = x * J0 + y * J1 + z * J2
     rate = x * S + y * J0 + z * J1
-    return displacements - rate, sped + system.omega**2 * force_response + 2 * system.decay * rate
+    return (
+        displacements - rate,
+        velocity + system.omega** 2 * force_response + 2 * system.decay * rate,
+    )
 
 
 def node_states(
@@ -227,8 +234,8 @@ def node_states(
     q, v = (np.empty((nodes, marched)) for _ in range(2))
     q[::2], v[::2] = integrated_starts(run, system, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
-    for begin in range(first, last, block):
-        steps = np.arange(begin, min(begin + block, last))
+    for start in range(first, last, block):
+        steps = np.arange(start, min(start + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
         node = 2 * (steps - first)
         q[node + 1], v[node + 1] = _advanced(run, system, steps, since, q[node], v[node])
@@ -270,9 +277,9 @@ def with_flight_nodes(run: Run, system: System) -> Run:
     depth = run.depth[step_ends]
     new = np.flatnonzero(np.repeat(count[step] > 1, 2))
     step_of_new = step[new // 2]
-    within = since[new // 2] + new % 2 * 0.5 * length[new // 2]
-    time[new] = run.time[2 * step_of_new] + within
-    displacements, _ = states(run, system, step_of_new, within)
+    time_in_step = since[new // 2] + new % 2 * 0.5 * length[new // 2]
+    time[new] = run.time[2 * step_of_new] + time_in_step
+    displacements, _ = states(run, system, step_of_new, time_in_step)
     depth[new] = displacements @ system.beta.T - interpolated(
         time[new], system.breaks, system.offsets
     )

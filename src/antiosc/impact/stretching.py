@@ -97,12 +97,12 @@ def motion_of(history: History, name: str) -> StretchedMotion | None:
     sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
     q = sampled_motion(history, body.omega)[:, span]
     amplitude = q @ forces.modes
-    _, _, turn = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
+    _, _, rotation = np.linalg.svd(np.linalg.qr(amplitude, mode="r"))
     poles = np.where(body.omega > 0, body.omega, np.inf)[:, None] ** 2
     site_displacement = forces.forces(amplitude) @ (forces.modes.T @ (sites / poles))
     largest = float(np.abs(q @ (sites * (body.omega > 0)[:, None])).max(initial=0.0))
     change = float(np.abs(site_displacement).max(initial=0.0)) / max(largest, 1e-300)
-    return StretchedMotion(forces, turn.T, change)
+    return StretchedMotion(forces, rotation.T, change)
 
 
 def check_body(body: SceneBody) -> None:
@@ -121,28 +121,28 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     """
     a = linear.assembly
     motions = {name: motion_of(linear, name) for name in a.bodies}
-    moves = {name: motion for name, motion in motions.items() if motion is not None}
-    fixed = not any(motion.forces.count == "auto" for motion in moves.values())
-    if not fixed and max(motion.change for motion in moves.values()) <= NEGLIGIBLE:
+    motion_by_body = {name: motion for name, motion in motions.items() if motion is not None}
+    fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
+    if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE:
         return linear, ""
-    for name in moves:
+    for name in motion_by_body:
         check_body(a.bodies[name])
     aim = max(tol, LEAST_TOL)
-    before = None
+    previous = None
     changes: list[dict[str, float]] = []
-    most_modes = min(max(motion.forces.size for motion in moves.values()), MOST)
+    most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)
     count = min(FIRST_MODES, most_modes)
     while True:
-        stretches = {name: motion.first(count) for name, motion in moves.items()}
+        stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
         finer = again(with_rows(a, stretches))
         if fixed:
             return finer, ""
-        changes += [] if before is None else [differences(before, finer)]
+        changes += [] if previous is None else [differences(previous, finer)]
         last = largest(changes[-AGREE:])
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
         if (worst <= aim and len(changes) >= AGREE) or count >= most_modes:
             break
-        before = finer
+        previous = finer
         count = min(count + 2, most_modes)
     finer.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, WARN):

@@ -318,8 +318,8 @@ def softest_model(model: AntiOscillators, next_omega: float | None = None) -> An
     if inertia is not None:
         momentum = inertia.momentum
         residual_momentum = momentum[0] - momentum[1 : n + 1].sum(axis=0)  # of psi_0
-        hung = psi @ np.vstack((residual_momentum, momentum[1 : n + 1]))
-        inertia = inertia.along(np.vstack((momentum[:1], hung, momentum[n + 1 :])))
+        momenta = psi @ np.vstack((residual_momentum, momentum[1 : n + 1]))
+        inertia = inertia.along(np.vstack((momentum[:1], momenta, momentum[n + 1 :])))
     if p is not None:
         p = np.concatenate(([0.0], psi @ p[: n + 1], p[n + 1 :]))
     return replace(

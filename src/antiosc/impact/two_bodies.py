@@ -141,8 +141,8 @@ class Impact(NamedTuple):
             return None
         no_gravity = isinstance(self.gravity, int | float) and self.gravity == 0
         rigid = no_gravity and type(self.impactor) in (RigidMass, Sphere)
-        moving = self.initial_velocity
-        speed = moving if isinstance(moving, int | float) else id(moving)
+        velocity = self.initial_velocity
+        speed = velocity if isinstance(velocity, int | float) else id(velocity)
         return id(self.model), 0 if rigid else (id(self.impactor), id(self.gravity)), speed
 
 
@@ -191,9 +191,9 @@ def assemble_pair(impact: Impact, stretch: bool = False) -> Assembly:
     contact_time = system.expect_contact(pair.mass, duration)
     parts = partial(_parts, contact, gap, gravity, pair)
     structure, striker = pair.modes
-    turns = may_rotate(structure) or may_rotate(striker)
+    can_rotate = may_rotate(structure) or may_rotate(striker)
     thin = is_thin(model) or is_thin(impactor)
-    return Assembly(parts, _ROW, [law], notes, system, contact_time, turns, thin, stretches)
+    return Assembly(parts, _ROW, [law], notes, system, contact_time, can_rotate, thin, stretches)
 
 
 def _parts(contact: ContactLaw, gap: float, gravity: float | Sequence[float], pair: Pair) -> Parts:
@@ -214,13 +214,13 @@ def _gravity_loads(
                 "gravity as a vector needs a model that knows the direction of impact: extract it"
                 " from a mesh, or give gravity as a number along the impact."
             )
-        along = float(vector @ structure.direction)
+        component = float(vector @ structure.direction)
     else:
-        along = checks.number("gravity", gravity, "m/s^2")
+        component = checks.number("gravity", gravity, "m/s^2")
     loads: list[Array | None] = []
     for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
         if vector is None or body.inertia is None:
-            loads.append(_gravity_load(name, body, sign * along))
+            loads.append(_gravity_load(name, body, sign * component))
         else:
             loads.append(_free_body_load(body, body.inertia.momentum[:, :3] @ vector))
     return loads
@@ -332,8 +332,8 @@ class ImpactRows:
             rows["beta"], rows["v"], contacts["mass"] = self._strikers(impacts, system)
         turning = _rotation_rows(self.pair)
         options = library.COptions(0.0, tol, 0.0, 0.0, 0.0, max_contacts, max_steps, 0)
-        turns = len(turning), library.address(turning) if len(turning) else None
-        example = library.CImpact(system.packed.system, options, *turns)
+        rotation_rows = len(turning), library.address(turning) if len(turning) else None
+        example = library.CImpact(system.packed.system, options, *rotation_rows)
         self.rows = _copies(example, IMPACT, count)
         self.rows["options"]["duration"] = durations
         bodies = self.rows["system"]
@@ -377,9 +377,9 @@ class ImpactRows:
             max(_WORK_PER_CALL // (size + 20), 16),
             byref(count),
         )
-        answer = library.PAUSED
-        while answer in (library.PAUSED, library.FULL):
-            answer = library.library.aom_batch_solve(*arguments)
+        status = library.PAUSED
+        while status in (library.PAUSED, library.FULL):
+            status = library.library.aom_batch_solve(*arguments)
             pulses += space.take_pulses(outcomes["n_nodes"][len(pulses) : count.value])
             report(count.value)
         _idle_workspaces.append(space)
@@ -419,10 +419,12 @@ class _Workspace:
         need = library.library.aom_batch_size(size)
         process.require(need, f"an impact with {size} modes", "use fewer of them")
         self.memory = np.empty(-(-need // 16), dtype=np.complex128)
-        room = max(library.library.aom_batch_nodes(size), _NODES)
-        self.time = np.empty(room)
-        self.force = np.empty(room)
-        self.nodes = library.CPulseNodes(room, 0, *map(library.address, (self.time, self.force)))
+        node_count = max(library.library.aom_batch_nodes(size), _NODES)
+        self.time = np.empty(node_count)
+        self.force = np.empty(node_count)
+        self.nodes = library.CPulseNodes(
+            node_count, 0, *map(library.address, (self.time, self.force))
+        )
         self.batch = c_void_p()
         self.size = -1
 
@@ -434,8 +436,8 @@ class _Workspace:
         arguments = library.address(self.memory), self.memory.nbytes, byref(self.batch)
         self.nodes.n_nodes = 0
         if size != self.size:
-            room = int(library.library.aom_batch_nodes(size)) <= self.time.size
-            created = room and library.library.aom_batch_create(size, *arguments) == library.DONE
+            fits = int(library.library.aom_batch_nodes(size)) <= self.time.size
+            created = fits and library.library.aom_batch_create(size, *arguments) == library.DONE
             self.size = size if created else -1
         return size == self.size
 

@@ -54,7 +54,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     ask = replace(ask, size=ask.size and ask.size / scale, refine=refine)
     _check_sizes(gmsh, ask, scale)
     # facets are flat: middle nodes off them would bend the part
-    wanted = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
+    order = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
     gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
     ask.allow(600)
     if ask.size is not None:
@@ -63,16 +63,16 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
         ask.allow((150 if ask.solid else 30) + 2e-3 * max(expected, 1e4))
     fields = [_graded_field(gmsh, point, local, ask) for point, local in ask.refine]
     if ask.sizes is not None:
-        wished = SizeField(**ask.sizes)
-        ask.allow(60 + 2e-3 * max(wished.expected(), 1e4))
-        fields.append(wished.lay(gmsh, scale, flat=wanted == 1))
+        size_field = SizeField(**ask.sizes)
+        ask.allow(60 + 2e-3 * max(size_field.expected(), 1e4))
+        fields.append(size_field.lay(gmsh, scale, flat=order == 1))
     if fields:
         smallest = gmsh.model.mesh.field.add("Min")
         gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
         gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
     # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
     # faster, but its meshes of one part differ from run to run.
-    gmsh.option.setNumber("Mesh.ElementOrder", wanted)
+    gmsh.option.setNumber("Mesh.ElementOrder", order)
     gmsh.model.mesh.generate(dim)
 
 
@@ -335,7 +335,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     attempt = ATTEMPTS[ask.attempt]
     try:
         attempt.prepare(gmsh)
-        stated = 1.0 if ask.solid else cad.opened(gmsh, str(path))
+        unit_scale = 1.0 if ask.solid else cad.opened(gmsh, str(path))
         attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
         notes: list[str] = []
         names: Names = {}
@@ -343,17 +343,17 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if ask.solid:
             notes, names, volume = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
         elif suffix in CAD:
-            names = cad.names_of(gmsh, ask, stated * ask.unit[0])
+            names = cad.names_of(gmsh, ask, unit_scale * ask.unit[0])
         if ask.outline:
-            return _outline(gmsh, names, stated)
+            return _outline(gmsh, names, unit_scale)
         if suffix != ".msh":
-            mesh_model(gmsh, _as_attempted(ask, attempt), stated * ask.unit[0])
+            mesh_model(gmsh, _as_attempted(ask, attempt), unit_scale * ask.unit[0])
         mesh = _arrays(gmsh, ask.name, names, suffix == ".msh")
         if ask.solid:
             notes += facets.deviation(mesh, volume)
-        mesh.points *= stated
+        mesh.points *= unit_scale
         mesh.told = [*notes, *mesh.told]
-        mesh.cad = mesh.cad and mesh.cad.scaled(stated)
+        mesh.cad = mesh.cad and mesh.cad.scaled(unit_scale)
         return mesh
     except MeshError:
         raise
@@ -379,12 +379,14 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     entities = gmsh.model.getEntities(3) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
-    listed = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
-    listed += cad.in_order({name for several in names.values() for name in several})
+    group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
+    group_names += cad.in_order(
+        {name for names_of_entity in names.values() for name in names_of_entity}
+    )
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
     cells = {"line": np.arange(len(lines))}
     corners = boxes.reshape(-1, 3) * scale
-    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(listed, cells))
+    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
 
 
 def _session() -> ModuleType:

@@ -199,7 +199,9 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
         all_faces = [face for face in all_faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
     names: Names = {face: [f"face {face[1]}"] for face in all_faces}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if face in names and label not in (used for labels in names.values() for used in labels):
+        if face in names and label not in (
+            label_list for labels in names.values() for label_list in labels
+        ):
             names[face].append(label)
     colours = {face: _colour(gmsh, face) for face in all_faces}
     if len(set(colours.values())) > 1:
@@ -241,7 +243,7 @@ def _holes(
     hollow = [cylinder for face in faces if solid and (cylinder := _hollow(gmsh, face)) is not None]
     joined: list[list[CylindricalFace]] = []
     for cylinder in hollow:
-        neighbours = [hole for hole in joined if any(_beside(cylinder, other) for other in hole)]
+        neighbours = [hole for hole in joined if any(_beside(cylinder, face) for face in hole)]
         joined = [hole for hole in joined if hole not in neighbours]
         joined.append([cylinder, *(other for hole in neighbours for other in hole)])
     by_size: dict[str, list[list[CylindricalFace]]] = {}
@@ -271,11 +273,13 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:
     low, high = gmsh.model.getParametrizationBounds(*face)
     steps = np.linspace(0.01, 0.99, GRID)
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    at = np.array(low) + grid * (np.array(high) - np.array(low))
-    most, smallest_curvature, across, along = gmsh.model.getPrincipalCurvatures(tag, at.ravel())
-    largest = np.abs(most) > np.abs(smallest_curvature)
-    bent = np.where(largest, most, smallest_curvature)
-    straight = np.where(largest, smallest_curvature, most)
+    parameters = np.array(low) + grid * (np.array(high) - np.array(low))
+    largest_curvature, smallest_curvature, across, along = gmsh.model.getPrincipalCurvatures(
+        tag, parameters.ravel()
+    )
+    largest = np.abs(largest_curvature) > np.abs(smallest_curvature)
+    bent = np.where(largest, largest_curvature, smallest_curvature)
+    straight = np.where(largest, smallest_curvature, largest_curvature)
     axes = np.where(largest[:, None], np.reshape(along, (-1, 3)), np.reshape(across, (-1, 3)))
     curvature = float(np.abs(bent).max())
     flat = not np.isfinite(bent).all() or curvature <= 0
@@ -284,8 +288,8 @@ def _hollow(gmsh: ModuleType, face: tuple[int, int]) -> CylindricalFace | None:
     axis = axes[0] / np.linalg.norm(axes[0])
     if (np.abs(axes @ axis) < 1 - ALIKE).any():
         return None
-    x = np.reshape(gmsh.model.getValue(2, tag, at.ravel()), (-1, 3))
-    normals = np.reshape(gmsh.model.getNormal(tag, at.ravel()), (-1, 3))
+    x = np.reshape(gmsh.model.getValue(2, tag, parameters.ravel()), (-1, 3))
+    normals = np.reshape(gmsh.model.getNormal(tag, parameters.ravel()), (-1, 3))
     radius = 1 / curvature
     side = min((1, -1), key=lambda sign: _spread(x - sign * radius * normals, axis))
     centres = x - side * radius * normals
@@ -308,9 +312,9 @@ def _sectors(across: Array, axis: Array) -> frozenset[int]:
     """The angular sectors about the axis that directions (n, 3) span."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(np.round(axis, 6)))])
     second = np.cross(axis, first)
-    turns = np.arctan2(across @ second, across @ first).reshape(GRID, GRID)
+    angles = np.arctan2(across @ second, across @ first).reshape(GRID, GRID)
     fine: list[Array] = []
-    for rows in (turns, turns.T):  # one of the parameters goes around
+    for rows in (angles, angles.T):  # one of the parameters goes around
         unwrapped = np.unwrap(rows, axis=1)
         fine += [np.linspace(row[0], row[-1], 8 * SECTORS) for row in unwrapped]
     sectors = np.concatenate(fine) / (2 * np.pi) * SECTORS

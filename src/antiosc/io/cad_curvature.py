@@ -19,25 +19,27 @@ def at_nodes(gmsh: ModuleType, surfaces: Sequence[int]) -> CadSurface | None:
     """Curvatures of OpenCASCADE surfaces at the nodes of their mesh; None if there are none."""
     curvatures = []
     for tag in surfaces:
-        tags, x, at = gmsh.model.mesh.getNodes(2, tag, True, True)
-        if not len(tags) or len(at) != 2 * len(tags):
+        tags, x, parameters = gmsh.model.mesh.getNodes(2, tag, True, True)
+        if not len(tags) or len(parameters) != 2 * len(tags):
             continue
         low, high = np.array(gmsh.model.getParametrizationBounds(2, tag))
-        inner = at + BESIDE * (np.tile((low + high) / 2, len(tags)) - at)
-        normals, tensors, known = _bent(gmsh, tag, at)
+        inner = parameters + BESIDE * (np.tile((low + high) / 2, len(tags)) - parameters)
+        normals, tensors, is_known = _bent(gmsh, tag, parameters)
         inner_values = _bent(gmsh, tag, inner)
-        positions = [np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (at, inner)]
+        positions = [
+            np.reshape(gmsh.model.getValue(2, tag, p), (-1, 3)) for p in (parameters, inner)
+        ]
         # a reversed surface has the curvature of the other normal
-        turns = np.einsum("nij,nj->ni", tensors, positions[1] - positions[0])[known]
-        if np.sum((inner_values[0] - normals)[known] * turns) < 0:
+        bend_vectors = np.einsum("nij,nj->ni", tensors, positions[1] - positions[0])[is_known]
+        if np.sum((inner_values[0] - normals)[is_known] * bend_vectors) < 0:
             tensors = -tensors
             inner_values = (inner_values[0], -inner_values[1], inner_values[2])
-        poles = ~known & inner_values[2]
+        poles = ~is_known & inner_values[2]
         normals[poles] = inner_values[0][poles]
         tensors[poles] = inner_values[1][poles]
-        known[poles] = True
+        is_known[poles] = True
         # seams have their nodes twice
-        first = np.flatnonzero(known)[np.unique(tags[known], return_index=True)[1]]
+        first = np.flatnonzero(is_known)[np.unique(tags[is_known], return_index=True)[1]]
         number = np.full(len(first), tag, dtype=np.int64)
         curvatures.append([np.reshape(x, (-1, 3))[first], number, normals[first], tensors[first]])
     if not curvatures:
@@ -52,7 +54,7 @@ def _bent(gmsh: ModuleType, tag: int, at: Array) -> tuple[Array, Array, BoolArra
     first, second = (np.reshape(axis, (-1, 3)) for axis in axes)
     tensors = -np.einsum("n,ni,nj->nij", high, first, first)
     tensors -= np.einsum("n,ni,nj->nij", low, second, second)
-    known = np.isfinite(tensors).all(axis=(1, 2))
+    is_known = np.isfinite(tensors).all(axis=(1, 2))
     for unit in (normals, first, second):
-        known &= np.abs(np.linalg.norm(unit, axis=1) - 1) < 1e-6
-    return normals, tensors, known
+        is_known &= np.abs(np.linalg.norm(unit, axis=1) - 1) < 1e-6
+    return normals, tensors, is_known

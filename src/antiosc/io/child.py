@@ -27,10 +27,10 @@ def main() -> None:
     for line in requests:
         request = json.loads(line)
         sys.path[:] = request.pop("sys_path")
-        code, answer, seconds = _in_a_fork(request, nowhere)
-        head = {"code": code, "size": len(answer), "seconds": seconds}
-        answers.write(json.dumps(head).encode() + b"\n")
-        answers.write(answer)
+        code, response, seconds = _in_a_fork(request, nowhere)
+        header = {"code": code, "size": len(response), "seconds": seconds}
+        answers.write(json.dumps(header).encode() + b"\n")
+        answers.write(response)
         answers.flush()
 
 
@@ -93,9 +93,9 @@ def _work(request, answer):  # type: ignore[no-untyped-def]
     ask = Request(**request)
     ask.limit_memory()
     ask.allow(30 + 1e-5 * os.path.getsize(ask.path))
-    head, arrays = _read(ask)
-    head["arrays"] = [[str(a.dtype), list(a.shape)] for a in arrays]
-    answer.write(json.dumps(head).encode() + b"\n")
+    header, arrays = _read(ask)
+    header["arrays"] = [[str(a.dtype), list(a.shape)] for a in arrays]
+    answer.write(json.dumps(header).encode() + b"\n")
     for array in arrays:
         answer.write(array.tobytes())
 

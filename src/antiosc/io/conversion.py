@@ -116,9 +116,9 @@ class NodeTable:
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
         _, first, face_index = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
-        missing = np.array([key not in self._faces for key in keys], dtype=bool)
-        new_nodes = self.new(points[first[missing]], _padded(around[first[missing]]))
-        for k, node in zip(np.flatnonzero(missing), new_nodes, strict=True):
+        is_missing = np.array([key not in self._faces for key in keys], dtype=bool)
+        new_nodes = self.new(points[first[is_missing]], _padded(around[first[is_missing]]))
+        for k, node in zip(np.flatnonzero(is_missing), new_nodes, strict=True):
             self._faces[keys[k]] = int(node)
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(face_index)]
@@ -162,8 +162,8 @@ class NodeTable:
         result: dict[int, float] = {}
         for k, parent in enumerate(row):
             weight = of_corner if k < corners else of_middle
-            for known, share in self._weights(parents, int(parent)).items():
-                result[known] = result.get(known, 0.0) + weight * share
+            for file_node, share in self._weights(parents, int(parent)).items():
+                result[file_node] = result.get(file_node, 0.0) + weight * share
         return {known: weight for known, weight in result.items() if weight}
 
 
@@ -233,14 +233,14 @@ class FixedEntities:
     def of(self, rows: IntArray) -> dict[int, IntArray]:
         """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
-        marked = np.zeros(self.nodes.count + 1, dtype=bool)
-        marked[self.nodes.grown(rows)] = True
-        edges = marked[self.edges].all(axis=2)
+        is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
+        is_fixed[self.nodes.grown(rows)] = True
+        edges = is_fixed[self.edges].all(axis=2)
         if self.mids is not None:
-            edges &= marked[self.mids]
+            edges &= is_fixed[self.mids]
         else:
-            marked[-1] = True  # the entry of index -1, which stands for no node
-            edges &= marked[self._around].all(axis=2)
+            is_fixed[-1] = True  # the entry of index -1, which stands for no node
+            edges &= is_fixed[self._around].all(axis=2)
         dim = DIMENSION[self.shape]
         by_dimension[1] = self.edges[edges]
         if dim == 3:
@@ -256,24 +256,24 @@ class FixedEntities:
 
 def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
     """Nodes (cells, edges, 8) to be fixed to fix a diagonal; -1 for edges of the deck."""
-    real = PairTable(n)
+    deck_edges = PairTable(n)
     diagonals = PairTable(n)
-    around = [np.full((1, 8), -1, dtype=np.int64)]
+    node_rows = [np.full((1, 8), -1, dtype=np.int64)]
     for block in blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
-        real.add(ends, np.ones(len(ends), dtype=np.int64))
+        deck_edges.add(ends, np.ones(len(ends), dtype=np.int64))
         needs = [((f[k], f[k + 2]), f) for f in rectangles(block.shape) for k in (0, 1)]
         if block.shape == "hexahedron":
             needs += [(pair, tuple(range(8))) for pair in DIAGONALS]
-        for pair, among in needs:
+        for pair, required in needs:
             table = np.full((len(block), 8), -1, dtype=np.int64)
-            table[:, : len(among)] = block.corners[:, list(among)]
-            start = sum(map(len, around))
+            table[:, : len(required)] = block.corners[:, list(required)]
+            start = sum(map(len, node_rows))
             diagonals.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
-            around.append(table)
+            node_rows.append(table)
     flat = edges.reshape(-1, 2)
-    row = np.where(real.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
-    return np.vstack(around)[row].reshape(*edges.shape[:2], 8)
+    row = np.where(deck_edges.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
+    return np.vstack(node_rows)[row].reshape(*edges.shape[:2], 8)
 
 
 #: (shape, geometric order) -> name of the kind of cells
@@ -315,20 +315,20 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
             shapes_of.append((label, shape, [block for block, _ in of_shape]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
-        inside = np.zeros(deck.n_elements, dtype=bool)
-        inside[elements] = True
-        rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
+        in_model = np.zeros(deck.n_elements, dtype=bool)
+        in_model[elements] = True
+        rows = {label: np.flatnonzero(in_model[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
     mesh.labels = deck.labels
-    joined = bool(deck.model and deck.model["joined"])
+    is_assembly = bool(deck.model and deck.model["joined"])
     # else those of lower dimension are sides of the first
-    for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
+    for label, shape, blocks in shapes_of[: None if is_assembly else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
-        mark = of_kind("", label) if joined else ""
+        mark = of_kind("", label) if is_assembly else ""
         mesh.fixed |= {name + mark: entities.of(rows) for name, rows in deck.fixed.items()}
     mesh.model = deck.model
-    if joined and deck.model:
+    if is_assembly and deck.model:
         joints = deck.model["joints"]
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
         joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
@@ -403,8 +403,8 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
     """Enter the middle nodes of the edges in the deck into the table."""
     if block.mids.shape[1]:
         ends = block.corners[:, np.array(EDGES[block.shape])]
-        stated = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
-        nodes.give(ends[stated], block.mids[stated])
+        has_middle = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
+        nodes.give(ends[has_middle], block.mids[has_middle])
 
 
 def _middles(block: Block, nodes: NodeTable, face: tuple[int, ...] = ()) -> tuple[Array, IntArray]:
@@ -493,8 +493,8 @@ def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles from the lowest node of each face, and the row of the face of each."""
     rows = np.arange(len(corners))
     if corners.shape[1] == 4:
-        turn = (np.argmin(corners, axis=1)[:, None] + np.arange(4)) % 4
-        a, b, c, d = np.take_along_axis(corners, turn, axis=1).T
+        order = (np.argmin(corners, axis=1)[:, None] + np.arange(4)) % 4
+        a, b, c, d = np.take_along_axis(corners, order, axis=1).T
         corners = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         rows = np.concatenate([rows, rows])
     ordered = np.sort(corners, axis=1)

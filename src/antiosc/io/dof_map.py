@@ -90,7 +90,7 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
         raise InputError("supports by nodes need a map of the nodes and dofs of the matrices.")
     expected = "a dict of node -> 'all' or names of dofs"
     supports_of = checks.instance("supports", supports, Mapping, expected)
-    chosen: list[int] = []
+    row_numbers: list[int] = []
     for node, dofs in supports_of.items():
         number = checks.whole("a node of supports", node)
         names = list(dofs) if isinstance(dofs, list | tuple) else [dofs]
@@ -98,10 +98,10 @@ def rows_of(supports: object, rows: DofMap | None) -> IntArray:
             of_node = np.flatnonzero(rows.node == number)
             if not len(of_node):
                 raise InputError(f"node {number} is not in the matrices' map of nodes and dofs.")
-            chosen += of_node.tolist()
+            row_numbers += of_node.tolist()
         else:
-            chosen += [rows.row(number, component_of(name)) for name in names]
-    return np.unique(np.array(chosen, dtype=np.int64))
+            row_numbers += [rows.row(number, component_of(name)) for name in names]
+    return np.unique(np.array(row_numbers, dtype=np.int64))
 
 
 def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
@@ -145,9 +145,9 @@ def dof_map(source: object, labels: Labels | None, size: int) -> DofMap | None:
     labels_table = table[:, :2]
     if (labels_table != np.floor(labels_table)).any():
         raise InputError(f"nodes and dofs of {name} must be whole numbers.")
-    strange = np.flatnonzero((labels_table < 0).any(axis=1) | (labels_table[:, 1] > LARGEST_DOF))
-    if len(strange):
-        node, dof = labels_table[strange[0]]
+    bad_rows = np.flatnonzero((labels_table < 0).any(axis=1) | (labels_table[:, 1] > LARGEST_DOF))
+    if len(bad_rows):
+        node, dof = labels_table[bad_rows[0]]
         raise InputError(
             f"dofs of {name} are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to {LARGEST_DOF} for"
             f" others; got node {node:g}, dof {dof:g}."
@@ -180,9 +180,9 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
     order = np.argsort(table[:, 0], kind="stable")
     index = np.searchsorted(table[order, 0], labels[:, 0]).clip(max=len(table) - 1)
     rows = order[index]
-    known = table[rows, 0] == labels[:, 0]
-    points = np.where(known[:, None], table[rows, 1:], np.nan)
-    if not known.any():
+    is_mapped = table[rows, 0] == labels[:, 0]
+    points = np.where(is_mapped[:, None], table[rows, 1:], np.nan)
+    if not is_mapped.any():
         raise InputError(f"{name} has none of the nodes of the matrices.")
     return DofMap(labels[:, 0], labels[:, 1], points)
 

@@ -206,8 +206,8 @@ def _corners(
             continue
         if block.shape == "line":  # ends of lines are nodes, of which no side is made
             continue
-        known = SIDES.get(block.shape, ())
+        side_nodes = SIDES.get(block.shape, ())
         number = side - 2 * shell
-        if not 0 <= number < len(known):
+        if not 0 <= number < len(side_nodes):
             raise MeshError(f"{name} of {file} names side {side + 1} of a {block.type}.")
-        yield block.corners[row][list(known[number])]
+        yield block.corners[row][list(side_nodes[number])]

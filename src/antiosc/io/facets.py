@@ -171,8 +171,8 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
 
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
     """The used points, with points closer than a distance merged."""
-    used, triangles = np.unique(triangles, return_inverse=True)
-    points = points[used]
+    used_points, triangles = np.unique(triangles, return_inverse=True)
+    points = points[used_points]
     triangles = triangles.reshape(-1, 3)
     from scipy.spatial import cKDTree
 
@@ -195,14 +195,14 @@ def _flipped(points: Array, triangles: IntArray) -> tuple[IntArray, int]:
     Without the swap, removing a flat triangle leaves a hole without area, with a corner within a
     side. The neighbour across its longest side is therefore divided at that corner.
     """
-    triangles, before, flat = triangles.copy(), 0, _flat(points, triangles)
+    triangles, last_count, flat = triangles.copy(), 0, _flat(points, triangles)
     start = int(flat.sum())
-    while before != flat.sum():  # the neighbour of one may be flat until that is cut
-        before = flat.sum()
+    while last_count != flat.sum():  # the neighbour of one may be flat until that is cut
+        last_count = flat.sum()
         for row in np.flatnonzero(flat):
             _cut_out(points, triangles, row, flat)
         flat = _flat(points, triangles)
-    return triangles, start - int(before)
+    return triangles, start - int(last_count)
 
 
 def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> None:
@@ -214,10 +214,10 @@ def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> N
     neighbours = neighbours[neighbours != row]
     if len(set(corners.tolist())) < 3 or len(neighbours) != 1 or flat[neighbours[0]]:
         return
-    across = triangles[neighbours[0]].copy()
-    if middle not in across:
-        triangles[row] = np.where(across == i, middle, across)
-        triangles[neighbours[0]] = np.where(across == j, middle, across)
+    neighbour = triangles[neighbours[0]].copy()
+    if middle not in neighbour:
+        triangles[row] = np.where(neighbour == i, middle, neighbour)
+        triangles[neighbours[0]] = np.where(neighbour == j, middle, neighbour)
         flat[row] = False
 
 
@@ -371,9 +371,9 @@ def deviation(mesh: FileMesh, volume: float) -> list[str]:
     change = float(meshed / volume - 1)
     if abs(change) < TOLD_VOLUME:
         return []
-    less = "less" if change < 0 else "more"
+    sense = "less" if change < 0 else "more"
     return [
-        f"the mesh has {100 * abs(change):.2g} % {less} volume than the surface of the file, whose "
+        f"the mesh has {100 * abs(change):.2g} % {sense} volume than the surface of the file, whose "
         "edges and holes it cuts: a smaller size follows them."
     ]
 
@@ -446,18 +446,18 @@ def _bodies(skin: FacetSkin, name: str, alone: bool = False) -> list[list[int]]:
         raise MeshError(
             f"{name} has {count} closed surfaces, more than {MOST_BODIES}: give one body a file."
         )
-    inside = _inside(skin, count)
-    if ((inside > 0) & (inside < 1)).any() and not alone:
+    contains = _inside(skin, count)
+    if ((contains > 0) & (contains < 1)).any() and not alone:
         raise PiecesError(
             f"the closed surfaces of {name} pierce each other: unite its bodies in the program "
             "that wrote it, or read one of them (piece=1 is the largest)."
         )
-    inside = inside == 1
-    depth = inside.sum(axis=1)
+    contains = contains == 1
+    depth = contains.sum(axis=1)
     bodies = {k: [k] for k in range(count) if depth[k] % 2 == 0}
     for k in np.flatnonzero(depth % 2):
-        around = np.flatnonzero(inside[k])
-        outer = int(around[np.argmax(depth[around])])
+        containing = np.flatnonzero(contains[k])
+        outer = int(containing[np.argmax(depth[containing])])
         bodies.setdefault(outer, [outer]).append(int(k))
     return list(bodies.values())
 
@@ -465,7 +465,7 @@ def _bodies(skin: FacetSkin, name: str, alone: bool = False) -> list[list[int]]:
 def _inside(skin: FacetSkin, count: int) -> Array:
     """Share of the sample points of each piece (k) that lie inside another (m): (count, count)."""
     middles = skin.points[skin.triangles].mean(axis=1)
-    inside = np.zeros((count, count))
+    shares = np.zeros((count, count))
     order = np.argsort(skin.piece, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(skin.piece[order])) + 1)
     for m in range(count) if count > 1 else ():
@@ -474,10 +474,10 @@ def _inside(skin: FacetSkin, count: int) -> Array:
         high = corners.max(axis=0)
         for k in range(count):
             samples = middles[rows[k][:: max(1, len(rows[k]) // MOST_LOOKED_AT)]]
-            near = samples[((samples > low) & (samples < high)).all(axis=1)]
-            if k != m and len(near):
-                inside[k, m] = (np.abs(winding(skin, m, near)) > 0.5).sum() / len(samples)
-    return inside
+            samples_in_box = samples[((samples > low) & (samples < high)).all(axis=1)]
+            if k != m and len(samples_in_box):
+                shares[k, m] = (np.abs(winding(skin, m, samples_in_box)) > 0.5).sum() / len(samples)
+    return shares
 
 
 def _by_volume(skin: FacetSkin, bodies: list[list[int]], piece: int, name: str) -> list[int]:
@@ -496,7 +496,7 @@ def winding(skin: FacetSkin, piece: int, points: Array) -> Array:
         a, b, c = (corners - point).transpose(1, 0, 2)
         la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
         dots = [np.einsum("ni,ni->n", *pair) for pair in ((a, b), (b, c), (c, a))]
-        below = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
-        above = np.einsum("ni,ni->n", a, np.cross(b, c))
-        angle[row] = np.arctan2(above, below).sum() / (2 * np.pi)
+        denominator = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
+        triple_product = np.einsum("ni,ni->n", a, np.cross(b, c))
+        angle[row] = np.arctan2(triple_product, denominator).sum() / (2 * np.pi)
     return angle

@@ -61,14 +61,14 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
             folder = os.getcwd()
         place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
         attempt = options.get("attempt", 0)
-        way = f" {ATTEMPTS[attempt].about}" if attempt else ""
-        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{way}"):
-            code, answer = ask({**options, **place, "timeout": timeout, "memory": memory})
+        attempt_text = f" {ATTEMPTS[attempt].about}" if attempt else ""
+        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{attempt_text}"):
+            code, response = ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
         raise _broken_off(
             path.name, code, memory, geometry, bool(options.get("attempt") or options.get("solid"))
         )
-    return _answer(path.name, answer, memory)
+    return _answer(path.name, response, memory)
 
 
 def _size(path: Path) -> int:
@@ -104,17 +104,17 @@ def _machine_memory() -> int:
 
 
 def _memory(size: int | None) -> int:
-    most = int(READER_MEMORY_SHARE * _machine_memory())
+    memory_limit = int(READER_MEMORY_SHARE * _machine_memory())
     if size is not None:
-        most = min(most, LEAST_MEMORY + MEMORY_PER_BYTE * size)
-    return max(most, LEAST_MEMORY)
+        memory_limit = min(memory_limit, LEAST_MEMORY + MEMORY_PER_BYTE * size)
+    return max(memory_limit, LEAST_MEMORY)
 
 
 def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) -> MeshError:
     """The error for a reader process that ended early; `again`: other attempts may follow."""
     if -code in OVERTIME:
-        late = UnmeshableError if again else MeshError
-        return late(
+        error_class = UnmeshableError if again else MeshError
+        return error_class(
             f"reading {name} took longer than a file of its kind and size may take: it needs a "
             "longer timeout=" + (", or a larger element size." if geometry else ".")
         )
@@ -134,10 +134,10 @@ def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
     if not line:
         raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
     try:
-        head = json.loads(line)
-        if "error" in head:
-            _raise(name, head, memory)
-        return unpacked(head, _arrays(head["arrays"], content))
+        header = json.loads(line)
+        if "error" in header:
+            _raise(name, header, memory)
+        return unpacked(header, _arrays(header["arrays"], content))
     except MeshError:
         raise
     except (ValueError, KeyError) as error:
@@ -195,9 +195,9 @@ def ask(request: Json) -> tuple[int, bytes]:
             line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
             process.stdin.write(json.dumps(line).encode() + b"\n")
             process.stdin.flush()
-            head = json.loads(process.stdout.readline())
-            _seconds += head["seconds"]
-            return int(head["code"]), process.stdout.read(head["size"])
+            header = json.loads(process.stdout.readline())
+            _seconds += header["seconds"]
+            return int(header["code"]), process.stdout.read(header["size"])
         except (OSError, ValueError):  # it has ended
             _end()
             return process.returncode or -signal.SIGKILL, b""

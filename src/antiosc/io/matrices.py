@@ -102,8 +102,8 @@ def fortran(text: bytes) -> bytes:
 
 def is_text(content: bytes) -> bool:
     """Whether the content begins as a text."""
-    head = content[:4096]
-    return not any(byte < 9 or 13 < byte < 32 for byte in head)
+    first_bytes = content[:4096]
+    return not any(byte < 9 or 13 < byte < 32 for byte in first_bytes)
 
 
 # --- Entries --------------------------------------------------------------------------------------
@@ -247,15 +247,20 @@ def read_matrix_market(source: MatrixFile) -> Entries:
         raise source.error(1, f"the matrix is {symmetry}: stiffness and mass are symmetric.")
     if form not in ("coordinate", "array"):
         raise source.error(1, f"the format must be coordinate or array; got {form!r}.")
-    used = [k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"%")]
-    source.needs(used, len(lines), "the file ends before the size of the matrix.")
-    shape = _shape(source, lines[used[0]], used[0] + 1, 3 if form == "coordinate" else 2)
+    content_lines = [
+        k for k, line in enumerate(lines) if line.strip() and not line.startswith(b"%")
+    ]
+    source.needs(content_lines, len(lines), "the file ends before the size of the matrix.")
+    shape = _shape(
+        source, lines[content_lines[0]], content_lines[0] + 1, 3 if form == "coordinate" else 2
+    )
     if shape[0] != shape[1]:
         raise source.error(
-            used[0] + 1, f"the matrix must be square; got {shape[0]} rows and {shape[1]} columns."
+            content_lines[0] + 1,
+            f"the matrix must be square; got {shape[0]} rows and {shape[1]} columns.",
         )
-    data = [lines[k] for k in used[1:]]
-    numbers = [k + 1 for k in used[1:]]
+    data = [lines[k] for k in content_lines[1:]]
+    numbers = [k + 1 for k in content_lines[1:]]
     read_as: Callable[..., Entries] = _coordinate if form == "coordinate" else _array
     return read_as(source, shape, data, numbers, symmetry == "symmetric")
 
@@ -379,9 +384,9 @@ def _on(K: Entries, M: Entries) -> Entries:
     """M with its rows in the order of K's, matched by node and component."""
     assert K.labels is not None
     assert M.labels is not None
-    both, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
+    all_labels, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
     index = index.ravel()
-    if len(both) > K.size:
+    if len(all_labels) > K.size:
         stray = M.labels[int(np.argmax(~np.isin(index[K.size :], index[: K.size])))]
         raise InputError(
             f"{M.source} has dof {stray[1]} of node {stray[0]}, which {K.source} has not: K and M "
@@ -396,17 +401,17 @@ def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries
     if isinstance(matrices, Entries):
         return checked(matrices)
     if name is not None:
-        wanted = [key for key in matrices if key.upper() == name.upper()]
+        matching_keys = [key for key in matrices if key.upper() == name.upper()]
     else:
-        wanted = list(matrices)
+        matching_keys = list(matrices)
         if len(matrices) > 1:
-            wanted = [key for key in matrices if key.upper().startswith(letter)]
-    if len(wanted) != 1:
+            matching_keys = [key for key in matrices if key.upper().startswith(letter)]
+    if len(matching_keys) != 1:
         raise InputError(
             f"{source.name} holds the matrices {', '.join(matrices)}: say which are K and M, "
             "names=('KAA', 'MAA')."
         )
-    return checked(matrices[wanted[0]])
+    return checked(matrices[matching_keys[0]])
 
 
 def _matrices(source: MatrixFile) -> Entries | dict[str, Entries]:

@@ -132,8 +132,8 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 def _places(wanted: Sequence[Sequence[int]], table: Sequence[Sequence[int]]) -> IntArray:
     """For each of `wanted` (edges or faces), its index in `table`."""
-    listed = [frozenset(entity) for entity in table]
-    return np.array([listed.index(frozenset(entity)) for entity in wanted])
+    node_sets = [frozenset(entity) for entity in table]
+    return np.array([node_sets.index(frozenset(entity)) for entity in wanted])
 
 
 #: Formats that meshio reads, by extension.
@@ -394,7 +394,7 @@ Lines = list[tuple[str, DeckPlace]]
 def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
     """Yield (number, lines) of the data sets, which are delimited by lines of -1."""
     rows: Lines | None = None
-    known = False
+    is_data_set = False
     for k, line in enumerate(lines):
         if line.strip() != "-1":
             if rows is not None:
@@ -404,14 +404,14 @@ def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
             rows = []
             continue
         if rows:
-            head = rows[0][0].split()
-            if head and head[0].rstrip("bB").isdigit():
-                known = True
-                yield int(head[0].rstrip("bB")[:9]), rows[1:]
+            header = rows[0][0].split()
+            if header and header[0].rstrip("bB").isdigit():
+                is_data_set = True
+                yield int(header[0].rstrip("bB")[:9]), rows[1:]
         rows = None
     if rows:
         raise MeshError(f"{name} ends within a data set: it is cut off.")
-    if not known:
+    if not is_data_set:
         raise MeshError(f"{name} holds no data sets between lines of -1: it is no universal file.")
 
 
@@ -422,9 +422,9 @@ def _take(content: _Content, number: int, rows: Lines) -> None:
         place.needs(content.per_metre > 0, "the factor of length in data set 164 must be positive.")
     elif number in (NODES_SET, OLD_NODES_SET):
         for k in range(0, len(rows) - 1, 2):
-            head, at = rows[k]
+            header, at = rows[k]
             text, place = rows[k + 1]
-            _node(content, head.split()[:1], at, text.split()[:3], place)
+            _node(content, header.split()[:1], at, text.split()[:3], place)
     elif number == SINGLE_NODES_SET:
         for text, place in rows:
             words = text.split()
@@ -459,45 +459,45 @@ def _elements(content: _Content, rows: Lines) -> None:
     k = 0
     while k < len(rows):
         text, place = rows[k]
-        head = [whole_number(word, place) for word in text.split()]
-        place.needs(len(head) >= 6, f"the head of an element has six numbers; got {len(head)}.")
-        label = head[0]
-        descriptor = head[1]
-        count = head[-1]
-        following = rows[k + 1][0].split() if k + 1 < len(rows) else []
+        header = [whole_number(word, place) for word in text.split()]
+        place.needs(len(header) >= 6, f"the head of an element has six numbers; got {len(header)}.")
+        label = header[0]
+        descriptor = header[1]
+        count = header[-1]
+        next_words = rows[k + 1][0].split() if k + 1 < len(rows) else []
         # Salome gives rods an orientation too, others do not
         k += (
             2
-            if descriptor in WITH_ORIENTATION or (descriptor == ROD and len(following) == 3)
+            if descriptor in WITH_ORIENTATION or (descriptor == ROD and len(next_words) == 3)
             else 1
         )
-        short = f"element {label} ends before its {count} nodes."
-        nodes, k = _wholes(rows, k, count, short, place)
-        shape, wanted = ELEMENTS.get(descriptor, ("", 0))
+        fault = f"element {label} ends before its {count} nodes."
+        nodes, k = _wholes(rows, k, count, fault, place)
+        shape, node_count = ELEMENTS.get(descriptor, ("", 0))
         if not shape:
             kind = f"element type {descriptor}"
             content.others[kind] += 1
             continue
         if shape == "line" and count in (2, 3):
-            wanted = count
-        complete = len(nodes) == count == wanted
+            node_count = count
+        complete = len(nodes) == count == node_count
         place.needs(
             complete,
             f"element {label} of type {descriptor} has {len(nodes)} nodes, of which "
-            f"its head tells {count}; it must have {wanted}.",
+            f"its head tells {count}; it must have {node_count}.",
         )
-        content.elements.setdefault((descriptor, shape, wanted), []).append([label, *nodes])
+        content.elements.setdefault((descriptor, shape, node_count), []).append([label, *nodes])
 
 
 def _groups(content: _Content, rows: Lines, width: int) -> None:
     k = 0
     while k + 1 < len(rows):
         text, place = rows[k]
-        head = [whole_number(word, place) for word in text.split()]
-        count = head[-1] if head else 0
-        name = rows[k + 1][0].strip() or str(head[0] if head else "")
-        short = f"the group {name!r} ends before its {count} members."
-        numbers, k = _wholes(rows, k + 2, width * count, short, place)
+        header = [whole_number(word, place) for word in text.split()]
+        count = header[-1] if header else 0
+        name = rows[k + 1][0].strip() or str(header[0] if header else "")
+        fault = f"the group {name!r} ends before its {count} members."
+        numbers, k = _wholes(rows, k + 2, width * count, fault, place)
         nodes, elements = content.groups.setdefault(name, ([], []))
         for m in range(count):
             kind, label = numbers[width * m : width * m + 2]
@@ -537,7 +537,7 @@ def _deck(content: _Content, groups: Mapping[str, Sequence[int]]) -> Deck:
         labels.append(table[:, 0])
     numbers = np.concatenate(labels)
     if not len(numbers):
-        ignored = ", ".join(f"{many} of {kind}" for kind, many in content.others.items())
+        ignored = ", ".join(f"{count} of {kind}" for kind, count in content.others.items())
         raise MeshError(
             f"{content.name} has no elements that are cells of a mesh: {ignored or 'none at all'}; "
             "write the file with its lines, faces or solids."

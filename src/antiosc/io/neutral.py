@@ -289,7 +289,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
     spans = [(name, dim, e) for name, parts in mesh.fixed.items() for dim, e in parts.items()]
-    head = {
+    header = {
         "cells": list(mesh.cells),
         "convention": mesh.convention,
         "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
@@ -306,7 +306,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
     nodes = [empty, *nodes]
     arrays = [np.concatenate(rows), np.concatenate(nodes), mesh.points, mesh.labels]
     cad = [] if mesh.cad is None else list(vars(mesh.cad).values())
-    return head, [*cad, *arrays, *mesh.cells.values()]
+    return header, [*cad, *arrays, *mesh.cells.values()]
 
 
 def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:

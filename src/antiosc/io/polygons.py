@@ -119,8 +119,8 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
     others.
     """
     content = content.replace(b"end_header\r\n", b"end_header\n", 1)
-    head, _, data = content.partition(b"end_header\n")
-    header = [line.split() for line in head.decode("latin-1").splitlines()]
+    header_bytes, _, data = content.partition(b"end_header\n")
+    header = [line.split() for line in header_bytes.decode("latin-1").splitlines()]
     if ["format", "ascii"] in [words[:2] for words in header]:
         return _of_ply_text(header, data.decode("latin-1").splitlines(), name)
     try:
@@ -142,10 +142,10 @@ def _of_ply_text(
     header: Sequence[Sequence[str]], lines: Sequence[str], name: str
 ) -> tuple[Array, IntArray] | None:
     """Polygons of a text file, a line for each point and face; None if others come first."""
-    begin = 1 + sum(words[:1] != ["end_header"] for words in header)
+    first_line = 1 + sum(words[:1] != ["end_header"] for words in header)
     rows = [
         (words, DeckPlace(name, number))
-        for number, line in enumerate(lines, begin + 1)
+        for number, line in enumerate(lines, first_line + 1)
         if (words := line.split())
     ]
     elements = [(words[1], int(words[2])) for words in header if words[:1] == ["element"]]

@@ -65,8 +65,8 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     aids = wanted is None and mesh.aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
-    label, chosen = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
-    raw = RawMesh(mesh.points, mesh.cells[label][chosen], kind_of(label), mesh.convention)
+    label, cell_rows = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
+    raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], kind_of(label), mesh.convention)
     raw.told = mesh.told
     raw.model = mesh.model
     raw.cad = mesh.cad
@@ -104,9 +104,13 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     for group in names:
         kinds = mesh.groups.get(group, {})
         if not any(kind_of(k).dim for k, rows in kinds.items() if len(rows)):
-            known = [n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)]
-            shown = ", ".join(map(repr, sorted(known)[:20])) or "none"
-            raise InputError(f"{name} has no group of cells {group!r} (cells=); it has: {shown}.")
+            group_names = [
+                n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)
+            ]
+            names_text = ", ".join(map(repr, sorted(group_names)[:20])) or "none"
+            raise InputError(
+                f"{name} has no group of cells {group!r} (cells=); it has: {names_text}."
+            )
     return _joined([mesh.groups[group] for group in names])
 
 
@@ -141,7 +145,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
     drawing = name.lower().endswith(CAD)
     strays = []
     place = 0
-    left = []
+    lost = []
     for label, block in mesh.cells.items():
         kind = kind_of(label)
         if not 0 < kind.dim < raw.kind.dim:
@@ -150,24 +154,24 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             block = block[_grouped(mesh, [label]).get(label, np.zeros(0, dtype=np.int64))]
         sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
         facets = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
-        alone = ~_among(block[:, : kind.vertices], facets)
-        if drawing and alone.any():
-            left.append(("curves", "surfaces")[kind.dim - 1])
-        elif alone.any():
-            strays.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
-            place = int(block[alone][0, 0])
+        is_loose = ~_among(block[:, : kind.vertices], facets)
+        if drawing and is_loose.any():
+            lost.append(("curves", "surfaces")[kind.dim - 1])
+        elif is_loose.any():
+            strays.append(f"{is_loose.sum()} {_NOUNS[kind.dim]} ({label})")
+            place = int(block[is_loose][0, 0])
     if strays:
-        at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
+        place_text = ", ".join(f"{c:.4g}" for c in mesh.points[place])
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
-            f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
+            f"{' and '.join(strays)} that are not sides of them, one at ({place_text}) m: one mesh carries "
             f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
-    if left:
+    if lost:
         raw.told = [
             *raw.told,
-            f"{name} holds {' and '.join(sorted(set(left)))} that are no sides of its "
+            f"{name} holds {' and '.join(sorted(set(lost)))} that are no sides of its "
             f"{_NOUNS[raw.kind.dim]}; they are left out.",
         ]
 
@@ -218,16 +222,16 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
 
     A support on a node set must also fix the mid-side motions between its nodes.
     """
-    marked = np.zeros(len(raw.points), dtype=bool)
-    marked[nodes] = True
-    spanned = outer[marked[outer].all(axis=1)] if len(outer) else outer
+    in_set = np.zeros(len(raw.points), dtype=bool)
+    in_set[nodes] = True
+    spanned = outer[in_set[outer].all(axis=1)] if len(outer) else outer
     if len(spanned):
         _add(raw, group, raw.kind.dim - 1, spanned)
-        marked[spanned.ravel()] = False
-    remaining = np.unique(nodes[marked[nodes]])
-    alone = remaining[np.isin(remaining, raw.cells[:, : raw.kind.vertices])]
-    if len(alone):
-        _add(raw, group, 0, alone[:, None])
+        in_set[spanned.ravel()] = False
+    remaining = np.unique(nodes[in_set[nodes]])
+    loose_nodes = remaining[np.isin(remaining, raw.cells[:, : raw.kind.vertices])]
+    if len(loose_nodes):
+        _add(raw, group, 0, loose_nodes[:, None])
 
 
 def _ends_first(raw: RawMesh, name: str) -> IntArray:
@@ -261,12 +265,12 @@ def compact(raw: RawMesh) -> RawMesh:
             "counterpart here: write the mesh with all mid-face nodes, or read it with order=1 "
             "(straight edges)."
         )
-    used = np.unique(raw.cells)
-    points = raw.points[used]
+    used_nodes = np.unique(raw.cells)
+    points = raw.points[used_nodes]
     if not np.isfinite(points).all():
         raise MeshError("some node coordinates of the mesh are not finite.")
     new = np.full(len(raw.points), -1, dtype=np.int64)
-    new[used] = np.arange(len(used))
+    new[used_nodes] = np.arange(len(used_nodes))
     groups = {
         name: {
             dim: complete
@@ -275,8 +279,8 @@ def compact(raw: RawMesh) -> RawMesh:
         }
         for name, parts in raw.groups.items()
     }
-    numbers = raw.numbers[used] if len(raw.numbers) else used
-    labels = raw.labels[used] if len(raw.labels) else raw.labels
+    numbers = raw.numbers[used_nodes] if len(raw.numbers) else used_nodes
+    labels = raw.labels[used_nodes] if len(raw.labels) else raw.labels
     cells = new[raw.cells]
     return replace(raw, points=points, cells=cells, groups=groups, numbers=numbers, labels=labels)
 
@@ -344,11 +348,11 @@ def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> R
     `is_cad`: the geometry has curvatures; that of triangles has none.
     """
     reason: UnmeshableError | None = None
-    ways = [(k, way) for k, way in enumerate(ATTEMPTS) if way.suits(is_cad)]
-    started = processor_time()
-    for tried, (number, attempt) in enumerate(ways):
-        if processor_time() - started > ATTEMPTS_TIME:
-            ways = ways[:tried]
+    attempts = [(k, attempt) for k, attempt in enumerate(ATTEMPTS) if attempt.suits(is_cad)]
+    start_time = processor_time()
+    for attempt_count, (number, attempt) in enumerate(attempts):
+        if processor_time() - start_time > ATTEMPTS_TIME:
+            attempts = attempts[:attempt_count]
             break
         try:
             raw = once(number)
@@ -359,7 +363,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> R
             sentence = str(reason).rstrip(".")
             raw.told = [*raw.told, f"{sentence}; it is meshed {attempt.about}."]
         return raw
-    others = ", ".join(attempt.about for _, attempt in ways[1:])
+    others = ", ".join(attempt.about for _, attempt in attempts[1:])
     raise UnmeshableError(
         f"{str(reason).rstrip('.')}; nor {others}: repair {name} in the program that wrote it, "
         "give it another size, or mesh it there and give the mesh."
@@ -386,9 +390,9 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
     nodes = raw.points[raw.cells]
     np.minimum.at(low, piece_index.ravel(), nodes.min(axis=1))
     np.maximum.at(high, piece_index.ravel(), nodes.max(axis=1))
-    wide = np.linalg.norm(high - low, axis=1)
+    widths = np.linalg.norm(high - low, axis=1)
     rank = np.empty(len(count), dtype=np.int64)
-    rank[np.lexsort((-wide, -count))] = np.arange(len(count))
+    rank[np.lexsort((-widths, -count))] = np.arange(len(count))
     return rank[piece_index.ravel()]
 
 
@@ -455,9 +459,9 @@ def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
     names: dict[int, str] = {}
     for name, parts in raw.groups.items():
         if raw.kind.dim in parts:
-            inside = np.flatnonzero(np.isin(cell_keys, keys(parts[raw.kind.dim])))
-            if len(inside) == 1:  # others are of several pieces
-                names.setdefault(int(inside[0]), name)
+            cells_inside = np.flatnonzero(np.isin(cell_keys, keys(parts[raw.kind.dim])))
+            if len(cells_inside) == 1:  # others are of several pieces
+                names.setdefault(int(cells_inside[0]), name)
     return names
 
 
@@ -609,8 +613,8 @@ def _renumbered(model: Model, row: IntArray) -> Model:
         "masses": [([*map(new, rows)], M, mass) for rows, M, mass in joints["masses"]],
         "points": joints["points"],
         "among": [
-            (int(row[n]), [(int(row[m]), w) for m, w in others])
-            for n, others in joints.get("among", [])
+            (int(row[n]), [(int(row[m]), w) for m, w in weighted_nodes])
+            for n, weighted_nodes in joints.get("among", [])
         ],
     }
     return {**model, "joints": renumbered}

@@ -97,8 +97,8 @@ class Request:
             signal.setitimer(signal.ITIMER_PROF, seconds)
             signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
         else:
-            left = max(self.timeout - (time.monotonic() - self.started), 1e-3)
-            signal.setitimer(signal.ITIMER_REAL, left)
+            remaining = max(self.timeout - (time.monotonic() - self.started), 1e-3)
+            signal.setitimer(signal.ITIMER_REAL, remaining)
 
     def seal(self) -> None:
         """Limit the size of files that are written from now on to 1 MB, unless the input is

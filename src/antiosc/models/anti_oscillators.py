@@ -146,20 +146,20 @@ class AntiOscillators(ReprMixin, Parameters):
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
         ellipsis = ", …" if self.n > 3 else ""
-        counted = f"{self.n}, {lowest}{ellipsis} Hz" if self.n else "0"
+        frequencies = f"{self.n}, {lowest}{ellipsis} Hz" if self.n else "0"
         if self.sites:
             sites = ", ".join(self.sites)
             stiffest = engineering(np.max(self.k0.diagonal()), "N/m", 4)
             return [
                 ("sites", sites if len(sites) <= 60 else f"{len(self.sites)}"),
                 ("K0", f"{self.k0.shape}, at most {stiffest}"),
-                ("anti-oscillators", counted),
+                ("anti-oscillators", frequencies),
             ]
-        captured = 1 - self.m0 / self.m_st if self.m_st else 0.0
+        mass_share = 1 - self.m0 / self.m_st if self.m_st else 0.0
         return [
             ("k0", engineering(self.k0, "N/m", 4)),
-            ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {100 * captured:.2f} % of it captured"),
-            ("anti-oscillators", counted),
+            ("m_st", f"{engineering(self.m_st, 'kg', 4)}, {100 * mass_share:.2f} % of it captured"),
+            ("anti-oscillators", frequencies),
             *([("from", self.info.structure)] if self.info.structure else []),
         ]
 
@@ -174,11 +174,11 @@ class AntiOscillators(ReprMixin, Parameters):
         x = checks.spectrum("omega", omega) ** 2
         poles = self.omega**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
+            dynamic_mass = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
         if self.slide is not None:
             x = x[..., np.newaxis, np.newaxis]
-            return _with_rigid_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
-        return np.asarray(self.k0 - x * (self.m0 + hung))
+            return _with_rigid_slide(self.k0 - x * (self.m0 + dynamic_mass), x, self.slide)
+        return np.asarray(self.k0 - x * (self.m0 + dynamic_mass))
 
     def truncated(self, n: int) -> AntiOscillators:
         """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""
@@ -379,7 +379,7 @@ def _with_rigid_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     """
     if not slide.any():
         return Z
-    moving = slide[:, slide.any(axis=0)]
-    rigid_forces = Z @ moving
-    small = x * np.eye(moving.shape[1]) - moving.T @ rigid_forces
+    site_slides = slide[:, slide.any(axis=0)]
+    rigid_forces = Z @ site_slides
+    small = x * np.eye(site_slides.shape[1]) - site_slides.T @ rigid_forces
     return np.asarray(Z + rigid_forces @ np.linalg.solve(small, np.swapaxes(rigid_forces, -1, -2)))

@@ -74,17 +74,20 @@ class SiteModels:
         x = checks.spectrum("omega", omega) ** 2
         Z = self.k0[part, None] - x * self.m0[part, None]
         for w, m in zip(self.omega[part].T, self.m[part].T, strict=True):
-            real = m > 0
-            poles = np.where(real, w, 1.0)[:, None] ** 2
+            has_mass = m > 0
+            poles = np.where(has_mass, w, 1.0)[:, None] ** 2
             Z = Z - x * m[:, None] * poles / (poles - x)
         return np.asarray(Z)
 
     def model(self, i: int) -> AntiOscillators:
         """The model of site i."""
         i = checks.whole("i", i, least=0, most=len(self.k0) - 1)
-        real = self.m[i] > 0
+        has_mass = self.m[i] > 0
         return AntiOscillators(
-            m0=float(self.m0[i]), k0=float(self.k0[i]), m=self.m[i, real], omega=self.omega[i, real]
+            m0=float(self.m0[i]),
+            k0=float(self.k0[i]),
+            m=self.m[i, has_mass],
+            omega=self.omega[i, has_mass],
         )
 
 
@@ -187,16 +190,16 @@ def _with_rigid_modes(elastic: tuple[Array, ...], along: Array) -> tuple[Array, 
     ones.
     """
     k0, m0, _, omega, m = elastic
-    wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
+    padded_arrays = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
     masses_left = np.zeros_like(m0)
     for i, a in enumerate(along):
-        real = m[i] > 0
+        has_mass = m[i] > 0
         masses_left[i], masses, w, _, _ = with_rigid_mode(
-            k0[i], m0[i], m[i, real], omega[i, real], a
+            k0[i], m0[i], m[i, has_mass], omega[i, has_mass], a
         )
-        wide[0][i, : len(w)] = w
-        wide[1][i, : len(w)] = masses
-    return np.zeros_like(k0), masses_left, 1 / along**2, *wide
+        padded_arrays[0][i, : len(w)] = w
+        padded_arrays[1][i, : len(w)] = masses
+    return np.zeros_like(k0), masses_left, 1 / along**2, *padded_arrays
 
 
 def residual(
@@ -254,10 +257,12 @@ def error_bound(
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
-    at = driving_point.samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
-    x = at**2
+    x_band = driving_point.samples(
+        band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf))
+    )
+    x = x_band**2
     z = x + shift
-    far = np.abs(1 - z / (omega[-1] ** 2 + shift))
+    pole_distance = np.abs(1 - z / (omega[-1] ** 2 + shift))
     modal = 1 / (omega[:, None] ** 2 - x)
     left_out = np.zeros(len(b))
     reduction = np.zeros(len(b))
@@ -266,9 +271,10 @@ def error_bound(
         response = r[part] / (1 - z * theta[part])
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + response
-        Z = models.dynamic_stiffness(at, part)
+        Z = models.dynamic_stiffness(x_band, part)
         change = (
-            np.abs(chord - response) + (missing_compliance[part] + slow[part] * np.abs(z)) / far
+            np.abs(chord - response)
+            + (missing_compliance[part] + slow[part] * np.abs(z)) / pole_distance
         )
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
@@ -327,9 +333,9 @@ def parameters(
     m = c**2
     with np.errstate(divide="ignore"):
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
-    real = np.isfinite(x) & (x > 0)
-    rest = left + np.sum(np.where(real, 0.0, m), axis=1)
-    share = driving_point.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0))
+    is_pole = np.isfinite(x) & (x > 0)
+    lumped = left + np.sum(np.where(is_pole, 0.0, m), axis=1)
+    share = driving_point.shares(k0, lumped, np.where(is_pole, m, 0.0), np.where(is_pole, x, 1.0))
     observable = share > driving_point.UNOBSERVABLE
     order = np.argsort(np.where(observable, x, np.inf), axis=1, kind="stable")
     x, m, observable = (np.take_along_axis(a, order, axis=1) for a in (x, m, observable))
@@ -388,17 +394,17 @@ def _lanczos(
             w = w - y * (pin * np.sum(b * w, axis=1))[:, None]
         f = force(w)
         energy = np.sum(w * f, axis=1)
-        real = energy > EXHAUSTED**2 * initial_energy
-        beta = np.sqrt(np.where(real, energy, 0.0))
-        scale = np.where(real, 1 / np.where(real, beta, 1.0), 0.0)[:, None]
+        is_new = energy > EXHAUSTED**2 * initial_energy
+        beta = np.sqrt(np.where(is_new, energy, 0.0))
+        scale = np.where(is_new, 1 / np.where(is_new, beta, 1.0), 0.0)[:, None]
         V[:, k] = w * scale
         F[:, k] = f * scale
         H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
         w = flexed(V[:, k])
-    theta, turn = np.linalg.eigh(H)
+    theta, vectors = np.linalg.eigh(H)
     theta = np.where(theta > 0, theta, 0.0)
     scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
-    shapes = np.einsum("skj,ski->sji", V, turn) * scale[:, None]
+    shapes = np.einsum("skj,ski->sji", V, vectors) * scale[:, None]
     energy = phi
     c = np.zeros_like(theta)
     for _ in range(2):  # twice is enough (Kahan)

@@ -524,9 +524,11 @@ def columns_of_sites(
     """Columns of each site; one column each where names alone are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
-    named = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
+    site_items = (
+        sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
+    )
     columns_by_site = {}
-    for name, columns in named:
+    for name, columns in site_items:
         columns_by_site[checks.name("the name of a site", name)] = tuple(
             checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
             for i in checks.column(f"columns of site {name!r}", columns).tolist()

@@ -159,11 +159,11 @@ _STRETCHES = 3
 
 def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     """Write a model, completely or not at all; see `AntiOscillators.save`."""
-    several = len(model.sites) > 0
+    has_sites = len(model.sites) > 0
     arrays = {
         name: np.asarray(getattr(model, name))
         for name in _ARRAYS
-        if getattr(model, name) is not None and not (several and name == "m")
+        if getattr(model, name) is not None and not (has_sites and name == "m")
     }
     if model.inertia is not None:
         arrays |= {name: attrgetter(name)(model) for name in _INERTIA}
@@ -172,7 +172,7 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     stretch = None if model.stretch is None else model.stretch.count
     header = {
         "format": FORMAT,
-        "version": _STRETCHES if model.stretch is not None else _SEVERAL if several else 1,
+        "version": _STRETCHES if model.stretch is not None else _SEVERAL if has_sites else 1,
         **({} if stretch is None else {"stretch": stretch}),
         "units": {name: unit for name, (unit, _) in _EVERY.items()},
         "meaning": {name: meaning for name, (_, meaning) in _EVERY.items()},
@@ -181,7 +181,7 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
         "info": model.info.as_dict(),
         "band_unit": _HERTZ,
     }
-    if several:
+    if has_sites:
         header["sites"] = list(model.sites)
         header["columns"] = {name: list(columns) for name, columns in model.columns.items()}
     write(path, header, arrays)

@@ -220,8 +220,8 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
     parameters = np.array([m, poles], dtype=float)
     x = np.empty(size)
     shape = np.empty((n + 1, size))
-    at, to_x, to_shape = map(library.address, (parameters, x, shape))
-    status = library.library.aom_arrow_modes(k0, m0, n, at, at + 8 * n, to_x, to_shape)
+    address, to_x, to_shape = map(library.address, (parameters, x, shape))
+    status = library.library.aom_arrow_modes(k0, m0, n, address, address + 8 * n, to_x, to_shape)
     if status or not (np.isfinite(x).all() and np.isfinite(shape).all()):
         raise NotConvergedError(
             f"{status or size} of {size} free frequencies have not converged; masses or frequencies"

@@ -441,8 +441,8 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
         scale[0] = k0**-0.5
     values, vectors = np.linalg.eigh(scale[:, None] * E * scale)
     # the error relative to the energy
-    grown = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
-    F = scale[:, None] * (np.eye(len(scale)) + grown) * scale
+    softened = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
+    F = scale[:, None] * (np.eye(len(scale)) + softened) * scale
     static = np.zeros(len(m))
     constrained = F[1:, 1:]
     if k0 > 0:

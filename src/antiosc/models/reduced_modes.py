@@ -47,11 +47,11 @@ def modal(model: Parameters) -> ModalBody:
     massless = model.m0 == 0
     if model.n:
         massless = model.m0 * float(model.omega[-1]) ** 2 <= MASSLESS_SITE * stiffness
-    rises = poles[1:] > poles[:-1]
-    if not rises.all():  # equal frequencies act at the site as one mode
-        group = np.append([0, 1], 1 + np.cumsum(rises))
+    is_distinct = poles[1:] > poles[:-1]
+    if not is_distinct.all():  # equal frequencies act at the site as one mode
+        group = np.append([0, 1], 1 + np.cumsum(is_distinct))
         mass = np.asarray(np.bincount(group[1:], weights=mass)[1:], dtype=float)
-        poles = np.append(poles[0], poles[1:][rises])
+        poles = np.append(poles[0], poles[1:][is_distinct])
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
     if group is not None:
         shape = shape[group]
@@ -105,8 +105,8 @@ def _in_free_modes(model: Parameters, omega: Array, shape: Array, residual: Arra
     if inertia is not None:
         inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
         if model.direction is not None:
-            pull = inertia.momentum[:, :3] @ model.direction
-            weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
+            momentum = inertia.momentum[:, :3] @ model.direction
+            weight = momentum if weight is None else np.concatenate((momentum[:hidden], weight))
     direction = None if model.direction is None else unit_vector("direction", model.direction)
     return unchecked_body(
         omega=omega,

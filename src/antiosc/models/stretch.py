@@ -83,8 +83,8 @@ class Stretch(ReprMixin):
 
     def forces(self, a: Array) -> Array:
         """Modal forces (n, m) [N/kg^1/2] at amplitudes (n, m) [m kg^1/2]."""
-        two, three = stretch_forces(self.quadratic, self.cubic, a)
-        return two + three
+        quadratic_force, cubic_force = stretch_forces(self.quadratic, self.cubic, a)
+        return quadratic_force + cubic_force
 
     def energy(self, a: Array) -> Array:
         """Energies (n,) [J] at amplitudes (n, m)."""
@@ -126,11 +126,11 @@ class Stretch(ReprMixin):
         """
         if self.shapes is None:
             return None
-        turn = self.modes.T @ modes
+        rotation = self.modes.T @ modes
         rows, columns = np.triu_indices(self.size)
-        first, second = np.triu_indices(turn.shape[1])
-        pairs = turn[rows][:, first] * turn[columns][:, second]
-        pairs = pairs + turn[columns][:, first] * turn[rows][:, second]
+        first, second = np.triu_indices(rotation.shape[1])
+        pairs = rotation[rows][:, first] * rotation[columns][:, second]
+        pairs = pairs + rotation[columns][:, first] * rotation[rows][:, second]
         return np.asarray(self.shapes @ (pairs / np.where(rows == columns, 2, 1)[:, None]))
 
 

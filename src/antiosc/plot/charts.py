@@ -293,8 +293,8 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
-    room = 0.06 * (end - start)
-    ax.set_xlim(factor * (start - room), factor * (end + room))
+    margin = 0.06 * (end - start)
+    ax.set_xlim(factor * (start - margin), factor * (end + margin))
     means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in runs.values())
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
     ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in runs.values())], 0.05, above))

@@ -101,8 +101,8 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     low = x.min(axis=0)
     high = x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
-    short = side < SHORT_SIDE * side.max()
-    for name, middle, length, hidden in zip("xyz", (low + high) / 2, side, short, strict=True):
+    is_short = side < SHORT_SIDE * side.max()
+    for name, middle, length, hidden in zip("xyz", (low + high) / 2, side, is_short, strict=True):
         getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
         axis = getattr(axes, f"{name}axis")
         if hidden:
@@ -110,7 +110,7 @@ def fit_limits(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
             axis.label.set_visible(False)
         else:
             axis.get_major_locator().set_params(nbins=max(1, round(4 * length / side.max())))
-            axis.labelpad = LABEL_PAD if short.any() else axis.labelpad
+            axis.labelpad = LABEL_PAD if is_short.any() else axis.labelpad
     axes.set_box_aspect(side, zoom=zoom)
     axes.set_box_aspect(side, zoom=zoom * min(1.0, LARGEST_EXTENT / _extent_seen(axes, x)))
 
@@ -228,9 +228,9 @@ def draw_design(
     top = float(np.nanquantile(np.abs(value), COLOUR_QUANTILE)) or 1.0
     scale = ScalarMappable(Normalize(-top, top), "RdBu_r")
     figure, axes, unit, name = axes_in_space(corners.reshape(-1, 3), shown=path is None)
-    around = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
+    order = [0, 1, 3, 2] if corners.shape[1] == 4 else list(range(corners.shape[1]))
     draw = draw_lines if corners.shape[1] < 3 else draw_faces
-    draw(figure, axes, unit * corners[:, around], value, label, scale)
+    draw(figure, axes, unit * corners[:, order], value, label, scale)
     axes.set(xlabel=f"x ({name})", ylabel=f"y ({name})", zlabel=f"z ({name})")
     plane = np.ptp(corners[..., 2]) == 0.0  # it is seen from above, and its labels stand beside it
     if plane:

@@ -94,13 +94,15 @@ def tensors_of_part(
         except InputError as caught:  # on this rank perhaps alone
             error = caught
             break
-        where = slot_of[first : first + step].ravel()
-        six = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(len(where), -1)
-        ones = np.ones(len(where))
-        column = np.arange(len(where))
-        at_slots = csr_matrix((ones, (where, column)), (len(slots), len(where)))
-        total += (at_slots @ six).reshape(total.shape)
-        count += np.bincount(where, minlength=len(slots))
+        slot_rows = slot_of[first : first + step].ravel()
+        components = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(
+            len(slot_rows), -1
+        )
+        ones = np.ones(len(slot_rows))
+        column = np.arange(len(slot_rows))
+        at_slots = csr_matrix((ones, (slot_rows, column)), (len(slots), len(slot_rows)))
+        total += (at_slots @ components).reshape(total.shape)
+        count += np.bincount(slot_rows, minlength=len(slots))
     agree(mesh.comm, error)
     if solid:
         _join_ranks(part, slots, total, count)
@@ -124,27 +126,29 @@ def jumps(
     material = part.part_of_cells()
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
     X = mesh.geometry.reference_nodes
-    six = np.zeros((cells_of_rank, len(X), 6))
+    components = np.zeros((cells_of_rank, len(X), 6))
     step = max(1, AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
         points = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
         columns = with_branches(evaluate(points), shares, material[points.cells])
         jumps = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
-        six[cells] = np.stack([jumps[:, i, j] for i, j in PAIRS], axis=1).reshape(-1, len(X), 6)
+        components[cells] = np.stack([jumps[:, i, j] for i, j in PAIRS], axis=1).reshape(
+            -1, len(X), 6
+        )
     keys = nodes * len(part.parts) + material[:cells_of_rank, None]
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)
     total = np.zeros((len(slots), 6, 1))
     count = np.zeros(len(slots))
-    np.add.at(total, slot_of, six[..., None])
+    np.add.at(total, slot_of, components[..., None])
     np.add.at(count, slot_of, 1.0)
     _join_ranks(part, slots, total, count, np.add)
-    different = equivalent(six - total[slot_of, :, 0] / count[slot_of][..., None])
+    difference = equivalent(components - total[slot_of, :, 0] / count[slot_of][..., None])
     in_one_cell = count[slot_of] == 1
-    different = np.where(in_one_cell, different.max(axis=1, keepdims=True), different)
+    difference = np.where(in_one_cell, difference.max(axis=1, keepdims=True), difference)
     largest = np.zeros((len(slots), 1, 1))
-    np.maximum.at(largest[:, 0, 0], slot_of, different)
+    np.maximum.at(largest[:, 0, 0], slot_of, difference)
     _join_ranks(part, slots, largest, count, np.maximum)
     result = np.zeros(len(mesh.dolfinx.geometry.x))
     np.maximum.at(result, slots // len(part.parts), largest[:, 0, 0])
@@ -262,10 +266,12 @@ def _recovered(
     values_of_rank = None
     error = None
     try:
-        at = PointsInCells(
+        evaluated = PointsInCells(
             member.part, with_ghosts, closest.cell[on_this_rank], closest.X[on_this_rank]
         )
-        values_of_rank = with_branches(evaluate(at), shares[number], material[at.cells])
+        values_of_rank = with_branches(
+            evaluate(evaluated), shares[number], material[evaluated.cells]
+        )
     except InputError as caught:
         error = caught
     agree(mesh.comm, error)
@@ -286,11 +292,11 @@ def _nearest(
     number = min(range(len(nearest)), key=lambda i: float(nearest[i].distance.sum()))
     member = candidates[number][0]
     closest = nearest[number]
-    far = int(np.argmax(closest.distance))
+    farthest = int(np.argmax(closest.distance))
     mesh = member.part.mesh
-    position = member.at.placed(closest.x[far][None])[0]
-    element = partial(size_at, mesh, closest[far])
-    reach.check(points[far], position, mesh.extent(), element)
+    position = member.at.placed(closest.x[farthest][None])[0]
+    element = partial(size_at, mesh, closest[farthest])
+    reach.check(points[farthest], position, mesh.extent(), element)
     return number, closest
 
 
@@ -387,8 +393,8 @@ def tensors_at_nodes(
             ]
         node_count = len(member.part.mesh.dolfinx.geometry.x)
         pieces = member.part.mesh.comm.gather((node_count, of_parts), root=0) or []
-        for size, several in pieces:
-            for nodes, kind, columns in several:
+        for size, tensors_of_piece in pieces:
+            for nodes, kind, columns in tensors_of_piece:
                 node.append(nodes + start)
                 origin.append(kind)
                 tensors.append(columns)
@@ -566,13 +572,13 @@ def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
     """
     edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
     ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
-    along = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
+    rays = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
     if len(ends) == 2:
-        return [(x[corner], _angle_between(*along))]
+        return [(x[corner], _angle_between(*rays))]
     angles = []
     for k, end in enumerate(ends):
-        across = [a - (a @ along[k]) * along[k] for i, a in enumerate(along) if i != k]
-        angles.append((end, _angle_between(*across)))
+        projections = [a - (a @ rays[k]) * rays[k] for i, a in enumerate(rays) if i != k]
+        angles.append((end, _angle_between(*projections)))
     return angles
 
 
@@ -627,10 +633,10 @@ def corner_at(
         mesh = member.part.mesh
         point = member.at.own(x[None])[0]
         distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
-        moves = np.abs(displacements_of_rank(member.part, shapes_of_part)[distance.argmin()]).max(
-            initial=0
-        )
-        nearest = min(mesh.comm.allgather((float(distance.min()), bool(moves == 0))))
+        displacement = np.abs(
+            displacements_of_rank(member.part, shapes_of_part)[distance.argmin()]
+        ).max(initial=0)
+        nearest = min(mesh.comm.allgather((float(distance.min()), bool(displacement == 0))))
         if nearest[0] < best[0]:
             best = (nearest[0], interior_angle(member.part, point), nearest[1])
     return best[1:]

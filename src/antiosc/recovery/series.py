@@ -82,8 +82,8 @@ def _element(name: str, values: NDArray[np.generic], level: int = -1) -> str:
         for start in range(0, len(content), BYTES_AT_ONCE)
     ]
     last = len(content) - BYTES_AT_ONCE * (len(blocks) - 1)
-    head = np.array([len(blocks), BYTES_AT_ONCE, last, *map(len, blocks)], dtype=np.uint32)
-    text = base64.b64encode(head.tobytes()) + base64.b64encode(b"".join(blocks))
+    header = np.array([len(blocks), BYTES_AT_ONCE, last, *map(len, blocks)], dtype=np.uint32)
+    text = base64.b64encode(header.tobytes()) + base64.b64encode(b"".join(blocks))
     components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
     return (
         f'<DataArray type="{NUMBERS[values.dtype.name]}" Name="{name}"{components} '
@@ -143,7 +143,7 @@ def _write_and_list(
     target: Path, staging: Path, frames: Frames, times: Array, fields: Iterable[Array]
 ) -> list[str]:
     """Write the frames and their list; return the names of the frames of the previous list."""
-    listed = False
+    is_listed = False
     try:
         names = []
         for number, field in enumerate(fields):
@@ -152,16 +152,16 @@ def _write_and_list(
         old_frames = _listed_frames(target)
         staged = [f"{staging.name}/{name}" for name in names]
         files.write_text(target, _collection(times, staged), "the series")
-        listed = True
+        is_listed = True
         for name in old_frames:
             (target.parent / name).unlink(missing_ok=True)
         for name in names:
             (staging / name).chmod(stat.S_IMODE(target.stat().st_mode))
             _second_name(staging / name, target.parent / name)
         files.write_text(target, _collection(times, names), "the series")
-        listed = False
+        is_listed = False
     finally:
-        if not listed:
+        if not is_listed:
             shutil.rmtree(staging, ignore_errors=True)
     return old_frames
 

@@ -100,9 +100,9 @@ def lagrange_1d(nodes: Array, x: Array) -> Array:
     """Values (points, nodes) of Lagrange's polynomials through `nodes` (n,) at x (points,)."""
     table = np.ones((len(x), len(nodes)))
     for i, node in enumerate(nodes):
-        for j, other in enumerate(nodes):
+        for j, node_j in enumerate(nodes):
             if i != j:
-                table[:, i] *= (x - other) / (node - other)
+                table[:, i] *= (x - node_j) / (node - node_j)
     return table
 
 
@@ -299,22 +299,22 @@ def _strains(at: PointsInCells, frame: BeamFrame) -> Array:
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
     slope = at.slopes(displacements)[:, :, 0] / length
-    bend = at.slopes(rotations)[:, :, 0] / length
-    turn = at.values(rotations)
+    curvature = at.slopes(rotations)[:, :, 0] / length
+    rotation = at.values(rotations)
     offset = at.each(lambda beam: [beam.offset])
 
     def component(vectors: Array, axis: Array) -> Array:
         return np.einsum("pck,pc->pk", vectors, axis)
 
-    stretch = -offset * component(bend, frame.z)
-    sideways = offset * component(bend, frame.t) if at.part.form.twist_shifts else 0.0
+    stretch = -offset * component(curvature, frame.z)
+    sideways = offset * component(curvature, frame.t) if at.part.form.twist_shifts else 0.0
     # −(θ × t)·y = −θ·z, −(θ × t)·z = θ·y
     forces = [
         component(slope, frame.t) + stretch + _lengthening(at, slope),
-        component(slope, frame.y) - component(turn, frame.z),
-        component(slope, frame.z) + component(turn, frame.y) + sideways,
+        component(slope, frame.y) - component(rotation, frame.z),
+        component(slope, frame.z) + component(rotation, frame.y) + sideways,
     ]
-    return np.stack([*forces, *(component(bend, axis) for axis in frame)], axis=1)
+    return np.stack([*forces, *(component(curvature, axis) for axis in frame)], axis=1)
 
 
 def _frame(at: PointsInCells) -> BeamFrame:
@@ -407,9 +407,9 @@ def sheet_section_forces(at: PointsInCells, place: Place, axes: SheetAxes) -> Ar
         of_part = number == k
         s = sheet.section
         stretch = strains.membrane[of_part]
-        bend = strains.bending[of_part]
-        result[of_part, :3] = _products(s.A, stretch) + _products(s.B, bend)
-        result[of_part, 3:6] = _products(s.B, stretch) + _products(s.D, bend)
+        curvature = strains.bending[of_part]
+        result[of_part, :3] = _products(s.A, stretch) + _products(s.B, curvature)
+        result[of_part, 3:6] = _products(s.B, stretch) + _products(s.D, curvature)
         result[of_part, 6:] = _products(s.S, strains.shear[of_part])
     return result
 
@@ -440,12 +440,12 @@ def _sheet_tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stres
             of_part = (number == k) & (_surface_sign(place, frame) == up)
             if not of_part.any():
                 continue
-            which, z = _height(sheet, place, up)
-            layer = _layers(sheet)[which]
+            layer_number, z = _height(sheet, place, up)
+            layer = _layers(sheet)[layer_number]
             angle[of_part] = np.deg2rad(layer.angle)
             plane = strains.membrane[of_part] + (z + sheet.offset) * strains.bending[of_part]
             # stresses of the shear forces in equilibrium, and the strains that they cause
-            f = shear_stresses(_layers(sheet), which, z)
+            f = shear_stresses(_layers(sheet), layer_number, z)
             shear_forces = _products(f @ sheet.section.S, strains.shear[of_part])
             if of_stress:
                 plane = _products(layer.plane_stress(), plane)
@@ -528,11 +528,11 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     e1, e2, n = frame
     # contravariant tangents: ds along e_α of the reference coordinates
     inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
-    along = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
+    gradients = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
     displacements = at.dofs("xyz")
     rotations = at.dofs(("rx", "ry", "rz"))
-    du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), along, optimize=True)
-    dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), along, optimize=True)
+    du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), gradients, optimize=True)
+    dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), gradients, optimize=True)
 
     def dotted(vectors: Array, axis: Array) -> Array:
         return np.einsum("pc...,pc->p...", vectors, axis)

@@ -136,16 +136,18 @@ def advise(
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
     reasons = []
     for family, limit in limits.items():
-        lacks = []
+        missing_names = []
         if frequency > limit and lam > UNMOVED:
-            lacks.append(f"holds up to {1e-3 * limit:.3g} kHz")
+            missing_names.append(f"holds up to {1e-3 * limit:.3g} kHz")
         if slender[family] < SLENDER:
-            lacks.append(f"slenderness {slender[family]:.2g} < {SLENDER:g}")
+            missing_names.append(f"slenderness {slender[family]:.2g} < {SLENDER:g}")
         if family != "solid" and contact > CONTACT * thickness:
-            lacks.append(f"contact radius {1e3 * contact:.2g} mm > {CONTACT:g} of the thickness")
-        if not lacks:
+            missing_names.append(
+                f"contact radius {1e3 * contact:.2g} mm > {CONTACT:g} of the thickness"
+            )
+        if not missing_names:
             break
-        reasons.append(f"{family} {' and '.join(lacks)}")
+        reasons.append(f"{family} {' and '.join(missing_names)}")
     if lam <= UNMOVED:
         reasons.append(f"the part hardly moves during the contact (Zener's λ = {lam:.2g})")
     size, bound = _element(family, frequency, length, thickness, E, nu, rho)

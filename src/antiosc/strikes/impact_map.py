@@ -214,7 +214,7 @@ def impact_map(
     counts = (COUNTS[0],) if excited is None else COUNTS
     if n is not None:
         counts = (whole("n", n),)
-    seen = free_sites(
+    sites_seen = free_sites(
         structure,
         matrices,
         where,
@@ -225,8 +225,8 @@ def impact_map(
         math.inf if excited is None else MOST_MODES,
         FREE_MODES if stretch is False else STRETCH_MODES,
     )
-    map_sites = seen.map_sites
-    omega = seen.omega
+    map_sites = sites_seen.map_sites
+    omega = sites_seen.omega
     sites = map_sites.sites
     step_start = time.perf_counter()
     if excited is not None:
@@ -237,12 +237,12 @@ def impact_map(
             f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
             f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
-    models, errors = _reduced(seen, counts, structure.shift, band, accuracy)
+    models, errors = _reduced(sites_seen, counts, structure.shift, band, accuracy)
     reduced = time.perf_counter()
     models, error, direct = _refined(structure, sites, models, errors, band, accuracy)
     extracted = time.perf_counter()
     seconds = {
-        **seen.seconds,
+        **sites_seen.seconds,
         "models": reduced - step_start,
         "direct": extracted - reduced,
     }
@@ -266,8 +266,8 @@ def impact_map(
         names=map_sites.names,
         info=info,
     )
-    for reason, which in doubtful_patches(sites).items():
-        result = doubted(result, which, reason)
+    for reason, is_doubtful in doubtful_patches(sites).items():
+        result = doubted(result, is_doubtful, reason)
     on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or law is None or duration is None:
         on_root(structure.comm, partial(_tell_doubts, result))
@@ -275,18 +275,18 @@ def impact_map(
     laws = None
     if not with_law:
         laws, doubts = _laws(structure, result, impactor, law)
-        for reason, which in doubts.items():
-            result = doubted(result, which, reason)
-    seen_if = seen if stress else None
-    struck = _struck(structure, seen_if, result, impactor, law, laws, duration)
+        for reason, is_doubtful in doubts.items():
+            result = doubted(result, is_doubtful, reason)
+    seen_if = sites_seen if stress else None
+    result_map = _struck(structure, seen_if, result, impactor, law, laws, duration)
     if stretch is not False:
-        struck = _stretched(structure, seen, struck, stretch)
+        result_map = _stretched(structure, sites_seen, result_map, stretch)
     if not with_law:
-        struck = replace(struck, law_error=_law_error(structure, struck))
+        result_map = replace(result_map, law_error=_law_error(structure, result_map))
     thickness = structure.plausibility.get("thickness")
-    on_root(structure.comm, partial(_tell_doubts, struck))
-    on_root(structure.comm, partial(_tell_deflection, struck, thickness, stretch))
-    return struck
+    on_root(structure.comm, partial(_tell_doubts, result_map))
+    on_root(structure.comm, partial(_tell_deflection, result_map, thickness, stretch))
+    return result_map
 
 
 def on_plane(structure: Structure, impactor: LinearBody | None, contact: AnyLaw) -> ContactLaw:
@@ -400,11 +400,11 @@ def _refined(
     counts = [elastic_count(static, n) for static in statics]
     refined = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
     for i, static, count, (modes, remainder) in zip(worst, statics, counts, refined, strict=True):
-        known = lumped(structure, static, modes)
-        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
+        lumped_modes = lumped(structure, static, modes)
+        elastic = oscillators(lumped_modes, count, driving_point.UNOBSERVABLE)
         model = at_one_site(static, elastic, n)
         assert callable(remainder)  # there is a band, and no damper
-        bound, _ = error_bound(structure, known, remainder, elastic, band, model.omega)
+        bound, _ = error_bound(structure, lumped_modes, remainder, elastic, band, model.omega)
         if bound >= error[i]:
             continue
         size = len(model.m)
@@ -460,8 +460,8 @@ def _tell_deflection(
         return
     i = hardest(result, values=result.peak_deflection)
     assert result.peak_deflection is not None
-    beyond = beyond_linear if stretch is False else beyond_quartic
-    if sentence := beyond("structure", float(result.peak_deflection[i]), thickness):
+    warning_of = beyond_linear if stretch is False else beyond_quartic
+    if sentence := warning_of("structure", float(result.peak_deflection[i]), thickness):
         warn(f"a blow at {placed(result.points[i])}: {sentence}", AccuracyWarning)
 
 
@@ -475,7 +475,7 @@ def _struck(
     duration: float,
 ) -> ImpactMap:
     """The map with one impact at each site, shared among the ranks, and stresses if requested."""
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
     sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
@@ -501,13 +501,13 @@ def _struck(
     wall = Impact(Obstacle(), impactor, stiffest, duration)
     on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
-    struck = time.perf_counter()
-    seconds = {**result.info["seconds"], "impacts": struck - started}
+    impact_time = time.perf_counter()
+    seconds = {**result.info["seconds"], "impacts": impact_time - start_time}
     stresses = {}
     if stressed is not None:
         forces = [force for batch, _ in parts for force in batch.force]
         stresses = largest_stresses(structure, stressed, forces, duration)._asdict()
-        seconds["stresses"] = time.perf_counter() - struck
+        seconds["stresses"] = time.perf_counter() - impact_time
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
     return replace(
         result,
@@ -529,14 +529,14 @@ def _stretched(
     structure: Structure, sites: FreeSites, struck: ImpactMap, count: Count
 ) -> ImpactMap:
     """The map with second-order forces in those impacts whose deflection is large enough."""
-    started = time.perf_counter()
+    start_time = time.perf_counter()
     part = part_of(structure)
     flat = part.thickness is None or is_flat(part)
-    least = 0.0
+    threshold = 0.0
     if flat and part.thickness and count == "auto":
-        least = SLIGHT_DEFLECTION * part.thickness
+        threshold = SLIGHT_DEFLECTION * part.thickness
     assert struck.peak_deflection is not None
-    deep = np.flatnonzero(struck.peak_deflection > least)
+    deep = np.flatnonzero(struck.peak_deflection > threshold)
     if not deep.size:
         return struck
     if not sites.omega.all():
@@ -561,7 +561,7 @@ def _stretched(
             ready(number + 1)
     if notes:
         warn(f"{len(notes)} of {len(struck)} sites: {notes[0]}", AccuracyWarning)
-    seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - started}
+    seconds = {**struck.info["seconds"], "stretch": time.perf_counter() - start_time}
     return replace(
         struck, **arrays, stretched=stretched, info=MapInfo(**{**struck.info, "seconds": seconds})
     )
@@ -584,8 +584,8 @@ def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History
     assert struck.duration is not None
     free = len(forces.modes)
     combinations = candidates(body.omega[:free], body.b[:free, None], MOST)
-    turn = np.linalg.qr(forces.modes.T @ combinations)[0]
-    combined = replace(forces.turned(turn), count=forces.count)
+    rotation = np.linalg.qr(forces.modes.T @ combinations)[0]
+    combined = replace(forces.turned(rotation), count=forces.count)
     above = np.zeros((body.omega.size - free, combined.size))
     combined = replace(combined, modes=np.vstack([combined.modes, above]))
     radius = None if struck.radius is None else float(struck.radius[i])

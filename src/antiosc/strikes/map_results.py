@@ -143,7 +143,7 @@ class ImpactMap(Completed):
     def quantities(self) -> dict[str, Array]:
         """Every scalar of the map by name, as written to files: (P,) each."""
         first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
-        named = {
+        arrays = {
             "k0": self.models.k0,
             "m_st": self.models.m_st,
             "omega_1": first,
@@ -156,7 +156,7 @@ class ImpactMap(Completed):
             "peak_stress": self.peak_stress,
             "exposure": self.exposure,
         }
-        return {name: value for name, value in named.items() if value is not None}
+        return {name: value for name, value in arrays.items() if value is not None}
 
     def write(self, path: str | os.PathLike[str]) -> Path:
         """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
@@ -248,8 +248,8 @@ def doubts_text(impact_map: ImpactMap) -> str:
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
     number = int(impact_map.doubtful.sum())
     total = f"{number} doubtful site{'s' * (number != 1)}"
-    named = [f"{counts[i]} where {reasons[i]}" for i in np.argsort(-counts) if reasons[i]]
-    return f"{total}: {', '.join(named)}" if named else total
+    texts = [f"{counts[i]} where {reasons[i]}" for i in np.argsort(-counts) if reasons[i]]
+    return f"{total}: {', '.join(texts)}" if texts else total
 
 
 def doubts_remedy(impact_map: ImpactMap) -> str:

@@ -115,7 +115,7 @@ def _of_sites(
     run = list(motions(omega, b, np.zeros_like(b), site_forces, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
-    sought = [np.ones(len(modes.strength)), 1 / modes.strength]
+    scales = [np.ones(len(modes.strength)), 1 / modes.strength]
     results = []
     for i in range(len(site_forces)):
         columns[:, :, -1] = residual_stresses.modes[:, :, i]
@@ -123,13 +123,13 @@ def _of_sites(
         seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
         largest = _largest(columns, x[seldom])
         close = np.unique(
-            [k for w in sought for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
+            [k for w in scales for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
         )
         largest[close] = _largest(columns[close], x)
-        shares = largest * sought[1]
-        known = bool(np.isfinite(shares).any())
-        worst = int(np.nanargmax(shares) if known else largest.argmax())
-        share = float(shares[worst]) if known else np.nan
+        shares = largest * scales[1]
+        has_strength = bool(np.isfinite(shares).any())
+        worst = int(np.nanargmax(shares) if has_strength else largest.argmax())
+        share = float(shares[worst]) if has_strength else np.nan
         results.append((float(largest.max()), modes.points[worst], share))
     return results
 

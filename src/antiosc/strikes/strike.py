@@ -246,14 +246,14 @@ def struck(
         log.info("strike: %s", records[-1])
         reason = ""
         ratio = np.ones(0)
-        met = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
-        if not met:
+        meets_tol = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
+        if not meets_tol:
             reason = place.fixed or (
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
             )
             if not reason:
                 ratio, reason = _next(result, mesh, order, tol, limit, start_time, len(records))
-        if reason or met:
+        if reason or meets_tol:
             structure.drop_factor()
             return _finished(result, tol, asked, records, reason)
         n = next_n(result, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
@@ -486,9 +486,9 @@ def _next(
     meshes: int,
 ) -> tuple[Array, str]:
     """(ratio of new to old cell sizes, or the reason for no further mesh)."""
-    room = _room(answer.budget, tol)
-    resolved = all(bar.stretch and bar.mesh <= room[name] for name, bar in answer.budget.items())
-    if resolved or min(room.values()) < LEAST_ROOM * tol:
+    allowed = _room(answer.budget, tol)
+    resolved = all(bar.stretch and bar.mesh <= allowed[name] for name, bar in answer.budget.items())
+    if resolved or min(allowed.values()) < LEAST_ROOM * tol:
         return np.ones(0), (
             "A finer mesh does not help: the shares of time steps, patch and second-order forces "
             "take the tolerance alone; change the radius of the site."
@@ -497,7 +497,7 @@ def _next(
         return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
     usual_factor = _usual(answer)
     goal = min(
-        room[name] / (usual_factor * bar.mesh) for name, bar in answer.budget.items() if bar.mesh
+        allowed[name] / (usual_factor * bar.mesh) for name, bar in answer.budget.items() if bar.mesh
     )
     goal *= EAGER ** (meshes - 1)
     structure = answer.structure

@@ -175,15 +175,15 @@ class Tradeoff(Result):
         limit = checks.positive("seconds", seconds, "s")
         members = [member for member in self.table if member.seconds <= limit]
         if not members:
-            least = min(member.seconds for member in self.table)
-            raise InputError(f"no member takes at most {limit:.3g} s, the fastest {least:.3g} s.")
+            fastest = min(member.seconds for member in self.table)
+            raise InputError(f"no member takes at most {limit:.3g} s, the fastest {fastest:.3g} s.")
         return min(members, key=lambda one: one.bar)
 
     def _unmet(self, tol: float) -> str:
         """Why no member is as accurate as tol."""
-        least = min(member.bar for member in self.table)
+        best = min(member.bar for member in self.table)
         sentence = (
-            f"no member has a bar of at most {100 * tol:.3g} %, the least is {100 * least:.3g} %"
+            f"no member has a bar of at most {100 * tol:.3g} %, the least is {100 * best:.3g} %"
         )
         if tol < self.tol:
             return f"{sentence}: give tradeoff a tol of {tol:g} or less."
@@ -207,8 +207,8 @@ class Tradeoff(Result):
     def message(self) -> str:
         """The cheapest method within `tol`, or the smallest error bar if none is."""
         if self.status:
-            least = min(member.bar for member in self.table)
-            return f"The least bar is {100 * least:.3g} %, tol {100 * self.tol:.3g} %."
+            smallest_bar = min(member.bar for member in self.table)
+            return f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
         best = self.best(tol=self.tol)
         return (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
@@ -263,8 +263,8 @@ class Tradeoff(Result):
         if self.status == 0:
             best = [self.best(tol=self.tol)]
             ax.plot(*points(best, "bar"), "*", ms=12, label="best(tol)")
-        for other, marker in zip(self.others, OTHERS, strict=False):
-            ax.plot(*points([other], "difference"), marker, mfc="none", label=other.method)
+        for method, marker in zip(self.others, OTHERS, strict=False):
+            ax.plot(*points([method], "difference"), marker, mfc="none", label=method.method)
         if over == "seconds":
             ax.step(*points(self.front, "bar"), where="post", lw=0.8, label="front")
         few_log_ticks(ax)
@@ -320,9 +320,9 @@ def tradeoff(
     tol = checks.tolerance(tol)
     if compare is not None:
         compare = checks.positive("compare", compare, "s")
-    shared = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
-    run = partial(simulated, impactor, contact, duration, shared)
-    started = clock()
+    impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+    run = partial(simulated, impactor, contact, duration, impact_options)
+    start_time = clock()
     compiled = uncounted_seconds()
     meshes: list[Made] = []
     arguments = material, supports, order, limit
@@ -336,16 +336,16 @@ def tradeoff(
             report(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
 
         hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
-        fewer = _fewer(meshes, run, BRACKET * tol, started)
+        fewer = _fewer(meshes, run, BRACKET * tol, start_time)
         finest = meshes[-1]
-        members = [made for mesh in meshes for made in (*fewer[mesh], mesh)]
+        members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
         table = tuple(made.beside(finest) for made in members)
         compilation = uncounted_seconds() - compiled
         result = Tradeoff(table, tol, hit, compilation=compilation)
         if compare is None:
             return result
-        chosen = result.best(tol=tol) if result.status == 0 else table[-1]
-        base = members[table.index(chosen)]
+        best = result.best(tol=tol) if result.status == 0 else table[-1]
+        base = members[table.index(best)]
         answer = base.answer
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
         ran, notes = outcomes(blow, compare, report)
@@ -367,10 +367,10 @@ class Made:
         The bar of a coarse mesh of lines may be too small (0.59 % for a difference of 0.87 %): it
         becomes the sum of the difference and the bar of the finest.
         """
-        one = self.member
+        member = self.member
         apart = max(differences(finest.answer.hit, self.answer.hit).values())
-        bar = one.bar if apart <= one.bar else apart + finest.member.bar
-        return replace(one, difference=apart, bar=bar)
+        bar = member.bar if apart <= member.bar else apart + finest.member.bar
+        return replace(member, difference=apart, bar=bar)
 
     def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
         """The member of another method on the same mesh."""
@@ -399,11 +399,13 @@ def _fewer(
     """
     accuracy = accuracy_of_steps(tol)
     finest = meshes[-1].answer
-    most = WHOLE * meshes[-1].member.seconds
+    seconds_limit = WHOLE * meshes[-1].member.seconds
     fewer: dict[Made, list[Made]] = {}
 
     def too_long(seconds: float) -> bool:
-        return on_root(finest.structure.comm, lambda: clock() - start_time + seconds > most)
+        return on_root(
+            finest.structure.comm, lambda: clock() - start_time + seconds > seconds_limit
+        )
 
     for mesh in reversed(meshes):
         fewer[mesh] = []
@@ -427,10 +429,10 @@ def of_number(
 ) -> Answer:
     """The result with a given number of anti-oscillators, whatever the truncation error is."""
     structure.factorize()
-    started = clock() - structure.seconds["factorization"]
+    start_time = clock() - structure.seconds["factorization"]
     model = extract(structure, site, n=n, error="estimate")
     hit = second_order.simulated(structure, model, partial(run, error=accuracy))
-    return corrected(structure, hit, run, accuracy, n, started)
+    return corrected(structure, hit, run, accuracy, n, start_time)
 
 
 def _kept(structure: Structure) -> float:

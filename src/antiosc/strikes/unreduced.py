@@ -168,8 +168,8 @@ def _integrated(blow: Blow, A: Factorization) -> Curve:
 
 def _rates(h: float, new: Array, inertia_terms: Array, v: Array, a: Array) -> tuple[Array, Array]:
     """Velocity and acceleration at the end of a step."""
-    after = 4 / h**2 * new - inertia_terms
-    return v + h / 2 * (a + after), after
+    new_acceleration = 4 / h**2 * new - inertia_terms
+    return v + h / 2 * (a + new_acceleration), new_acceleration
 
 
 class _Contact:
@@ -215,8 +215,8 @@ class _Contact:
         """Begin a contact at the time within the step at which the bodies meet."""
         if self.closed:
             return
-        before = min(self.nodes[-1][2], 0.0)
-        speed = self.rate + before / (before - depth) * (rate - self.rate)
+        last_depth = min(self.nodes[-1][2], 0.0)
+        speed = self.rate + last_depth / (last_depth - depth) * (rate - self.rate)
         self.state = self.blow.law.touch(max(speed, 0.0), self.state)
 
 
@@ -244,9 +244,9 @@ def _peak(force: Array) -> float:
     k = int(np.argmax(force))
     if not 0 < k < len(force) - 1:
         return float(force[k])
-    before, peak, after = force[k - 1 : k + 2].tolist()
-    curvature = before - 2 * peak + after
-    slope = (after - before) / 2
+    last_force, peak, next_force = force[k - 1 : k + 2].tolist()
+    curvature = last_force - 2 * peak + next_force
+    slope = (next_force - last_force) / 2
     return float(peak - slope**2 / (2 * curvature)) if curvature else float(peak)
 
 

@@ -185,8 +185,8 @@ class Builder:
         for name, value in data.items():
             entry_place = (*place, name)
             if name not in known:
-                close = closest_name(name, known)
-                hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
+                similar = closest_name(name, known)
+                hint = f"; did you mean [{similar}], {known[similar].about}?" if similar else "."
                 fault = f"{f'[{label(place)}]' if place else 'a scene'} has no section"
                 known_names = f"There is {listed(known)}."
                 self.note(entry_place, f"{fault} {checks.shown(name)}{hint} {known_names}")
@@ -329,9 +329,13 @@ class Builder:
         key_place = (*place, key)
         if key in WITHHELD and key in inspect.signature(resolved(function)).parameters:
             self._wrong(key_place, f"{label(key_place)} has no place in a file: {WITHHELD[key]}.")
-        close = closest_name(key, known)
-        meaning = f": {known[close].about}" if close and known[close].about else ""
-        hint = f"; did you mean {close!r} ({words(known[close].kinds)}{meaning})?" if close else "."
+        similar = closest_name(key, known)
+        meaning = f": {known[similar].about}" if similar and known[similar].about else ""
+        hint = (
+            f"; did you mean {similar!r} ({words(known[similar].kinds)}{meaning})?"
+            if similar
+            else "."
+        )
         keys = f"It takes {listed(known)}." if known else "It takes no keys."
         self._wrong(key_place, f"{label(place)} has no key {checks.shown(key)}{hint} {keys}")
 
@@ -424,8 +428,8 @@ class Builder:
                 fault = "which is no regular file"
             elif path.parent.is_dir():
                 siblings = [sibling.name for sibling in islice(path.parent.iterdir(), 1000)]
-                close = closest_name(path.name, siblings, 0.7)
-                fault += f" (there is {close!r} in that folder)" if close else ""
+                similar = closest_name(path.name, siblings, 0.7)
+                fault += f" (there is {similar!r} in that folder)" if similar else ""
         except (OSError, ValueError):  # a name that no system takes
             pass
         sentence = f"{label(place)} names the file {checks.shown(value)}, {fault}"

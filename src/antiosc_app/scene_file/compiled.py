@@ -41,7 +41,7 @@ NEEDS = (
     ("surface", "matrices model frf"),
     ("probes", f"{MESHED} matrices"),
     ("probes stress", f"{_ONE} run"),
-    *(("sweep monte_carlo", other) for other in ("impactor", "simulate")),
+    *(("sweep monte_carlo", section) for section in ("impactor", "simulate")),
 )
 #: Sections, others beside which they have no place, and what to do.
 EXCLUDES = (

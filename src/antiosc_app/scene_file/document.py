@@ -287,17 +287,17 @@ def closest_name(name: str, known: Iterable[str], least: float = 0.5) -> str | N
     """
     lowered = {entry.lower(): entry for entry in known}
     synonym = SYNONYMS.get(name.lower(), "").lower()
-    close = [synonym] if synonym in lowered else []
-    close = close or difflib.get_close_matches(name.lower(), lowered, 1, least)
-    if close:
-        return lowered[close[0]]
+    matches = [synonym] if synonym in lowered else []
+    matches = matches or difflib.get_close_matches(name.lower(), lowered, 1, least)
+    if matches:
+        return lowered[matches[0]]
     return None
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
     """End of a sentence on an unknown name: "; did you mean 'E'?", or a full stop."""
-    close = closest_name(str(name), known)
-    return f"; did you mean {close!r}?" if close else "."
+    similar = closest_name(str(name), known)
+    return f"; did you mean {similar!r}?" if similar else "."
 
 
 def listed(names: Iterable[str]) -> str:

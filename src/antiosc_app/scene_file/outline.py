@@ -136,20 +136,20 @@ def _picture(compiled: CompiledScene, error: InputError) -> str:
 
 def outlines(compiled: CompiledScene) -> list[Outline]:
     """The outlines of all files that can be read."""
-    known = []
+    file_outlines = []
     for _, call in _meshes(compiled):
         with contextlib.suppress(AntioscError):
-            known.append(outline(call))
-    return known
+            file_outlines.append(outline(call))
+    return file_outlines
 
 
 def _check_points(compiled: CompiledScene, calls: list[Call], known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
         from antiosc.extension import placement
-    at = {} if compiled.structure is None else compiled.structure.arguments.get("at", {})
+    placements = {} if compiled.structure is None else compiled.structure.arguments.get("at", {})
     boxes = {
-        part: shape.placed(placement(part, at[part].made if part in at else None))
+        part: shape.placed(placement(part, placements[part].made if part in placements else None))
         for part, shape in known.items()
     }
     for call in calls:
@@ -256,8 +256,8 @@ def _group_references(calls: list[Call], part: str) -> Iterator[tuple[Place, str
         if of_part and isinstance(material, dict):
             start = call.place[:2] if part else ()
             yield from (((*start, "material", group), group) for group in material)
-        joined = ("a", "b", "group") if call.place[:1] == ("joints",) else ()
-        for key in (*KEYS, "face", *joined):
+        group_keys = ("a", "b", "group") if call.place[:1] == ("joints",) else ()
+        for key in (*KEYS, "face", *group_keys):
             value = call.arguments.get(key)
             for text in value if isinstance(value, tuple) else [value]:
                 if not isinstance(text, str) or (key == "face" and text[:1] in "+-"):

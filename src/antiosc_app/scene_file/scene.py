@@ -284,11 +284,11 @@ def _model(build: Builder, structure: Call | None) -> Call | None:
         return None
     if not build.data.get("sites"):
         build.note((name,), "the scene has no site: give [sites.NAME] with point and direction.")
-    several = len(build.part("sites")) > 1 or "contacts" in build.data
-    if several and "contacts" not in build.data and "simulate" in build.data:
+    has_sites = len(build.part("sites")) > 1 or "contacts" in build.data
+    if has_sites and "contacts" not in build.data and "simulate" in build.data:
         sentence = "[simulate] takes one site, and there are several: give [[contacts]] between"
         build.note(("sites",), f'{sentence} "structure:SITE" and [bodies.NAME].')
-    site = sites if several else next(iter(sites.values()), None)
+    site = sites if has_sites else next(iter(sites.values()), None)
     return build.table("extract", always=True, given={"structure": structure, "site": site})
 
 

@@ -249,8 +249,8 @@ def resolved(function: str) -> Any:
 
 def only_checks(function: str) -> bool:
     """Whether a call only checks and stores values, so that it can be made without a run."""
-    head = function.partition(".")[0]
-    return function in LIGHT or (inspect.isclass(resolved(head)) and head not in HEAVY)
+    class_name = function.partition(".")[0]
+    return function in LIGHT or (inspect.isclass(resolved(class_name)) and class_name not in HEAVY)
 
 
 def descriptions(call: object) -> dict[str, str]:

@@ -65,8 +65,8 @@ def lognormal(mean: float, variation: float) -> Any:
 
     mean = checks.positive("mean", mean)
     variation = checks.positive("variation", variation)
-    spread = np.sqrt(np.log1p(variation**2))
-    return lognorm(spread, scale=mean * np.exp(-(spread**2) / 2))
+    sigma = np.sqrt(np.log1p(variation**2))
+    return lognorm(sigma, scale=mean * np.exp(-(sigma**2) / 2))
 
 
 def uniform(low: float, high: float) -> Any:
@@ -220,11 +220,11 @@ def monte_carlo(
         )
     path = None if store is None else checks.new_file("store", store)
     rows = {} if path is None else _stored(path, inputs_drawn)
-    todo = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
-    chunk_size = max(TOGETHER, -(-len(todo) // PARTS))
-    chunks = [todo[k : k + chunk_size] for k in range(0, len(todo), chunk_size)]
+    open_runs = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
+    chunk_size = max(TOGETHER, -(-len(open_runs) // PARTS))
+    chunks = [open_runs[k : k + chunk_size] for k in range(0, len(open_runs), chunk_size)]
     arguments_of_chunks = [[_values(by_name, inputs_drawn, i) for i in part] for part in chunks]
-    with counting("runs", len(todo)) as report, _storing(path, inputs_drawn, rows) as keep:
+    with counting("runs", len(open_runs)) as report, _storing(path, inputs_drawn, rows) as keep:
         count = 0
         for k, chunk_rows in chunk_results(run, arguments_of_chunks, executor):
             part = dict(zip(chunks[k], chunk_rows, strict=True))

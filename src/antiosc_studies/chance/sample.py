@@ -274,9 +274,9 @@ def _groups(x: Array) -> Array:
     take 0.013 from an index of 0.44, √n bins 0.004. Indices of values have no order and are never
     merged.
     """
-    different, number = np.unique(x, return_inverse=True)
+    unique, number = np.unique(x, return_inverse=True)
     bins = max(2, round(len(x) ** 0.5))
-    if len(different) <= bins or x.dtype.kind == "i":
+    if len(unique) <= bins or x.dtype.kind == "i":
         return np.asarray(number)
     return np.asarray(np.argsort(np.argsort(x, kind="stable")) * bins // len(x))
 

@@ -50,8 +50,8 @@ class Corners:
         compliances = []
         for first in range(0, len(sites), TOGETHER):
             group = sites[first : first + TOGETHER]
-            fine = _free(part, _finer(simplices, group))
-            compliances.append(_compliance(fine, group) - _compliance(coarse, group))
+            fine_part = _free(part, _finer(simplices, group))
+            compliances.append(_compliance(fine_part, group) - _compliance(coarse, group))
         return np.concatenate(compliances)
 
     def _of(self, part: MeshedStructure) -> tuple[Mesh, Structure]:

@@ -299,14 +299,14 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     R = np.broadcast_to(start.R, (len(t), 3, 3))
     for _ in range(SWEEPS):
         spin_change = np.einsum("nab,nb->na", R @ body.inverse @ np.swapaxes(R, 1, 2), L) - frozen
-        turns = linear + half * (spin_change[:-1] + spin_change[1:])
-        R = np.concatenate((start.R[None], rotation_matrices(turns)))
+        rotations = linear + half * (spin_change[:-1] + spin_change[1:])
+        R = np.concatenate((start.R[None], rotation_matrices(rotations)))
         span = 1
         while span < len(R):  # products of the last 1, 2, 4, ... rotations
             R[span:] = R[span:] @ R[:-span]
             span *= 2
     return Path(
-        t, displacements, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(turns, axis=0)))
+        t, displacements, q, v, R, np.concatenate((np.zeros((1, 3)), np.cumsum(rotations, axis=0)))
     )
 
 
@@ -320,12 +320,12 @@ def on_path(
     of gaps over the largest depth, of loads over the largest contact loads.
     """
     body = touch.body
-    old = base.system
+    start_system = base.system
     previous = history.assembly.system
     span = base.spans[BODY]
     R = path.R
     displacement = path.q - path.q[0]
-    beta = old.beta[:, span]
+    beta = start_system.beta[:, span]
     W = touch.modes
     shapes = body.shapes[which]
     balls = body.balls[which, None]
@@ -336,8 +336,8 @@ def on_path(
     row_forces = forces(history.run, *locate(history.run, path.times))
     point_forces = np.zeros_like(arms)
     linear = row_forces @ beta
-    offsets = interpolated(path.times, old.breaks, old.offsets).copy()
-    for k, sides in enumerate(old.sides):
+    offsets = interpolated(path.times, start_system.breaks, start_system.offsets).copy()
+    for k, sides in enumerate(start_system.sides):
         for row, axis in ((k, 2), *zip(range(sides.start, sides.stop), range(2), strict=False)):
             point_forces[:, k, axis] = row_forces[:, row]
             offsets[:, row] += displacement @ beta[row] + point_motion[:, k, axis]
@@ -347,25 +347,27 @@ def on_path(
         z = _heights(touch, path)
         surface = body.layer_contact
         # the depth is free - gap; the part that is not the body's motion is the floor's
-        free = path.whole @ old.beta.T - row_forces @ old.R.T
-        ground = (path.whole - path.whole[0]) @ old.beta[0] - displacement @ old.beta[0, span]
-        deeper = ground - row_forces @ old.R[0]
+        free = path.whole @ start_system.beta.T - row_forces @ start_system.R.T
+        ground = (path.whole - path.whole[0]) @ start_system.beta[
+            0
+        ] - displacement @ start_system.beta[0, span]
+        floor_motion = ground - row_forces @ start_system.R[0]
         on_layer = np.flatnonzero(which >= surface.first)
         pieces = which[on_layer] - surface.first
-        volume, low, place = surface.pressed(pieces, R[:, 2], path.q[:, 6:], z - deeper)
+        volume, low, place = surface.pressed(pieces, R[:, 2], path.q[:, 6:], z - floor_motion)
         offsets[:, on_layer] = free[:, on_layer] - surface.depth(pieces, volume, low)
-        moving = place[..., 3:].reshape(len(R), len(on_layer), *shapes.shape[1:])
-        displaced = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], moving)
+        place_shapes = place[..., 3:].reshape(len(R), len(on_layer), *shapes.shape[1:])
+        displaced = place[..., :3] + np.einsum("nj,nkjd->nkd", path.q[:, 6:], place_shapes)
         arms[:, on_layer] = displaced @ np.swapaxes(R, 1, 2)
         bending += np.einsum(
-            "nkd,nkjd->nj", point_forces[:, on_layer] @ R, moving - shapes[on_layer]
+            "nkd,nkjd->nj", point_forces[:, on_layer] @ R, place_shapes - shapes[on_layer]
         )
         sliding = (
-            _displaced(R, path.q[:, 6:], displaced, moving)
+            _displaced(R, path.q[:, 6:], displaced, place_shapes)
             + (displacement[:, :6] @ W[:, :3])[:, None]
         )
         for k, piece in enumerate(on_layer.tolist()):
-            sides = old.sides[piece]
+            sides = start_system.sides[piece]
             correction = (sliding[:, k] - point_motion[:, piece])[:, : sides.stop - sides.start]
             offsets[:, sides] += correction
             gap_change[:, sides] += correction
@@ -376,7 +378,7 @@ def on_path(
         )
         gap_change[:, on_layer] *= largest / max(float(volume.sum(axis=1).max()), TINY)
     total = np.append(point_forces.sum(axis=1), np.cross(arms, point_forces).sum(axis=1), axis=1)
-    loads = interpolated(path.times, old.breaks, old.loads).copy()
+    loads = interpolated(path.times, start_system.breaks, start_system.loads).copy()
     loads[:, span] += linear + np.append(total @ W.T, bending, axis=1)
     change = 0.0
     for changed, size in (
@@ -385,7 +387,7 @@ def on_path(
     ):
         change = max(change, float(np.abs(changed).max()) / max(float(np.abs(size).max()), TINY))
     return replace(
-        base, system=replace(old, breaks=path.times, loads=loads, offsets=offsets)
+        base, system=replace(start_system, breaks=path.times, loads=loads, offsets=offsets)
     ), change
 
 
@@ -665,9 +667,9 @@ class Episode:
         middle = total[1:-1:2]
         last = total[2::2]
         slope = 4 * middle - 3 * first - last
-        bend = 2 * (first - 2 * middle + last)
-        peak_in_step = (slope > 0) & (slope < -2 * bend)
-        vertices = first[peak_in_step] - slope[peak_in_step] ** 2 / (4 * bend[peak_in_step])
+        curvature = 2 * (first - 2 * middle + last)
+        peak_in_step = (slope > 0) & (slope < -2 * curvature)
+        vertices = first[peak_in_step] - slope[peak_in_step] ** 2 / (4 * curvature[peak_in_step])
         return float(max(total.max(initial=0.0), vertices.max(initial=0.0)))
 
     def impulses(self) -> Array:
@@ -695,47 +697,47 @@ def episode(
     heights = start.heights(body, setting.floor.ground)
     if body.idle is not None:
         heights[body.idle] = np.inf
-    which = np.array([np.argmin(heights)])
-    base = scene_of(touch, setting, which, ongoing)
+    points = np.array([np.argmin(heights)])
+    base = scene_of(touch, setting, points, ongoing)
     time = base.contact_time_estimate
-    turns = TURNS
+    largest_turn = TURNS
     cuts = 0
     longest = min(LONGEST * LONG * time, GROWS * before)
     duration = min(LONG * time, longest)
     touched = _candidates(touch, heights, time, [*ongoing])
     while True:
-        if not np.array_equal(which, touched):
-            which = touched
-            base = scene_of(touch, setting, which, ongoing)
+        if not np.array_equal(points, touched):
+            points = touched
+            base = scene_of(touch, setting, points, ongoing)
         history = run_once(base, duration, SHARE * max(ROUGH, tol), {})
         share = 0.0
         if history.status:
             history, share = run(base, duration, tol)
-        end, touching = _end(touch, history, turns)
+        end, touching = _end(touch, history, largest_turn)
         if touching and end == history.time[-1] < longest and not history.status:
             duration = min(2 * duration, longest)
             continue
-        arguments = touch, which, base, duration, turns, tol
+        arguments = touch, points, base, duration, largest_turn, tol
         converged = _converged_on_path(*arguments, history, share)
-        rough = converged.change > NEAR * tol and cuts < CUTS
-        if not (share or rough or len(_untouched_point(touch, heights, converged.path, which))):
+        is_rough = converged.change > NEAR * tol and cuts < CUTS
+        if not (share or is_rough or len(_untouched_point(touch, heights, converged.path, points))):
             converged = _converged_on_path(*arguments, *run(converged.following, duration, tol))
         if converged.change > NEAR * tol and cuts < CUTS:
-            turns = turns / 2
+            largest_turn = largest_turn / 2
             cuts = cuts + 1
             duration = longest = converged.end / 2
             continue
-        sinking = _untouched_point(touch, heights, converged.path, which)
+        sinking = _untouched_point(touch, heights, converged.path, points)
         if not len(sinking):
             break
-        touched = np.append(which, sinking)
+        touched = np.append(points, sinking)
     history = converged.history
     path = converged.path
     end = converged.end
     touching = converged.touching
-    state, end_contacts = handed_over(touch, history, path, which)
+    state, end_contacts = handed_over(touch, history, path, points)
     in_layer = layer_energy(body, state, setting) if touching else 0.0
-    return Episode(touch, state, history, which, end_contacts if touching else {}, in_layer)
+    return Episode(touch, state, history, points, end_contacts if touching else {}, in_layer)
 
 
 class Followed(NamedTuple):
@@ -765,24 +767,24 @@ def _converged_on_path(
     With 0 the runs start coarse and become finer as their paths converge.
     """
     changes: list[float] = []
-    close, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))
+    path_tol, accuracy = (CLOSE * tol, tol) if share else (SWITCH * tol, max(ROUGH, tol))
     while True:
         end, touching = _end(touch, history, turns)
         path = path_of(touch, history, _times(touch.body, base, history, end, accuracy))
-        following, change = on_path(touch, which, base, history, path)
+        corrected, change = on_path(touch, which, base, history, path)
         changes.append(change)
-        if change <= close or _stalls(changes) or (history.status and not share):
-            return Followed(history, path, following, change, end, touching)
+        if change <= path_tol or _stalls(changes) or (history.status and not share):
+            return Followed(history, path, corrected, change, end, touching)
         if share and history.status:
-            history, share = run(following, duration, tol)
+            history, share = run(corrected, duration, tol)
         elif share:
             scale = float(history.run.force[:, : len(which)].max())
-            history = run_once(following, duration, share, history.error, scale)
+            history = run_once(corrected, duration, share, history.error, scale)
         else:
             if (finer := max(GAIN * change, tol)) <= accuracy / 2:
                 accuracy = finer
                 changes = []
-            history = run_once(following, duration, SHARE * accuracy, {})
+            history = run_once(corrected, duration, SHARE * accuracy, {})
 
 
 def _stalls(changes: list[float]) -> bool:
@@ -856,9 +858,9 @@ def _untouched_point(touch: Touch, heights: Array, path: Path, which: IntArray) 
     """
     body = touch.body
     vertical = path.R[:, 2]
-    rises = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
-    rises += path.q[:, 2:3] / np.sqrt(body.mass) + vertical @ body.points.T
-    lowest = heights + (rises - rises[0]).min(axis=0)
+    lifts = np.einsum("nd,vjd,nj->nv", vertical, body.shapes, path.q[:, 6:], optimize=True)
+    lifts += path.q[:, 2:3] / np.sqrt(body.mass) + vertical @ body.points.T
+    lowest = heights + (lifts - lifts[0]).min(axis=0)
     # what a contact presses in, points next to it may sink too; and all points between many
     deepest = min(float(lowest[which].min()), 0.0)
     has_contact = body.touching_as(which.tolist()) | (len(which) >= MOST + len(body.laws))

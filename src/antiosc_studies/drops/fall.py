@@ -304,11 +304,11 @@ class Fall(Trajectory, Result):
         """
         t, a = self.signal(at, impact, filter=filter)
         strongest = a[np.argmax(np.linalg.norm(a, axis=1))]
-        along = strongest if axis is None else checks.floats("axis", axis, (3,))
-        size = float(np.linalg.norm(along))
+        direction = strongest if axis is None else checks.floats("axis", axis, (3,))
+        size = float(np.linalg.norm(direction))
         if size == 0:
             raise InputError("axis must not be the zero vector.")
-        return srs(t, a @ along / size, frequencies, Q)
+        return srs(t, a @ direction / size, frequencies, Q)
 
     def velocity_change(self, at: At = None, impact: int = 0) -> float:
         """Magnitude of a point's velocity change over an impact, in its own axes [m/s]."""

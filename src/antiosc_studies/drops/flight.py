@@ -94,12 +94,12 @@ def _tumbling(I: Array, axes: Array, R: Array, momentum: Array) -> Callable[[Arr
         x = x / projected_length
         y = y / projected_length
         tilt = nutation * projected_length
-        along = third * dn
-        length = np.hypot(tilt, along)
+        momentum = third * dn
+        length = np.hypot(tilt, momentum)
         tilt = tilt / length
-        along = along / length
+        momentum = momentum / length
         zeros = 0.0 * x
-        rows = [[x * along, -y, x * tilt], [y * along, x, y * tilt], [-tilt, zeros, along]]
+        rows = [[x * momentum, -y, x * tilt], [y * momentum, x, y * tilt], [-tilt, zeros, momentum]]
         return np.moveaxis(np.array(rows), 2, 0), third_integral(am)
 
     first_frame, angle0 = frames_in_body(np.array([start]))
@@ -254,7 +254,7 @@ class Flight:
         the floor.
         """
         parted = self.start.heights(self.body, self.ground) <= TOUCH * self.body.extent
-        touches = (self._within(*near, parted) for near in self._near(until))
+        touches = (self._within(*interval, parted) for interval in self._near(until))
         return next((t for t in touches if t is not None), None)
 
     def _near(self, end: float) -> Iterator[tuple[float, float, IntArray]]:
@@ -266,12 +266,12 @@ class Flight:
         spin = float(np.linalg.norm(self.start.spin(body)))
         reach = float(np.linalg.norm(body.points, axis=1).max(initial=0.0))
         # between two samples the height deviates from a straight line by at most a'' h^2/8
-        bend = self.gravity + 4 * spin**2 * reach
+        acceleration = self.gravity + 4 * spin**2 * reach
         # a deviation of TURN^2 times the size is harmless
-        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / bend))
+        h = max(TURN / spin if spin > 0 else end, TURN * np.sqrt(8 * body.extent / acceleration))
         count = int(np.clip(np.ceil(end / h), 1, MOST_SAMPLES))
         edges = np.linspace(0.0, end, count + 1)
-        slack = bend * (edges[1] - edges[0]) ** 2 / 8
+        slack = acceleration * (edges[1] - edges[0]) ** 2 / 8
         for first in range(0, count, AT_ONCE):
             t = edges[first : first + AT_ONCE + 1]
             rigid_heights = self._rigid(t, self.orientation(t)[:, 2], points)
@@ -287,15 +287,15 @@ class Flight:
         `parted` marks points that have not left the floor since they parted; it is updated.
         """
         count = max(int(np.ceil((end - start) * SAMPLES * self._fastest(start) / (2 * np.pi))), 2)
-        close = TOUCH * self.body.extent
+        tolerance = TOUCH * self.body.extent
         for first in range(0, count, AT_ONCE_ELASTIC):
             last = min(first + AT_ONCE_ELASTIC, count)
             t = start + (end - start) * np.arange(first, last + 1) / count
             h = self.heights(t, which)
             # a point that has parted is free to touch once it has left the floor
-            free = np.logical_or.accumulate(h > close, axis=0) | ~parted[which]
+            free = np.logical_or.accumulate(h > tolerance, axis=0) | ~parted[which]
             falls = (h[1:] < 0) & (h[:-1] >= 0) & free[:-1]
-            sinks = ~free[:-1] & (h[1:] < h[:-1]) & (h[1:] < -close)
+            sinks = ~free[:-1] & (h[1:] < h[:-1]) & (h[1:] < -tolerance)
             parted[which[free[-1]]] = False
             touching = np.flatnonzero((falls | sinks).any(axis=1))
             if len(touching):

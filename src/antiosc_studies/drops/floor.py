@@ -149,16 +149,16 @@ def as_floor(floor: object) -> Floor:
         return floor
     if floor is None:
         return Floor()
-    how = "Floor(steel), with steel = Solid(E=210e9, nu=0.3, rho=7850.0)"
+    example = "Floor(steel), with steel = Solid(E=210e9, nu=0.3, rho=7850.0)"
     if callable(getattr(floor, "constants", None)):
-        how = "Floor(material)"
+        example = "Floor(material)"
     elif isinstance(floor, SoftLayer):
-        how = "Floor(layer=...)"
+        example = "Floor(layer=...)"
     elif isinstance(floor, ContactLaw):
-        how = "Floor(law=...)"
+        example = "Floor(law=...)"
     elif callable(getattr(floor, "modal", None)):
-        how = "Floor(model=...)"
-    raise InputError(f"floor must be a Floor; write {how}; got {checks.shown(floor)}.")
+        example = "Floor(model=...)"
+    raise InputError(f"floor must be a Floor; write {example}; got {checks.shown(floor)}.")
 
 
 @dataclass(frozen=True, eq=False)

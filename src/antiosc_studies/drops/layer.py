@@ -113,15 +113,15 @@ def _refined(places: Array, triangles: IntArray, size: float) -> tuple[Array, In
     while True:
         x = places[triangles, :3]
         sides = np.linalg.norm(np.roll(x, -1, axis=1) - x, axis=2)
-        long = sides.max(axis=1) > size
-        if not long.any():
+        is_long = sides.max(axis=1) > size
+        if not is_long.any():
             return places, triangles
-        first = sides[long].argmax(axis=1)[:, None]
-        a, b, c = np.take_along_axis(triangles[long], (first + np.arange(3)) % 3, axis=1).T
+        first = sides[is_long].argmax(axis=1)[:, None]
+        a, b, c = np.take_along_axis(triangles[is_long], (first + np.arange(3)) % 3, axis=1).T
         m = len(places) + np.arange(len(a))
         places = np.vstack((places, (places[a] + places[b]) / 2))
         halves = np.column_stack((a, m, c)), np.column_stack((m, b, c))
-        triangles = np.vstack((triangles[~long], *halves))
+        triangles = np.vstack((triangles[~is_long], *halves))
 
 
 def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
@@ -129,16 +129,16 @@ def _pieces(centres: Array, areas: Array, size: float) -> IntArray:
     weights = np.linalg.norm(areas, axis=1)
     normals = areas / weights[:, None]
     number = np.zeros(len(areas), dtype=int)
-    todo = [np.arange(len(areas))]
+    stack = [np.arange(len(areas))]
     count = 0
-    while todo:
-        piece = todo.pop()
+    while stack:
+        piece = stack.pop()
         w = weights[piece, None]
         for values, limit in ((normals[piece], BENT), (centres[piece], size)):
             deviations = values - (w * values).sum(axis=0) / w.sum()
             principal_axis = deviations @ np.linalg.eigh((w * deviations).T @ deviations)[1][:, -1]
             if np.ptp(principal_axis) > limit:
-                todo += [piece[principal_axis < 0], piece[principal_axis >= 0]]
+                stack += [piece[principal_axis < 0], piece[principal_axis >= 0]]
                 break
         else:
             number[piece] = count

@@ -58,8 +58,8 @@ class LayerContact:
         mass over the floor [m]; lean : least projected share of the area of each triangle.
         """
         if not len(pieces):
-            none = np.zeros((len(z), 0))
-            return none, none, np.zeros((len(z), 0, self.places.shape[1]))
+            no_pieces = np.zeros((len(z), 0))
+            return no_pieces, no_pieces, np.zeros((len(z), 0, self.places.shape[1]))
         counts = np.diff(self.bounds)[pieces]
         starts = np.cumsum(counts) - counts
         rows_of_pieces = np.repeat(self.bounds[pieces] - starts, counts) + np.arange(counts.sum())
@@ -108,14 +108,14 @@ def below(h: Array) -> Array:
     lowest = p.min(axis=1)
     submerged = np.flatnonzero(lowest >= 0)
     integrals[submerged] = (p[submerged].sum(axis=1, keepdims=True) + p[submerged]) / 12
-    cut = np.flatnonzero((lowest < 0) & (p.max(axis=1) > 0))
-    order = np.argsort(-p[cut], axis=1)
-    p = np.take_along_axis(p[cut], order, axis=1)  # descending
+    crossed = np.flatnonzero((lowest < 0) & (p.max(axis=1) > 0))
+    order = np.argsort(-p[crossed], axis=1)
+    p = np.take_along_axis(p[crossed], order, axis=1)  # descending
     one_corner = p[:, 1] <= 0
     part = np.where(one_corner[:, None], 0.0, (p.sum(axis=1, keepdims=True) + p) / 12)
     part[~one_corner] += _tip(-p[~one_corner][:, ::-1])[:, ::-1]
     part[one_corner] = _tip(p[one_corner])
-    integrals[cut[:, None], order] = np.maximum(part, 0.0)
+    integrals[crossed[:, None], order] = np.maximum(part, 0.0)
     return integrals.reshape(h.shape)
 
 

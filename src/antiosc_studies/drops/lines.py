@@ -92,7 +92,7 @@ def _with_cylinder(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody
     laws = {
         int(i): Tabulated(law[0], share * law[1]) for i, share in zip(stations, shares, strict=True)
     }
-    idle = np.zeros(first, dtype=bool) if body.idle is None else body.idle
+    is_idle = np.zeros(first, dtype=bool) if body.idle is None else body.idle
     station_data = shapes[0], np.zeros((3, 3)), np.full(2, cylinder.radius)
     ones = np.ones(STATIONS)
     return replace(
@@ -106,7 +106,7 @@ def _with_cylinder(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody
         facing=None if body.facing is None else np.vstack((body.facing, np.zeros((STATIONS, 3)))),
         stations=(*body.stations, stations),
         laws=body.laws | laws,
-        idle=np.append(idle, ones > 0),
+        idle=np.append(is_idle, ones > 0),
         _placed=body._placed | {int(i): station_data for i in stations},
     )
 
@@ -129,18 +129,18 @@ def landing(body: FreeBody, start: State) -> FreeBody:
     if not body.stations or body.idle is None:
         return body
     vertical = start.R[2]
-    idle = body.idle.copy()
+    is_idle = body.idle.copy()
     shapes = body.shapes.copy()
     site_cache = dict(body._placed)
     for cylinder, stations in zip(body.cylinders, body.stations, strict=True):
         if cylinder.lands(vertical):
-            idle[stations] = False
-            idle[cylinder.members] = True
+            is_idle[stations] = False
+            is_idle[cylinder.members] = True
             shapes[stations] = cylinder.shapes_at(vertical)
             no_compliance = np.zeros((3, 3))
             radii = np.full(2, cylinder.radius)
             site_cache |= {int(i): (shapes[i], no_compliance, radii) for i in stations}
-    return replace(body, idle=idle, shapes=shapes, _placed=site_cache)
+    return replace(body, idle=is_idle, shapes=shapes, _placed=site_cache)
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
@@ -224,7 +224,7 @@ def _cylinder(
         axis = axis + rotation
         radius = radius + growth
         axis = axis / np.linalg.norm(axis)
-    down, spread = _arc(radial[fit], axis)
+    down, half_angle = _arc(radial[fit], axis)
     material = skin.materials[at]
     centre = middle - body.centre
     if np.isnan(material).any():
@@ -240,7 +240,7 @@ def _cylinder(
         radius=radius,
         length=surface.length,
         down=down,
-        spread=spread,
+        spread=half_angle,
         compliance=0.0,
         material=material,
         members=np.flatnonzero(on_cylinder[body_points]),
@@ -295,12 +295,12 @@ def _compliance(body: FreeBody, cylinder: Cylinder) -> float:
     assert body.basis is not None
     radius = max(PATCH * cylinder.radius, cylinder.length / (2 * PATCHES))
     count = max(2, round(cylinder.length / (2 * radius)))
-    along = ((np.arange(count) + 0.5) / count - 0.5) * cylinder.length
+    positions = ((np.arange(count) + 0.5) / count - 0.5) * cylinder.length
     places = (
         body.centre
         + cylinder.centre
         + cylinder.radius * cylinder.down
-        + np.outer(along, cylinder.axis)
+        + np.outer(positions, cylinder.axis)
     )
     inward = tuple((-cylinder.down).tolist())
     sites = [Site(tuple(x), inward, radius, snap=True) for x in places.tolist()]
@@ -313,7 +313,7 @@ def _compliance(body: FreeBody, cylinder: Cylinder) -> float:
     modes = float(np.sum(displacements**2 / (body.omega**2 + structure.shift)))
     total = float(b @ y - rigid @ rigid / structure.shift)
     E, nu = cylinder.material.tolist()
-    distances = np.abs(along[:, None] - along)
+    distances = np.abs(positions[:, None] - positions)
     np.fill_diagonal(distances, inf)
     patches = sum(load.local_compliance for load in loads) / count**2
     half_space = float((1 / distances).sum()) * (1 - nu**2) / (pi * E * count**2)

@@ -128,11 +128,11 @@ def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path
         axes.set_title(f"{times[k]:.4f} s", fontsize=10)
         return []
 
-    moving = animation.FuncAnimation(figure, draw_frame, len(times))
+    film = animation.FuncAnimation(figure, draw_frame, len(times))
     kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
     with files.atomic_file(target, "the film") as part:
         picture = part.with_name(f"{part.name}{target.suffix}")
-        moving.save(str(picture), writer=kind, fps=RATE)
+        film.save(str(picture), writer=kind, fps=RATE)
         picture.replace(part)
     return target
 

@@ -98,8 +98,8 @@ class MapSurface:
         neighbours = neighbours[self.directions[neighbours] @ self.directions[site] > SAME_SIDE][
             :count
         ]
-        spread = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
-        axes = np.linalg.svd(spread, full_matrices=False)[2][: self.dimension]
+        offsets = self.points[neighbours[: min(9, len(neighbours))]] - self.points[site]
+        axes = np.linalg.svd(offsets, full_matrices=False)[2][: self.dimension]
         return Chart(
             place, axes, neighbours, (self.points[neighbours] - place) @ axes.T / size, size
         )
@@ -128,9 +128,9 @@ def _feet(x: Array, corners: Array) -> Array:
     feet = []
     for i, j in edges:
         a = corners[:, i]
-        along = corners[:, j] - corners[:, i]
-        t = np.einsum("td,td->t", x - a, along) / np.einsum("td,td->t", along, along)
-        feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * along)
+        sides = corners[:, j] - corners[:, i]
+        t = np.einsum("td,td->t", x - a, sides) / np.einsum("td,td->t", sides, sides)
+        feet.append(a + np.clip(t, 0.0, 1.0)[:, None] * sides)
     edge_feet = np.array(feet)
     distances = np.linalg.norm(edge_feet - x, axis=2)
     best = edge_feet[np.argmin(distances, axis=0), np.arange(len(corners))]

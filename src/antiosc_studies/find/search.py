@@ -106,10 +106,10 @@ def _update_best(
     gain = A**2 / np.maximum(E, np.finfo(float).tiny)
     lag = np.argmax(gain, axis=1)
     row = np.arange(len(b))
-    better = gain[row, lag] > best[0]
+    improves = gain[row, lag] > best[0]
     amplitude = A[row, lag] / np.maximum(E[row, lag], np.finfo(float).tiny)
     new = np.array([gain[row, lag], np.full(len(b), tau), lag, amplitude])
-    best[:, better] = new[:, better]
+    best[:, improves] = new[:, improves]
 
 
 def pulse_responses(lam: Array, tau: float, t: Array) -> list[Array]:
@@ -228,12 +228,12 @@ class Search:
 
             rows = factor[:, None] * J
             scaled_residual = factor * residual
-            better, damping = lowered(
+            lowered_step, damping = lowered(
                 rows.T @ rows, rows.T @ scaled_residual, scaled_residual, damping, moved
             )
-            if better is None:
+            if lowered_step is None:
                 break
-            trial, new = better
+            trial, new = lowered_step
             contact_time_estimate = float(
                 np.clip(
                     computed.hit.contact_time,
@@ -287,7 +287,7 @@ class Search:
         columns = []
         gains = []
 
-        def changed(other: Blow, at: Array, change: float) -> None:
+        def add_difference(other: Blow, at: Array, change: float) -> None:
             new = model.seen(other, at)
             columns.append((new.signals - computed.signals).ravel() / change)
             gains.append((strength(new.hit) - strength(computed.hit)) / change)
@@ -295,12 +295,12 @@ class Search:
         for i in range(len(chart.axes)):
             x = np.zeros(len(chart.axes))
             x[i] = CHANGE_PLACE
-            changed(blow, model.modes_at(chart, x), CHANGE_PLACE)
+            add_difference(blow, model.modes_at(chart, x), CHANGE_PLACE)
         for name in self.logs:
             change = CHANGE_FREQUENCY if name == "E" else CHANGE
             value = {name: getattr(blow, name) * float(np.exp(change))}
-            changed(replace(blow, **value), site_data, change)
-        changed(
+            add_difference(replace(blow, **value), site_data, change)
+        add_difference(
             replace(blow, start=blow.start + CHANGE * blow.contact_time_estimate), site_data, CHANGE
         )
         n, m, J = computed.parts.shape

@@ -445,9 +445,11 @@ def _goal_function(
     # where a contact changes, a sample's slopes before and after differ: it counts for both sides
     zero_forces = np.zeros(2 * n + 1)
     h = np.diff(record.edges)
-    bends = np.unique(run.exits[:, 0].astype(int))
-    bends = bends[(bends > 0) & (bends < n)]
-    zero_forces[2 * bends] = h[bends - 1] / np.maximum(h[bends - 1] + h[bends], TINY)
+    branch_steps = np.unique(run.exits[:, 0].astype(int))
+    branch_steps = branch_steps[(branch_steps > 0) & (branch_steps < n)]
+    zero_forces[2 * branch_steps] = h[branch_steps - 1] / np.maximum(
+        h[branch_steps - 1] + h[branch_steps], TINY
+    )
     for k in np.flatnonzero(weights.any(axis=1)).tolist():
         for place, share in (
             ((int(step[k]), float(u[k]), 0), 1 - zero_forces[k]),

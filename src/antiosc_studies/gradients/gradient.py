@@ -316,7 +316,7 @@ def _part_derivatives(
 
         change_by = {name: partial(change, name) for name in chains}
         of_body = dict(zip(change_by, by_part(list(change_by.values()), part), strict=True))
-        return [of_body.get(which, {}) for which in range(len(derivatives))]
+        return [of_body.get(k, {}) for k in range(len(derivatives))]
     checks.function("part", part, "a Structure, or a function of x that builds one", 1)
     if x is None:
         raise InputError("part is a function of x: give the x at which the run was made.")
@@ -380,10 +380,10 @@ def _law_derivatives(law: ContactLaw, by: Array) -> Values:
 def _by_field(law: ContactLaw, name: str) -> Array:
     """Derivatives of a law's leading parameters by one of its fields."""
     value = getattr(law, name)
-    room = {"restitution": min(value, 1 - value), "exponent": value - 1}.get(name, value)
+    margin = {"restitution": min(value, 1 - value), "exponent": value - 1}.get(name, value)
     # at the end of its range a parameter changes to one side
-    change = CHANGE * room or (-CHANGE if name == "restitution" and value else CHANGE)
-    low = value - change if room > 0 else value
+    change = CHANGE * margin or (-CHANGE if name == "restitution" and value else CHANGE)
+    low = value - change if margin > 0 else value
     high = value + change
     ends = [leading(replace(law, **{name: end})) for end in (low, high)]  # type: ignore[type-var]
     return (ends[1] - ends[0]) / (high - low)

@@ -254,14 +254,16 @@ def recurrence(model: AntiOscillators, part: Structure) -> Ends | None:
         return None
 
     def ends(lower: Structure, upper: Structure) -> list[AntiOscillators]:
-        moves = [
+        differences = [
             (b - a) / 2
             for a, b in zip(_projected(shapes, lower), _projected(shapes, upper), strict=True)
         ]
         local = (_local(model, upper) - _local(model, lower)) / 2
         return [
             model_of(
-                ByMatrices(*(x + sign * move for x, move in zip(reduced, moves, strict=True))),
+                ByMatrices(
+                    *(x + sign * move for x, move in zip(reduced, differences, strict=True))
+                ),
                 model.local_compliance + sign * local,
             )
             for sign in (-SHRUNK, SHRUNK)
@@ -282,7 +284,7 @@ def by_part(changes: Sequence[Slope], part: Structure) -> list[Values]:
         )
     refuse_prestress(part, "a gradient by the numbers of a part")
     mesh, materials, options = part.made_of
-    several = isinstance(materials, Mapping)
+    is_grouped = isinstance(materials, Mapping)
     groups = dict(materials) if isinstance(materials, Mapping) else {"": materials}
     derivatives: list[Values] = [{} for _ in changes]
     for group, material in groups.items():
@@ -291,12 +293,12 @@ def by_part(changes: Sequence[Slope], part: Structure) -> list[Values]:
             for sign in (-1, 1):
                 changed_materials = {**groups, group: varied(sign)}
                 with without_warnings():
-                    varied_materials = changed_materials if several else changed_materials[""]
+                    varied_materials = changed_materials if is_grouped else changed_materials[""]
                     ends.append(Structure(mesh, varied_materials, part.supports, **options))
             for values, change in zip(derivatives, changes, strict=True):
                 slope = change(ends[0], ends[1]) / step
-                of_material = values.setdefault(name, {}) if several else values
-                key = group if several else name
+                of_material = values.setdefault(name, {}) if is_grouped else values
+                key = group if is_grouped else name
                 layered = hasattr(material, "layers")
                 of_material[key] = np.append(of_material.get(key, ()), slope) if layered else slope
     return derivatives
@@ -333,8 +335,8 @@ def _varied(
 
 def values_of(material: Any) -> dict[str, Any]:
     """The numbers of a material, a section or a layer on which K and M depend, by name."""
-    idle = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
-    names = {item.name for item in fields(material) if item.init} - idle
+    unused_names = IDLE if getattr(material, "plane", "") is not None else IDLE | {"thickness"}
+    names = {item.name for item in fields(material) if item.init} - unused_names
     return {name: getattr(material, name) for name in sorted(names)}
 
 
@@ -483,8 +485,8 @@ def design_map(
         changes, chain_of_part.by, chain_of_part.reduced, strict=True
     ):
         if change:
-            shares, turn = _principal(by_reduced, reduced)
-            vectors = chain_of_part.shapes @ turn
+            shares, combination = _principal(by_reduced, reduced)
+            vectors = chain_of_part.shapes @ combination
             relative += compat.quadratic(change, meshed.form.space, vectors, shares, DEGREE)
     if by == "E" and chain_of_part.by_local:
         relative += _patch_share(meshed, chain_of_part, relative.size)

@@ -49,15 +49,15 @@ def _derived(record: Recorded, goal_seeds: Seeds) -> Taken:
     places, weights = goal_seeds.arrays(2 * record.system.omega.size + len(record.system.beta))
     weights = first_order_weights(record, weights)
     s = record.system.marched
-    slopes, grazing, answer = adjoint.gradient(
+    slopes, grazing, status = adjoint.gradient(
         s, record.run, record.states(), places, weights, goal_seeds.force, goal_seeds.time
     )
-    if answer == library.TOO_MANY_STEPS:
+    if status == library.TOO_MANY_STEPS:
         raise NotDifferentiableError(
             "a contact lasts so long that its steps pass over the vibrations of the bodies, of"
             " which no derivatives are known: give simulate a step."
         )
-    if answer != library.DONE or not grazing > GRAZING:
+    if status != library.DONE or not grazing > GRAZING:
         raise NotDifferentiableError(
             f"a contact grazes: it touches or parts at {max(grazing, 0.0):.1g} of the"
             f" fastest speed, and the goal has no derivative there; change an input slightly."

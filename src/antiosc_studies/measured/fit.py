@@ -66,8 +66,8 @@ def starting_poles(w: Array, H: ComplexArray) -> ComplexArray:
     if len(w) > 11:
         level = savgol_filter(level, 5, 2)
     peaks, _ = find_peaks(level, prominence=max(PROMINENCE, OVER_NOISE * noise))
-    spare = max(LEAST_SPARE, int(SPARE * len(peaks)))
-    positions = np.append(w[peaks], np.linspace(w[0], w[-1], spare + 2)[1:-1])
+    spare_count = max(LEAST_SPARE, int(SPARE * len(peaks)))
+    positions = np.append(w[peaks], np.linspace(w[0], w[-1], spare_count + 2)[1:-1])
     return np.sort(positions) * (1j - FIRST_DAMPING)
 
 
@@ -96,10 +96,12 @@ def _triangular(A: Array) -> Array:
 
 def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray) -> ComplexArray:
     """The zeros of sigma in the left half-plane; of conjugate pairs only the upper one."""
-    real = a.imag == 0
+    is_real = a.imag == 0
     first = 1 / (s[:, None] - a)
     second = 1 / (s[:, None] - a.conj())
-    basis = np.hstack([np.where(real, first, first + second), (1j * (first - second))[:, ~real]])
+    basis = np.hstack(
+        [np.where(is_real, first, first + second), (1j * (first - second))[:, ~is_real]]
+    )
     ones = np.ones((len(s), 1))
     with_rest = np.hstack([basis, ones, 1 / s[:, None] ** 2])
     sigma = np.hstack([basis, ones])
@@ -117,7 +119,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     if abs(c[-1]) < 1e-8:
         c[-1] = 1e-8 if c[-1] >= 0 else -1e-8
     n = len(a)
-    pairs = np.flatnonzero(~real)
+    pairs = np.flatnonzero(~is_real)
     # real form of diag(a) - b c': a pair holds the real and imaginary parts of its state
     state = np.zeros((n + len(pairs), n + len(pairs)))
     state[np.arange(n), np.arange(n)] = a.real
@@ -125,7 +127,7 @@ def _relocated(s: ComplexArray, H: ComplexArray, weight: Array, a: ComplexArray)
     state[low, low] = a.real[pairs]
     state[pairs, low] = a.imag[pairs]
     state[low, pairs] = -a.imag[pairs]
-    drive = np.append(np.where(real, 1.0, 2.0), np.zeros(len(pairs)))
+    drive = np.append(np.where(is_real, 1.0, 2.0), np.zeros(len(pairs)))
     zeros = np.linalg.eigvals(state - np.outer(drive, c[:-1]) / c[-1])
     zeros = -np.abs(zeros.real) + 1j * zeros.imag
     flat = np.abs(zeros.imag) < 1e-12 * np.abs(zeros)
@@ -204,11 +206,11 @@ def refined(
     for _ in range(steps):
         equations = _equations(data, weight, modes, residual)
         limits = _limits(modes, top)
-        better, damping = lowered(*equations, residual, damping, trial_step, limits)
-        if better is None:
+        lowered_step, damping = lowered(*equations, residual, damping, trial_step, limits)
+        if lowered_step is None:
             break
-        gain = float(residual @ residual - better[1] @ better[1])
-        modes, residual = better
+        gain = float(residual @ residual - lowered_step[1] @ lowered_step[1])
+        modes, residual = lowered_step
         if gain < CONVERGED:
             break
     lines = 2 * data.H.size
@@ -580,9 +582,9 @@ def _first(
     omega, zeta = poles(data.w, data.H, weight)
     low = data.w[0] * (1 - BEYOND)
     top = data.w[-1] * (1 + BEYOND)
-    real = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
-    omega = omega[real]
-    zeta = zeta[real]
+    in_band = (omega > low) & (omega < top) & (zeta < MOST_DAMPED) & (zeta > LEAST_DAMPED)
+    omega = omega[in_band]
+    zeta = zeta[in_band]
     high_poles = data.w[-1] * np.array([1.2, 1.6, 2.5])
     D = factors(
         data.w, np.append(omega, high_poles), np.append(zeta, np.full(3, TYPICAL)), hysteretic
@@ -642,10 +644,8 @@ def _significant(modes: FittedModes, spreads: Array) -> BoolArray:
     """Mask of the modes in the band that move some site significantly."""
     displacement = modes.b[: modes.seen]
     first = len(modes.omega) + modes.seen
-    spread = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(
-        displacement.shape
-    )
-    return np.asarray(np.any(np.abs(displacement) > SIGNIFICANCE * spread, axis=1))
+    sigma = np.sqrt(np.diag(spreads)[first : first + displacement.size]).reshape(displacement.shape)
+    return np.asarray(np.any(np.abs(displacement) > SIGNIFICANCE * sigma, axis=1))
 
 
 def _added(data: Measured, weight: Array, modes: FittedModes, most: int) -> FittedModes | None:

@@ -195,8 +195,10 @@ def _driving(measured: list[Function]) -> End:
     names = sorted(
         {_in_words(e) for function in measured for e in (function.response, function.reference)}
     )
-    several = "no driving point" if not ends else f"{len(ends)} driving points"
-    raise InputError(f"the file has {several}; give site= one of {checks.shown(', '.join(names))}.")
+    count_text = "no driving point" if not ends else f"{len(ends)} driving points"
+    raise InputError(
+        f"the file has {count_text}; give site= one of {checks.shown(', '.join(names))}."
+    )
 
 
 def _in_words(end: End) -> str:
@@ -424,8 +426,8 @@ def _frf_of_columns(
     if "values" in array_names:
         values = checks.spectrum("values", arrays["values"]).astype(complex)
     elif {"real", "imag"} <= array_names:
-        real = checks.floats("real", arrays["real"], None)
-        values = real + 1j * checks.floats("imag", arrays["imag"], real.shape)
+        real_part = checks.floats("real", arrays["real"], None)
+        values = real_part + 1j * checks.floats("imag", arrays["imag"], real_part.shape)
     elif {"magnitude", "phase"} <= array_names:
         phase = checks.floats("phase", arrays["phase"], None)
         magnitude = checks.floats("magnitude", arrays["magnitude"], phase.shape)

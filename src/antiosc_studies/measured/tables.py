@@ -140,8 +140,8 @@ def columns(path: Path, default: list[str]) -> list[Column]:
         kinds_before = [kind for kind, _, _ in lines[0]]
         fits = len(kinds_before) == len(header_cells) and any(kinds_before) and len(lines) == 2
         kinds = kinds_before if fits else names
-        bare = [_bare(name) for _, name, _ in header_cells]
-        header_cells = [(kind, unit, unit) for kind, unit in zip(kinds, bare, strict=False)]
+        unit_names = [_bare(name) for _, name, _ in header_cells]
+        header_cells = [(kind, unit, unit) for kind, unit in zip(kinds, unit_names, strict=False)]
         names_columns = True
     else:
         names_columns = any(kind for kind, _, _ in header_cells) or not (default or any(units))
@@ -265,5 +265,5 @@ def _bare(name: str) -> str:
 
 def _is_unit(name: str) -> bool:
     """Whether a cell is only a unit."""
-    bare = _bare(name)
-    return bare != name or any(_is_known(kind, bare) for kind in _BARE)
+    unit_name = _bare(name)
+    return unit_name != name or any(_is_known(kind, unit_name) for kind in _BARE)

@@ -240,10 +240,10 @@ class ReducedLaw(ContactLaw):
         law = self.law
         low = delta
         share = 2 / 3 * LARGEST_SHARE  # of the depth beyond the origin
-        room = share / (1 - share) * max(delta - law.origin(state), 0.0)
-        high = delta + room
+        margin = share / (1 - share) * max(delta - law.origin(state), 0.0)
+        high = delta + margin
         for _ in range(100):
-            middle = delta + min(self.compliance * law.force(low, rate, state), room)
+            middle = delta + min(self.compliance * law.force(low, rate, state), margin)
             by_delta = self.compliance * law.tangent(low, rate, state)[0]
             step = (middle - low) / (1 - by_delta) if by_delta < 1 else high - low
             new = min(low + step, high)

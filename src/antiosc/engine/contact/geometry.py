@@ -61,8 +61,8 @@ def relative_of_curvatures(
     total = sum(first) + sum(second)
     c1 = first[0] - first[1]
     c2 = second[0] - second[1]
-    spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
-    return (total - spread) / 4, (total + spread) / 4
+    difference = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
+    return (total - difference) / 4, (total + difference) / 4
 
 
 def hertz_stiffness(E_star: float, A: float, B: float) -> float:
@@ -109,9 +109,9 @@ def _ellipse(ratio: float) -> tuple[float, float, float]:
     integrals = 1.0, 1.0, 1.0
     for _ in range(50):
         integrals = m1, D, K = _integrals(exp(y))
-        rises = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
-        slope = 1.5 - K * (rises - D) / (1 - m1) / (2 * D * rises)
-        step = (log(rises / D) - log_ratio) / slope
+        slope_of_K = (K - D) / m1  # twice dK/dm, m = 1 - m1; 2 m dD/dm = rises - D
+        slope = 1.5 - K * (slope_of_K - D) / (1 - m1) / (2 * D * slope_of_K)
+        step = (log(slope_of_K / D) - log_ratio) / slope
         if abs(step) <= SETTLED:
             break
         y += step
@@ -137,8 +137,8 @@ def _integrals(m1: float) -> tuple[float, float, float]:
 
 
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
-    several = isinstance(radii, list | tuple) or (isinstance(radii, np.ndarray) and radii.ndim)
-    pair = tuple(radii) if several else (radii, radii)  # type: ignore[arg-type]
+    is_pair = isinstance(radii, list | tuple) or (isinstance(radii, np.ndarray) and radii.ndim)
+    pair = tuple(radii) if is_pair else (radii, radii)  # type: ignore[arg-type]
     if len(pair) != 2:
         raise InputError(
             f"{name} must be one radius or a pair of principal radii; got {checks.shown(radii)}."

@@ -35,10 +35,10 @@ def hertz_stresses(force: float, radius: float, nu: float, r: Array, z: Array) -
     share = np.sqrt(squared)
     of_angle = (1 + nu) * np.sqrt(u) / a * np.arctan2(a, np.sqrt(u))
     of_depth = u * (1 - nu) / (a**2 + u)
-    spread = (1 - 2 * nu) / 3 * (a / r) ** 2 * (1 - share**3)
+    lateral = (1 - 2 * nu) / 3 * (a / r) ** 2 * (1 - share**3)
     along = a**2 / (u + a**2 * squared)
-    rr = spread + share**3 * along + share * (of_depth + of_angle - 2)
-    tt = -spread - share * (2 * nu + of_depth - of_angle)
+    rr = lateral + share**3 * along + share * (of_depth + of_angle - 2)
+    tt = -lateral - share * (2 * nu + of_depth - of_angle)
     rz = -r * squared / (u + a**2 * squared) * a**2 * np.sqrt(u) / (a**2 + u)
     return 1.5 * force / (pi * a**2) * np.stack([rr, tt, -(share**3) * along, rz])
 

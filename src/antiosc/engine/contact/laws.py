@@ -355,10 +355,12 @@ def yield_factor(nu: float) -> float:
     s = 0.48  # depth over the contact radius
 
     for _ in range(6):  # Newton on the slope of the stress along the axis
-        room = 1 + s * s
-        slope = (1 + nu) * (atan(1 / s) - s / room) - 3 * s / room**2
-        bend = -2 * (1 + nu) / room**2 - 3 / room**2 + 12 * s * s / room**3
-        s -= slope / bend
+        denominator = 1 + s * s
+        slope = (1 + nu) * (atan(1 / s) - s / denominator) - 3 * s / denominator**2
+        second_slope = (
+            -2 * (1 + nu) / denominator**2 - 3 / denominator**2 + 12 * s * s / denominator**3
+        )
+        s -= slope / second_slope
     return 1 / (1.5 / (1 + s * s) - (1 + nu) * (1 - s * atan(1 / s)))
 
 
@@ -617,8 +619,8 @@ class Tabulated(Hysteretic):
             Fu = Fu / Fu[-1]
         first = _knots(x, F)
         second = _knots(xu, Fu)
-        head = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
-        self._parameters = [*head, *first, *second]
+        header = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
+        self._parameters = [*header, *first, *second]
         if unloading is not None:
             self._check_loss(x)
 

@@ -37,7 +37,7 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     rate = mean_strain_rate(law, depth, contact_time)
     other_laws = other_strengths(law, soft, peak, rate)
     peaks = [_force(other_law, _depth(other_law, "work", work)) for other_law in other_laws]
-    by_strength = max((abs(changed / peak - 1) for changed in peaks), default=0.0)
+    by_strength = max((abs(peak_k / peak - 1) for peak_k in peaks), default=0.0)
     by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
     return elastic + by_error + by_strength
 

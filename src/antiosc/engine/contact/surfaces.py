@@ -62,8 +62,8 @@ class Matter:
         low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:
             return low, high
-        D, q, *grows = self.rate
-        static = grows[0] if grows else slow_strength
+        D, q, *rate_strength = self.rate
+        static = rate_strength[0] if rate_strength else slow_strength
         return low, max(high, static * (1 + (strain_rate / D) ** (1 / q)))
 
 

@@ -150,8 +150,8 @@ def eliminate(
         ),
         shape=(n, n),
     )
-    marked = fixed.copy()
-    marked[involved[dependent]] = True
+    is_fixed = fixed.copy()
+    is_fixed[involved[dependent]] = True
     particular = None
     if prescribed is not None:
         particular = np.zeros((n, values.shape[1]))
@@ -159,7 +159,7 @@ def eliminate(
     if basis is not None:
         T = (basis @ T).tocsr()
         particular = None if particular is None else basis @ particular
-    return Eliminated(T, marked, redundant, basis, particular)
+    return Eliminated(T, is_fixed, redundant, basis, particular)
 
 
 def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
@@ -259,8 +259,8 @@ def _blocks(system: _System, remaining: IntArray) -> tuple[Sparse, IntArray, lis
         parts.append(solved)
         pivots.append(pivot_dofs)
         for joint, spanning in redundant_rows:
-            before, times = by_joint.get(joint, (set(), 0))
-            by_joint[joint] = before | spanning, times + 1
+            earlier, times = by_joint.get(joint, (set(), 0))
+            by_joint[joint] = earlier | spanning, times + 1
     redundant = []
     for joint, (spanning, times) in sorted(by_joint.items()):
         names = [system.labels[k] for k in sorted(spanning) if system.labels[k]]
@@ -304,8 +304,8 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
         [solved / scale[dependent], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
     )
     values = solved * scale[pivots][:, None]
-    used = np.append(columns[dependent], prescribed_columns)
-    indices = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
+    used_columns = np.append(columns[dependent], prescribed_columns)
+    indices = np.repeat(np.arange(rank), len(used_columns)), np.tile(used_columns, rank)
     result = scipy.sparse.csr_matrix((values.ravel(), indices), shape=(rank, C.shape[1]))
     return result, columns[pivots], dependent_rows
 
@@ -334,8 +334,8 @@ def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, s
             independent_rows.append(k)
             continue
         weights = scipy.linalg.solve_triangular(upper[:count, :count], share)
-        used = owner[np.array(independent_rows)[np.abs(weights) > DEPENDENT]]
-        dependent_rows.append((int(owner[k]), {int(joint) for joint in used}))
+        owners = owner[np.array(independent_rows)[np.abs(weights) > DEPENDENT]]
+        dependent_rows.append((int(owner[k]), {int(joint) for joint in owners}))
     return np.array(independent_rows, dtype=int), dependent_rows
 
 
@@ -586,8 +586,10 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         body_k = bodies[k]
         if body_k.name in layout.points:
             raise InputError(f"the reference point {body_k.name!r} is joined to nothing.")
-        several = sum(body.name == body_k.name for body in bodies) > 1
-        body_text = f"a piece at {point_text(body_k.centre)} of the part" if several else "the part"
+        has_pieces = sum(body.name == body_k.name for body in bodies) > 1
+        body_text = (
+            f"a piece at {point_text(body_k.centre)} of the part" if has_pieces else "the part"
+        )
         raise InputError(
             f"{body_text} {body_k.name!r} is joined to nothing else: add a joint, or leave it out."
         )

@@ -106,21 +106,21 @@ def free_motions(
 
     Returns (rigid motions of the whole (n, r), mechanisms (n, m), the bodies that move in them).
     """
-    together = whole_body(layout).motions
-    together = together[:, np.abs(together).max(axis=0) > 0]
+    rigid_motions = whole_body(layout).motions
+    rigid_motions = rigid_motions[:, np.abs(rigid_motions).max(axis=0) > 0]
     rows = _rows(constraints, fixed, scale)
-    rigid = together @ _null_space(rows @ together)
+    rigid = rigid_motions @ _null_space(rows @ rigid_motions)
     bodies = unjoined_bodies(layout)
     if len(bodies) == 1:
         return rigid, np.zeros((layout.count, 0)), []
     N = _motions_of(bodies, layout.count)
     mechanisms = _excluding_rigid(N @ _null_space(rows @ N), rigid)
-    moving = [
+    moving_bodies = [
         body
         for body in bodies
         if mechanisms.shape[1] and np.abs(mechanisms[body.rows]).max() > STILL
     ]
-    return rigid, mechanisms, moving
+    return rigid, mechanisms, moving_bodies
 
 
 def _motions_of(bodies: Sequence[RigidDofs], size: int) -> Sparse:
@@ -209,12 +209,14 @@ def modes_of(
     comm = local.comm
     modes = orthonormal(comm, M, motions)
     if modes.shape[1] < motions.shape[1]:
-        values, turn = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
-        idle = eliminated.T @ local.whole(motions @ turn[:, values <= IDLE_MASS * values[-1]])
-        points = [body for body in moving if np.abs(idle[body.rows]).max() > STILL]
+        values, rotation = np.linalg.eigh(dot(comm, motions, multiply(M, motions)))
+        massless_motions = eliminated.T @ local.whole(
+            motions @ rotation[:, values <= IDLE_MASS * values[-1]]
+        )
+        points = [body for body in moving if np.abs(massless_motions[body.rows]).max() > STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "
-            f"{_in_words(idle, points)}; join it, support it, or give it a mass."
+            f"{_in_words(massless_motions, points)}; join it, support it, or give it a mass."
         )
     if not modes.shape[1]:
         return modes, 0.0
@@ -248,12 +250,12 @@ def _force_ratio(share: Share, u: Array, motions: Array, least: float) -> float:
 
     Motions whose rows in the part, `motions` (rows, k), are below `least` count as rounding.
     """
-    moves = np.abs(motions).max(axis=0) > least
-    if not moves.any():
+    is_moving = np.abs(motions).max(axis=0) > least
+    if not is_moving.any():
         return 0.0
-    moving = u[share.rows][:, moves]
+    moving_rows = u[share.rows][:, is_moving]
     K = share.part.K
-    return float(force_ratios(K, moving, multiply(K, moving)).max())
+    return float(force_ratios(K, moving_rows, multiply(K, moving_rows)).max())
 
 
 def warn_of_motions(
@@ -317,8 +319,8 @@ class Added:
             (stiffness, partial(Dissipation, G, name=stiffness.name, point=stiffness.point))
             for stiffness, G in terms
         ]
-        found = [term(stiffness.c) for stiffness, term in spring_terms if stiffness.c is not None]
-        return found + [
+        springs = [term(stiffness.c) for stiffness, term in spring_terms if stiffness.c is not None]
+        return springs + [
             term(k, t) for stiffness, term in spring_terms for k, t in stiffness.branches
         ]
 
@@ -412,11 +414,11 @@ class AssembledMatrices(StructureMatrices):
         direction = floats("direction", direction, (3,))
         if self.layout.condensed:  # their sites do not tell all of their mass
             return None
-        moving = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
+        translation = self.places.rigid_motions(np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
             of_parts = np.zeros(self.layout.count)
-            load = self.added.inertial_loads(moving[:, None])[0][:, 0]
+            load = self.added.inertial_loads(translation[:, None])[0][:, 0]
             for member in self.layout.members.values():
                 local_direction = member.at.rotation.T @ direction
                 of_parts[member.rows] = member.part.uniform_inertia(local_direction)
@@ -596,9 +598,9 @@ def _projected(local: Shares, eliminated: Eliminated, K: Sparse, added: Sparse) 
     dofs = np.flatnonzero(~unchanged)
     rows = np.flatnonzero(~unchanged[local.rows])
     forces = local.added((K[rows].T @ eliminated.T[local.rows][rows]).tocsr())  # K symmetric
-    across = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
+    coupling = (scipy.sparse.diags(unchanged.astype(float)) @ forces).tocsr()
     projected = (eliminated.T[dofs].T @ forces[dofs]).tocsr()
-    small = (across + across.T + (projected + projected.T) / 2 + added).tocsr()
+    small = (coupling + coupling.T + (projected + projected.T) / 2 + added).tocsr()
     small.sum_duplicates()
     for row in rows:
         K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0

@@ -81,8 +81,8 @@ class Bolt(Between):
         y /= np.linalg.norm(y)
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
-        turn = scipy.sparse.block_diag([R] * 4, format="csr")
-        G = (turn @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
+        rotation = scipy.sparse.block_diag([R] * 4, format="csr")
+        G = (rotation @ scipy.sparse.vstack([end_motion.six for end_motion in ends])).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]
 
@@ -190,7 +190,7 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
             L * (-(s**2) + s**3 - phi / 2 * (s - s**2)),
         ]
     )
-    turn = factor * np.stack(
+    rotation = factor * np.stack(
         [
             6 / L * (-s + s**2),
             1 - 4 * s + 3 * s**2 + phi * (1 - s),
@@ -200,5 +200,7 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
     )
     rho_A = beam.rho * beam.section.A
     rho_I = beam.rotary_inertia(I)
-    m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum("iq,jq,q->ij", turn, turn, w)
+    m = rho_A * np.einsum("iq,jq,q->ij", v, v, w) + rho_I * np.einsum(
+        "iq,jq,q->ij", rotation, rotation, w
+    )
     return k, m

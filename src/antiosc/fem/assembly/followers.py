@@ -145,8 +145,8 @@ def _undetermined(member: Member, nodes: IntArray, leader: EndMotion) -> list[Ro
     arm = member.nodes[nodes] - leader.point
     J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
     values, axes = np.linalg.eigh(J)
-    idle = axes[:, values <= COLLINEAR * values[-1]].T
-    return [Rows.free((scipy.sparse.csr_matrix(idle) @ leader.rotations).tocsr(), "")]
+    free_axes = axes[:, values <= COLLINEAR * values[-1]].T
+    return [Rows.free((scipy.sparse.csr_matrix(free_axes) @ leader.rotations).tocsr(), "")]
 
 
 def _rows_of(projection: Array) -> Array:

@@ -249,25 +249,30 @@ def _superelement_motion(
         raise InputError(f"the part {member.name!r} has no site or node {end_text(end)}; {sites}.")
     interface_of_end = member.part.ends[name]
     R = member.at.rotation
-    moves, turns = (
+    translations, rotations = (
         R @ interface_of_end.space[span, span] @ R.T for span in (slice(3), slice(3, 6))
     )
     required = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not allow_partial and np.abs(required - required @ moves @ required).max() > MISSING_SHARE:
+    if (
+        not allow_partial
+        and np.abs(required - required @ translations @ required).max() > MISSING_SHARE
+    ):
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    six = interface(member, interface_of_end, layout.count)
-    space = scipy.linalg.block_diag(moves, turns)
-    return EndMotion(six, space, member.at.placed(interface_of_end.point[None])[0])
+    functionals = interface(member, interface_of_end, layout.count)
+    space = scipy.linalg.block_diag(translations, rotations)
+    return EndMotion(functionals, space, member.at.placed(interface_of_end.point[None])[0])
 
 
 def _node_motion(layout: Layout, member: Member, nodes: IntArray) -> EndMotion:
     """The motion of a part's single node."""
-    six = stacked(*(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return EndMotion(six, _space(layout, member), member.nodes[nodes[0]])
+    functionals = stacked(
+        *(layout.at_nodes(member, nodes, kind) for kind in (DISPLACEMENTS, ROTATIONS))
+    )
+    return EndMotion(functionals, _space(layout, member), member.nodes[nodes[0]])
 
 
 def _point_motion(
@@ -286,21 +291,23 @@ def _point_motion(
     if radius is not None:
         return mean(layout, member, _points_around(member, end, place, radius)).at(place)
     location = member, nearest.cell, nearest.X
-    six = stacked(*(layout.at_points(*location, kind) for kind in (DISPLACEMENTS, ROTATIONS)))
-    return EndMotion(six, _space(layout, member), place)
+    functionals = stacked(
+        *(layout.at_points(*location, kind) for kind in (DISPLACEMENTS, ROTATIONS))
+    )
+    return EndMotion(functionals, _space(layout, member), place)
 
 
 def _points_around(member: Member, end: End, place: Array, radius: float) -> WeightedPoints:
     """Quadrature points within `radius` of a point on the faces, sheets or lines of a part."""
     faces = member.part.faces
     centre = member.at.own(place[None])[0]
-    close = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
-    points = quadrature(member.part.mesh, faces.dim, faces.facets[close], CUT_DEGREE)
+    near = np.linalg.norm(faces.centres - centre, axis=1) <= faces.radii + radius
+    points = quadrature(member.part.mesh, faces.dim, faces.facets[near], CUT_DEGREE)
     in_radius = np.flatnonzero(np.linalg.norm(points.x - centre, axis=1) <= radius)
     if len(in_radius) < CUT_POINTS:
         raise InputError(
             f"the elements at {end_text(end)} are too large for this radius, up to "
-            f"{2 * faces.radii[close].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
+            f"{2 * faces.radii[near].max(initial=0.0):.3g} m: refine the mesh there, or enlarge "
             "the radius."
         )
     selected = WeightedPoints(*(getattr(points, f.name)[in_radius] for f in fields(WeightedPoints)))
@@ -333,16 +340,16 @@ def mean(layout: Layout, member: Member, points: WeightedPoints) -> EndMotion:
         np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :],
     )
     values, axes = np.linalg.eigh(layout.rotations @ J @ layout.rotations)
-    good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
-    inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+    is_regular = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
+    inverse = axes[:, is_regular] @ np.diag(1 / values[is_regular]) @ axes[:, is_regular].T
     rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
-    turns = axes[:, good] @ axes[:, good].T
-    undetermined = _space(layout, member)[3:, 3:] @ (np.eye(3) - turns)
+    projection = axes[:, is_regular] @ axes[:, is_regular].T
+    undetermined = _space(layout, member)[3:, 3:] @ (np.eye(3) - projection)
     if np.abs(undetermined).max() > 1e-9:
         of_nodes = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
         rotations = (rotations + scipy.sparse.csr_matrix(undetermined) @ of_nodes).tocsr()
-        turns = turns + undetermined
-    space = scipy.linalg.block_diag(np.eye(3), turns)
+        projection = projection + undetermined
+    space = scipy.linalg.block_diag(np.eye(3), projection)
     return EndMotion(stacked(displacements, rotations), space, centre)
 
 
@@ -446,11 +453,11 @@ class Stiffness:
         if self.rigid is not None:
             basis, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(basis[:, self.rigid.shape[1] :].T)
-        used = np.flatnonzero(np.diff(self.G.indptr))
-        values, vectors = np.linalg.eigh(self.k[np.ix_(used, used)])
+        nonzero_rows = np.flatnonzero(np.diff(self.G.indptr))
+        values, vectors = np.linalg.eigh(self.k[np.ix_(nonzero_rows, nonzero_rows)])
         vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
         strains = np.zeros((vectors.shape[1], len(self.k)))
-        strains[:, used] = vectors.T
+        strains[:, nonzero_rows] = vectors.T
         return strains
 
 

@@ -139,7 +139,7 @@ class Layout:
         axes = np.vstack([np.eye(3), np.eye(3)])
         if self.plane:
             axes[[2, 3, 4]] = 0.0
-        six = DofPlaces(
+        point_places = DofPlaces(
             x,
             np.repeat(np.arange(len(x)), POINT_DOFS),
             np.tile(axes, (len(x), 1)),
@@ -148,7 +148,7 @@ class Layout:
         members = self.members.values()
         condensed = self.condensed.values()
         of_parts = [*(part.places for part in members), *(part.places for part in condensed)]
-        return DofPlaces.joined([*of_parts, six])
+        return DofPlaces.joined([*of_parts, point_places])
 
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
@@ -235,9 +235,9 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
         sheet = next(name for name, flat_part in plane.items() if flat_part)
-        deep = next(name for name, flat_part in plane.items() if not flat_part)
+        other = next(name for name, flat_part in plane.items() if not flat_part)
         raise InputError(
-            f"the part {sheet!r} is plane (it moves along x and y) and the part {deep!r} moves in "
+            f"the part {sheet!r} is plane (it moves along x and y) and the part {other!r} moves in "
             "space: an assembly has parts of one sort; read the mesh with gdim=3."
         )
     flat = any(plane.values())
@@ -294,7 +294,7 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
     coupling = pattern @ pattern.T
     _, label = scipy.sparse.csgraph.connected_components(coupling, directed=False)
     entries: list[tuple[IntArray, IntArray, Array]] = []
-    changed = np.zeros(on_free.shape[1], dtype=bool)
+    is_changed = np.zeros(on_free.shape[1], dtype=bool)
     for k in np.unique(label):
         rows = on_free[dense[label == k]]
         columns = np.unique(rows.indices)
@@ -303,11 +303,11 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Spa
             columns = columns[~in_sparse_row[columns]]
         if rows.shape[0] > MOST_SHARING or len(columns) <= DENSE_ROW:
             continue
-        changed[columns] = True
+        is_changed[columns] = True
         entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))
     if not entries:
         return None
-    unchanged = np.flatnonzero(~changed)
+    unchanged = np.flatnonzero(~is_changed)
     row, column, value = (np.concatenate(arrays) for arrays in zip(*entries, strict=True))
     value = np.concatenate([value, np.ones(len(unchanged))])
     indices = np.concatenate([row, unchanged]), np.concatenate([column, unchanged])

@@ -37,8 +37,8 @@ class Facets(Entities):
     def normals(self) -> Array:
         """Unit normals (F, 3) of faces, unit tangents of edges, at the middle."""
         _, J = self.at(np.arange(len(self)), self.middle)
-        across = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
-        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+        raw_normals = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
+        return np.asarray(raw_normals / np.linalg.norm(raw_normals, axis=1, keepdims=True))
 
     @cached_property
     def outward(self) -> Array | None:
@@ -145,15 +145,15 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
         second.centres, second.radii + first.radii.max() + gap, first.centres
     )[::-1]
     reach = first.radii[first_faces] + second.radii[second_faces] + gap
-    close = (
+    in_reach = (
         np.linalg.norm(first.centres[first_faces] - second.centres[second_faces], axis=1) <= reach
     )
     facing = (
         np.abs(np.einsum("nd,nd->n", first.normals[first_faces], second.normals[second_faces]))
         > FACING
     )
-    first_faces = first_faces[close & facing]
-    second_faces = second_faces[close & facing]
+    first_faces = first_faces[in_reach & facing]
+    second_faces = second_faces[in_reach & facing]
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:
         pair, points, weight = _face_overlap(first, second, first_faces, second_faces, degree)
@@ -266,19 +266,19 @@ def _face_overlap(
         a = polygon[:, 0]
         b = polygon[:, k]
         c = polygon[:, k + 1]
-        twice = _cross(b - a, c - a)
-        overlapping = np.flatnonzero((count > k + 1) & (twice > LEAST_OVERLAP * area))
+        doubled_area = _cross(b - a, c - a)
+        overlapping = np.flatnonzero((count > k + 1) & (doubled_area > LEAST_OVERLAP * area))
         u = xi[:, 0]
         v = xi[:, 1]
-        at = (
+        parameters = (
             a[overlapping, None]
             + u[None, :, None] * (b - a)[overlapping, None]
             + v[None, :, None] * (c - a)[overlapping, None]
         )
-        x = centre[overlapping, None] + np.einsum("nqa,nad->nqd", at, axes[overlapping])
+        x = centre[overlapping, None] + np.einsum("nqa,nad->nqd", parameters, axes[overlapping])
         pairs.append(np.repeat(overlapping, len(w)))
         points.append(x.reshape(-1, 3))
-        weights.append((twice[overlapping, None] * np.asarray(w)).ravel())
+        weights.append((doubled_area[overlapping, None] * np.asarray(w)).ravel())
     if not pairs:
         return np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros(0)
     return np.concatenate(pairs), np.vstack(points), np.concatenate(weights)
@@ -299,18 +299,20 @@ def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
         start = windows[:, k]
         end = windows[:, (k + 1) % windows.shape[1]]
         index = np.arange(max_corners)
-        real = index < count[:, None]
+        is_vertex_row = index < count[:, None]
         previous_vertex = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
         previous_points = np.take_along_axis(vertices, previous_vertex[..., None], axis=1)
         edge = (end - start)[:, None]
         side = _cross(edge, vertices - start[:, None])
         other_side = _cross(edge, previous_points - start[:, None])
-        crossing = real & ((side >= 0) != (other_side >= 0))
+        crossing = is_vertex_row & ((side >= 0) != (other_side >= 0))
         step = other_side - side
         share = np.divide(other_side, step, out=np.zeros_like(step), where=step != 0)
-        cut = previous_points + share[..., None] * (vertices - previous_points)
-        candidates = np.stack([cut, vertices], axis=2).reshape(n, 2 * max_corners, 2)
-        is_vertex = np.stack([crossing, real & (side >= 0)], axis=2).reshape(n, 2 * max_corners)
+        crossings = previous_points + share[..., None] * (vertices - previous_points)
+        candidates = np.stack([crossings, vertices], axis=2).reshape(n, 2 * max_corners, 2)
+        is_vertex = np.stack([crossing, is_vertex_row & (side >= 0)], axis=2).reshape(
+            n, 2 * max_corners
+        )
         order = np.argsort(~is_vertex, axis=1, kind="stable")[:, :max_corners]
         vertices = np.take_along_axis(candidates, order[..., None], axis=1)
         count = np.minimum(is_vertex.sum(axis=1), max_corners)

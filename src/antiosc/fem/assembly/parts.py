@@ -150,11 +150,11 @@ def model_superelement(name: str, model: AntiOscillators) -> Superelement:
     ends = {}
     for k, (site, site_columns) in enumerate(model.columns.items()):
         d = model.direction[list(site_columns)]
-        six = np.zeros((6, size))
+        functionals = np.zeros((6, size))
         space = np.zeros((6, 6))
-        six[:3, :count], space[:3, :3] = d.T @ dependence[list(site_columns)], d.T @ d
+        functionals[:3, :count], space[:3, :3] = d.T @ dependence[list(site_columns)], d.T @ d
         patch = model.radius[k], float(model.local_compliance[k])
-        ends[site] = Interface(np.array(points[site]), six, space, *patch)
+        ends[site] = Interface(np.array(points[site]), functionals, space, *patch)
     no_supports = np.zeros(size, dtype=bool), np.zeros((size, 0))
     places = DofPlaces(positions, np.arange(size), axes, kind)
     superelement = Superelement(reduced.K, reduced.M, places, ends, *no_supports)
@@ -185,11 +185,11 @@ def matrix_superelement(name: str, matrices: NodalMatrices) -> Superelement:
     ends = {}
     for number in np.unique(node[places.kind != AMPLITUDE]):
         at_node = node == number
-        six = np.vstack(
+        functionals = np.vstack(
             [np.where(at_node & (places.kind == kind), places.axes.T, 0.0) for kind in (MOVE, TURN)]
         )
-        space = np.diag(six.any(axis=1).astype(float))
-        ends[str(number)] = Interface(matrices.map.points[at_node][0], six, space)
+        space = np.diag(functionals.any(axis=1).astype(float))
+        ends[str(number)] = Interface(matrices.map.points[at_node][0], functionals, space)
     fixed = np.zeros(size, dtype=bool)
     fixed[matrices.fixed] = True
     C = None if matrices.C is None else _dense(matrices.C)
@@ -221,9 +221,9 @@ def _without_rigid_strain(name: str, superelement: Superelement, why: str) -> Su
     scale = np.sqrt(np.maximum(K.diagonal(), np.finfo(float).tiny))
     forces = (K @ basis) / scale[:, None]
     sizes = np.linalg.norm(basis * scale[:, None], axis=0).max(initial=1.0)
-    _, strain, turn = np.linalg.svd(forces, full_matrices=False)
-    strain = np.concatenate([strain, np.zeros(len(turn) - len(strain))])
-    rigid = np.linalg.qr(basis @ turn[strain <= STIFFNESS_ROUNDING * sizes].T)[0]
+    _, strain, rotation = np.linalg.svd(forces, full_matrices=False)
+    strain = np.concatenate([strain, np.zeros(len(rotation) - len(strain))])
+    rigid = np.linalg.qr(basis @ rotation[strain <= STIFFNESS_ROUNDING * sizes].T)[0]
     stiffness = np.linalg.eigvalsh(K / np.outer(scale, scale))
     null = int(np.sum(stiffness <= ZERO_STIFFNESS * stiffness[-1]))
     if null != rigid.shape[1]:
@@ -377,8 +377,8 @@ def _groups(mesh: Mesh, numbers: IntArray) -> dict[str, dict[int, IntArray]]:
     for part in mesh.comm.allgather(local):
         for name, parts in part.items():
             for dim, entities in parts.items():
-                before = joined[name].get(dim)
-                joined[name][dim] = entities if before is None else np.vstack([before, entities])
+                earlier = joined[name].get(dim)
+                joined[name][dim] = entities if earlier is None else np.vstack([earlier, entities])
     return joined
 
 
@@ -406,8 +406,10 @@ def on_every_rank(
     if comm.size == 1:
         return dict(parts)
     copies: dict[int, MeshedStructure] = {}  # one Structure may have several names
-    spread = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
-    meshes = {id(part): (part, whole(part.mesh)) for part in {id(p): p for p in spread}.values()}
+    distributed = [p for p in parts.values() if not isinstance(p, Superelement) and p.comm.size > 1]
+    meshes = {
+        id(part): (part, whole(part.mesh)) for part in {id(p): p for p in distributed}.values()
+    }
 
     def work() -> None:
         for key, (part, mesh) in meshes.items():

@@ -143,7 +143,7 @@ class Shares:
                 entries_of_rank = local if rank == self.comm.rank else sent[rank]
                 entries_of_rank.append((rows[owner == rank], matrix_rows[owner == rank]))
         received = self.comm.alltoall(sent)
-        return local + [piece for several in received for piece in several]
+        return local + [piece for pieces_of_rank in received for piece in pieces_of_rank]
 
     def added(self, matrix: Sparse) -> Sparse:
         """The sum over all ranks of matrices that have few entries."""
@@ -174,9 +174,9 @@ class Shares:
 def _nodes_in_copy(part: MeshedStructure, copy: MeshedStructure) -> IntArray:
     """For each node of a part that this rank owns, its number in the complete copy on this rank."""
     cells = np.asarray(part.mesh.dolfinx.topology.original_cell_index)
-    where = np.argsort(copy.mesh.dolfinx.topology.original_cell_index)
+    order = np.argsort(copy.mesh.dolfinx.topology.original_cell_index)
     nodes = _nodes_of_cells(part, np.arange(len(cells)))
-    copied = _nodes_of_cells(copy, where[cells])
+    copied = _nodes_of_cells(copy, order[cells])
     result = np.full(1 + int(nodes.max(initial=part.rows)), -1)
     result[nodes] = copied
     result = result[: part.rows // part.block]

@@ -300,12 +300,12 @@ def _squared_functions(side: Facets, nodes: IntArray) -> Array:
 
 def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
     """inverse · functionals, without entries that are rounding."""
-    used = np.unique(functionals.indices)
-    values = inverse @ functionals[:, used].toarray()
+    used_columns = np.unique(functionals.indices)
+    values = inverse @ functionals[:, used_columns].toarray()
     values[np.abs(values) < ROUNDED_WEIGHT * np.abs(values).max(initial=0.0)] = 0.0
     row, column = np.nonzero(values)
     shape = functionals.shape
-    return scipy.sparse.csr_matrix((values[row, column], (row, used[column])), shape=shape)
+    return scipy.sparse.csr_matrix((values[row, column], (row, used_columns[column])), shape=shape)
 
 
 #: Points through the thickness.
@@ -363,8 +363,8 @@ def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
     mesh = edge.member.part.mesh
     cells = edge.cells[common.face[0]]
     _, J = mesh.geometry.at(cells, edge.reference(common.face[0], common.xi[0]))
-    across = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T
-    normals = across / np.linalg.norm(across, axis=1, keepdims=True)
+    raw_normals = np.cross(J[:, :, 0], J[:, :, 1]) @ member.at.rotation.T
+    normals = raw_normals / np.linalg.norm(raw_normals, axis=1, keepdims=True)
     thickness = np.array([material.section.thickness for material, _ in member.part.parts])
     return normals, thickness[member.part.part_of_cells()[cells]]
 

@@ -152,9 +152,9 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
     def strains(q: Expr) -> Expr:  # times √stiffness
         slope = ufl.dot(ufl.grad(q), t)
-        along = ufl.as_vector([slope[0], slope[1]])
-        shear = ufl.dot(along, normal) - q[2]
-        return ufl.as_vector([EA * ufl.dot(along, t), GA * shear, EI * slope[2]])
+        axial_part = ufl.as_vector([slope[0], slope[1]])
+        shear = ufl.dot(axial_part, normal) - q[2]
+        return ufl.as_vector([EA * ufl.dot(axial_part, t), GA * shear, EI * slope[2]])
 
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
     rhoI = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
@@ -195,13 +195,13 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
 
     def strains(q: Expr) -> Expr:  # times √stiffness
-        _, turn = parts_of(q)
+        _, rotation = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
         # Bending stretches a centroid that is off the line, and twist shifts it sideways.
         shift = -offset * ufl.dot(slope_turn, z) * t
         if twist_shifts:
             shift = shift + offset * ufl.dot(slope_turn, t) * z
-        force = slope_u + shift - ufl.cross(turn, t)
+        force = slope_u + shift - ufl.cross(rotation, t)
         pairs = (EA, t), (GAy, y), (GAz, z)
         forces = [root * ufl.dot(force, axis) for root, axis in pairs]
         pairs = (GJ, t), (EIy, y), (EIz, z)
@@ -216,15 +216,15 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
     def second_order(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
-    u, turn = parts_of(w)
+    u, rotation = parts_of(w)
     u_v, turn_v = parts_of(v)
-    centroid = u + offset * ufl.cross(turn, y)
+    centroid = u + offset * ufl.cross(rotation, y)
     centroid_v = u_v + offset * ufl.cross(turn_v, y)
     motion = (
         rhoA * ufl.dot(centroid, centroid_v)
-        + second_order(t, rhoIp, turn, turn_v)
-        + second_order(y, rhoIy, turn, turn_v)
-        + second_order(z, rhoIz, turn, turn_v)
+        + second_order(t, rhoIp, rotation, turn_v)
+        + second_order(y, rhoIy, rotation, turn_v)
+        + second_order(z, rhoIz, rotation, turn_v)
     )
     return WeakForm(
         space=space,

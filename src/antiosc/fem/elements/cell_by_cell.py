@@ -102,15 +102,15 @@ class CellByCell(ABC):
         u = np.empty(self._dofs, x.dtype)
         u[: self.rows] = x
         u[self._held] = 0.0
-        out = np.zeros_like(u)
+        product = np.zeros_like(u)
         arrived = self._exchange.fetch(u)
-        self._add(0, k, m, u, out)
+        self._add(0, k, m, u, product)
         arrived()
-        self._add(1, k, m, u, out)
-        arrived = self._exchange.add(out)
-        self._add(2, k, m, u, out)
+        self._add(1, k, m, u, product)
+        arrived = self._exchange.add(product)
+        self._add(2, k, m, u, product)
         arrived()
-        result = out[: self.rows]
+        result = product[: self.rows]
         for factor, matrix in zip((k, m), self.added, strict=True):
             if factor and self.carries:
                 result += factor * multiply(matrix, x)

@@ -144,24 +144,24 @@ def _beam_strain(mesh: Mesh, parts: Parts, order: int) -> SecondOrderStrain:
 
     def slopes(q: Expr) -> tuple[Expr, Expr]:
         slope = ufl.dot(ufl.grad(q), t)
-        turns = len(slope) - count
+        has_rotations = len(slope) - count
         u = ufl.as_vector([slope[i] for i in range(count)])
-        return u, ufl.as_vector([slope[i + turns] for i in range(count)])
+        return u, ufl.as_vector([slope[i + has_rotations] for i in range(count)])
 
     def strain(q: Expr) -> Expr:
-        u, turn = slopes(q)
+        u, rotation = slopes(q)
         axial = ufl.dot(u, t)
         if z is None:
             return axial
-        return axial - offset * ufl.dot(turn, z)
+        return axial - offset * ufl.dot(rotation, z)
 
     def eta(a: Expr, b: Expr) -> Expr:
-        u, turn = slopes(a)
+        u, rotation = slopes(a)
         v, twist = slopes(b)
         squared_slope = ufl.dot(u, v)
         if z is None:
             return squared_slope
-        return squared_slope + radius2 * ufl.dot(turn, t) * ufl.dot(twist, t)
+        return squared_slope + radius2 * ufl.dot(rotation, t) * ufl.dot(twist, t)
 
     return SecondOrderStrain(strain, eta, lambda e: EA * e, 2 * order - 1)
 

@@ -189,19 +189,19 @@ def _sheet_points(part: MeshedStructure) -> PartPoints:
         e = at.values(ufl.as_vector([x[i] for x in (frame.e1, frame.e2) for i in range(3)]), 6)
         e1 = e[:, :3]
         e2 = e[:, 3:]
-        stretch, bend = np.zeros((2, at.weight.size, 3, 2, 6))
+        stretch, bending = np.zeros((2, at.weight.size, 3, 2, 6))
         stretch[:, 0, 0, :3] = e1
         stretch[:, 1, 1, :3] = e2
         stretch[:, 2, 0, :3] = e2
         stretch[:, 2, 1, :3] = e1
-        bend[:, 0, 0, 3:] = e2
-        bend[:, 1, 1, 3:] = -e1
-        bend[:, 2, 0, 3:] = -e1
-        bend[:, 2, 1, 3:] = e2
+        bending[:, 0, 0, 3:] = e2
+        bending[:, 1, 1, 3:] = -e1
+        bending[:, 2, 0, 3:] = -e1
+        bending[:, 2, 1, 3:] = e2
         if section.coupling is None:
             return stretch
         coupling = matrix(at, section.coupling)
-        return stretch + np.einsum("nst,ntdb->nsdb", coupling, bend)
+        return stretch + np.einsum("nst,ntdb->nsdb", coupling, bending)
 
     def grad(u: Expr) -> Expr:
         return ufl.dot(frame.along, ufl.grad(u))

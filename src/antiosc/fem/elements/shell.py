@@ -145,10 +145,10 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     e1 = frame.e1
     e2 = frame.e2
     n = frame.n
-    u, turn = _halves(w)
+    u, rotation = _halves(w)
     # columns: the derivatives along e1 and e2
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
-    dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
+    dr = ufl.dot(ufl.grad(rotation), ufl.transpose(frame.along))
 
     def columns(motion: Expr) -> tuple[Expr, Expr]:
         return tuple(ufl.as_vector([motion[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
@@ -162,8 +162,10 @@ def strains_of(frame: Frame, w: Expr, middle: Expr | None) -> SurfaceStrains:
     curvature = ufl.as_matrix(
         [[ufl.dot(e2, r1), ufl.dot(e2, r2)], [-ufl.dot(e1, r1), -ufl.dot(e1, r2)]]
     )
-    shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
-    drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
+    shear = ufl.as_vector(
+        [ufl.dot(n, u1) + ufl.dot(rotation, e2), ufl.dot(n, u2) - ufl.dot(rotation, e1)]
+    )
+    drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(rotation, n)
     if middle is not None:  # the rotation of the middle surface
         drilling += middle * (curvature[1, 0] - curvature[0, 1]) / 2
     return SurfaceStrains(_engineering(gradient), _engineering(curvature), shear, drilling)
@@ -197,13 +199,15 @@ def energies(
 
 def inertia(section: SectionFields, frame: Frame, w: Expr, v: Expr) -> Expr:
     """Density of the mass form of a shell: motions u + z θ×n, and drilling rotations θ·n."""
-    u, turn = _halves(w)
+    u, rotation = _halves(w)
     u_v, turn_v = _halves(v)
-    motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
+    motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(rotation, turn_v)
     if section.I1 is not None:
-        across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
-        motion += section.I1 * across
-        about_n = ufl.dot(turn, frame.n) * ufl.dot(turn_v, frame.n)
+        offset_product = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(
+            ufl.cross(rotation, frame.n), u_v
+        )
+        motion += section.I1 * offset_product
+        about_n = ufl.dot(rotation, frame.n) * ufl.dot(turn_v, frame.n)
         motion += (section.spin - section.I2) * about_n
     return motion
 

@@ -68,9 +68,9 @@ class Tetrahedra(CellByCell):
         """The groups of cells for the C library, with `data` in single or double precision."""
         return [
             library.CTetra(
-                end - begin, *(library.address(array[begin:end]) for array in (self._nodes, data))
+                end - start, *(library.address(array[start:end]) for array in (self._nodes, data))
             )
-            for begin, end in self._groups
+            for start, end in self._groups
         ]
 
     def _node_blocks(self, k: float, m: float) -> Array:
@@ -86,9 +86,9 @@ class Tetrahedra(CellByCell):
             G = _squares(slopes, ends)
             blocks = (lame + shear)[:, None, None] * G
             inertia = (6 if len(ends) == 1 else 32) * density
-            spread = shear * np.trace(G, axis1=1, axis2=2) + inertia
+            diagonal = shear * np.trace(G, axis1=1, axis2=2) + inertia
             for a in range(3):
-                blocks[:, a, a] += spread
+                blocks[:, a, a] += diagonal
                 for b in range(3):
                     result[:, a, b] += np.bincount(nodes[:, node], blocks[:, a, b], len(result))
         return result.reshape(-1, 3)

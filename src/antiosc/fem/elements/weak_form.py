@@ -212,8 +212,8 @@ def _compare(
     first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))
     count = np.diff(np.append(first, len(edges)))
     pairs = np.stack([order[first[count == 2]], order[first[count == 2] + 1]])
-    concerned = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
-    bad = concerned & (way[pairs].sum(axis=0) != 0)
+    is_compared = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
+    bad = is_compared & (way[pairs].sum(axis=0) != 0)
     if bad.any():
         location = point_text(points[pairs[0, np.argmax(bad)]])
         raise InputError(

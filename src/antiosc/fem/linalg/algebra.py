@@ -169,9 +169,9 @@ def conjugate_gradients(
         energy += step * residual_products
         r -= step * Ap
         z = inverse(r)
-        residual_products, before = inner(r, z), residual_products
+        residual_products, previous = inner(r, z), residual_products
         yield X, residual_products, energy
-        p = z + quotient(residual_products, before) * p
+        p = z + quotient(residual_products, previous) * p
 
 
 # -- Norms of displacements and forces scaled by the diagonal of the matrix, D = diag(A).

@@ -310,11 +310,11 @@ class _Memory:
         """The values of L in single precision, in place; the factor can solve no more."""
         contents = self.factor.contents
         count = contents.xsize
-        wide = np.frombuffer((c_double * count).from_address(contents.x), np.float64)
-        narrow = wide.view(np.float32)
+        double = np.frombuffer((c_double * count).from_address(contents.x), np.float64)
+        single = double.view(np.float32)
         for first in range(0, count, CHUNK):
             part = slice(first, min(first + CHUNK, count))
-            narrow[part] = wide[part].astype(np.float32)  # in front of what is still to be read
+            single[part] = double[part].astype(np.float32)  # in front of what is still to be read
         size = c_size_t(count)
         half = (count + 1) // 2
         common = byref(self.common)
@@ -393,7 +393,7 @@ class Analysis:
         `dissected`: by METIS. Where other rows come last, AMD makes less fill without them and 1.7
         times as much with them.
         """
-        matrix, _kept = _sparse(A[::block, ::block])
+        matrix, _arrays = _sparse(A[::block, ::block])
         nodes = self._analysed(matrix, None, dissected)
         order = np.array(self.memory.integers(nodes.contents.Perm, nodes.contents.n))
         self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
@@ -477,13 +477,13 @@ class Cholesky:
         columns = B.size // len(B)
         right = Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL, 0)
         memory = self._memory
-        x, *rest = memory.work
+        x, *work = memory.work
         if not memory.make_room(rows, columns):
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
         with without_openmp(), one_thread():
             succeeded = memory.lib.cholmod_l_solve2(
                 *(system, memory.factor, byref(right), None, byref(x), None),
-                *(*map(byref, rest), byref(memory.common)),
+                *(*map(byref, work), byref(memory.common)),
             )
         if not succeeded:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
@@ -501,12 +501,12 @@ class Cholesky:
         """L as arrays in CHOLMOD's memory, which is freed with the last of them."""
         memory = self._memory
         factor = self._memory.factor.contents
-        many = factor.nsuper + 1
+        pointer_count = factor.nsuper + 1
         return Supernodes(
-            start=memory.integers(factor.super, many),
-            row=memory.integers(factor.pi, many),
+            start=memory.integers(factor.super, pointer_count),
+            row=memory.integers(factor.pi, pointer_count),
             rows=memory.integers(factor.s, factor.ssize),
-            value=memory.integers(factor.px, many),
+            value=memory.integers(factor.px, pointer_count),
             values=memory.reals(factor.x, factor.xsize),
         )
 

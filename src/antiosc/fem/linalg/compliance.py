@@ -78,10 +78,10 @@ def deflections(
         return _by_solves(structure, loads)
     x = omega**2 + structure.shift
     step = SHIFT_STEP * x[-1]
-    C, after = _twice(structure, loads, step)
+    C, shifted = _twice(structure, loads, step)
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
     truncated = C - b**2 @ (1 / x)
-    rest_after = after - b**2 @ (1 / (x + step))
+    rest_after = shifted - b**2 @ (1 / (x + step))
     slow = (truncated - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
     return C, b**2 @ (1 / x**2) + np.maximum(truncated, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
@@ -172,17 +172,17 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
             W[rows, part.col] = part.data
             Z = W[:, : len(sites)]
             for s in _branch(np.unique(supernode[rows]), parent):
-                among = L.rows[L.row[s] : L.row[s + 1]]
-                height = len(among)
+                row_numbers = L.rows[L.row[s] : L.row[s + 1]]
+                height = len(row_numbers)
                 width = columns[s]
                 block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
-                z = Z[among]
+                z = Z[row_numbers]
                 for c in range(0, width, PANEL):
                     d = min(c + PANEL, width)
                     z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
                     z[d:] -= block[d:, c:d] @ z[c:d]
                 result[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
-                Z[among[width:]] = z[width:]
+                Z[row_numbers[width:]] = z[width:]
                 Z[L.start[s] : L.start[s + 1]] = 0.0
             report(min(start + LOADS_PER_WALK, len(order)))
     return result

@@ -134,30 +134,30 @@ class Multigrid(PetscSolver):
         The load on fixed dofs, which have 1 on the diagonal, is negligible.
         """
         noise = np.random.default_rng(self.comm.rank).standard_normal(self.A.getLocalSize()[0])
-        before = self._ksp.max_it
+        old_limit = self._ksp.max_it
         self._ksp.max_it = most
         try:
             self.solve(diagonal(self.A) * noise)
         finally:
-            self._ksp.max_it = before
+            self._ksp.max_it = old_limit
         return int(self._ksp.getIterationNumber())
 
     @contextmanager
     def accurately(self) -> Iterator[None]:
         """Context in which solves end at `MODE_RESIDUAL`."""
-        before = self._ksp.rtol
+        old_rtol = self._ksp.rtol
         self._ksp.rtol = MODE_RESIDUAL
         try:
             yield
         finally:
-            self._ksp.rtol = before
+            self._ksp.rtol = old_rtol
 
     def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
         super()._solve_vector(r, x)
         eigenvalues = self._ksp.computeEigenvalues().real
         if eigenvalues.min(initial=np.inf) > 0.0:
-            spread = eigenvalues.max() / eigenvalues.min()
-            self.error = max(self.error, self._ksp.rtol * float(np.sqrt(spread)))
+            condition = eigenvalues.max() / eigenvalues.min()
+            self.error = max(self.error, self._ksp.rtol * float(np.sqrt(condition)))
 
 
 def know(A: PETSc.Mat, motions: Array) -> None:
@@ -166,8 +166,8 @@ def know(A: PETSc.Mat, motions: Array) -> None:
     for column in motions.T:
         x = A.createVecRight()
         x.setArray(column)
-        for other in basis:
-            x.axpy(-x.dot(other), other)
+        for vector in basis:
+            x.axpy(-x.dot(vector), vector)
         if x.norm() > 0.0:
             x.normalize()
             basis.append(x)

@@ -222,10 +222,10 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
 def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
     """The lower triangle with the diagonal, which needs half of the memory."""
     rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
-    within = A.indices <= rows
-    counts = np.bincount(rows[within], minlength=A.shape[0])
+    is_lower = A.indices <= rows
+    counts = np.bincount(rows[is_lower], minlength=A.shape[0])
     pointers = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
-    return scipy.sparse.csr_matrix((A.data[within], A.indices[within], pointers), shape=A.shape)
+    return scipy.sparse.csr_matrix((A.data[is_lower], A.indices[is_lower], pointers), shape=A.shape)
 
 
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
@@ -254,8 +254,8 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     if by_cells(K) and by_cells(M):
         return of_cells(K.getAttr(CELLS).cells, 1.0, shift)
     A = with_entries(K).copy()
-    different = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
-    A.axpy(shift, with_entries(M), structure=different)
+    pattern = PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN
+    A.axpy(shift, with_entries(M), structure=pattern)
     accurate = K.getAttr(PRODUCT)
     if accurate is not None:
         A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
@@ -295,8 +295,8 @@ def free(comm: MPI.Comm) -> None:
     if comm.size == 1:
         return
     entries = [entry for entry in _shared if alike(entry[1].getComm().tompi4py(), comm)]
-    dropped = comm.allgather([made() is None for made, _ in entries])
-    for entry, *everywhere in zip(entries, *dropped, strict=True):
+    is_dropped = comm.allgather([reference() is None for reference, _ in entries])
+    for entry, *everywhere in zip(entries, *is_dropped, strict=True):
         if all(everywhere):
             _shared.remove(entry)
             _free(entry[1])

@@ -108,9 +108,9 @@ class SuperLU(Factorization):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
         pivots = self._lu.U.diagonal()
         if not (pivots > 0).all():
-            at = int(np.flatnonzero(~(pivots > 0))[0])
+            row = int(np.flatnonzero(~(pivots > 0))[0])
             raise NotConvergedError(
-                SINGULAR.format(f"pivot {at + 1} of {len(pivots)} is {pivots[at]:.1e}")
+                SINGULAR.format(f"pivot {row + 1} of {len(pivots)} is {pivots[row]:.1e}")
             )
 
     @property

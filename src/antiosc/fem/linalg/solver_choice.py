@@ -201,9 +201,9 @@ class Substructures(Factorization):
         # places in Γ of the rows of this rank in it, and those rows
         self._at = np.flatnonzero((self._interface >= first) & (self._interface < last))
         self._mine = self._interface[self._at] - first
-        within = np.ones(last - first, dtype=bool)
-        within[self._mine] = False
-        self._inner = np.flatnonzero(within)
+        is_inner = np.ones(last - first, dtype=bool)
+        is_inner[self._mine] = False
+        self._inner = np.flatnonzero(is_inner)
         interface_block = self._between(local[self._mine])
         # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
         # come before the diagonal.
@@ -329,15 +329,15 @@ def interface(A: PETSc.Mat) -> IntArray:
     block = A.getBlockSize()
     first, last = A.getOwnershipRange()
     pointers, columns, _ = A.getValuesCSR()
-    away = np.flatnonzero((columns < first) | (columns >= last))
-    rows = first + np.searchsorted(pointers, away, side="right") - 1
-    pairs = np.unique(np.column_stack([rows, columns[away]]) // block, axis=0)
+    coupled = np.flatnonzero((columns < first) | (columns >= last))
+    rows = first + np.searchsorted(pointers, coupled, side="right") - 1
+    pairs = np.unique(np.column_stack([rows, columns[coupled]]) // block, axis=0)
     of_ranks = comm.gather(pairs)
     starts = np.array(comm.allgather(first)) // block
 
     def cut() -> IntArray:
-        both = np.vstack(of_ranks)
-        return _cut(both[both[:, 0] < both[:, 1]], starts)
+        pairs = np.vstack(of_ranks)
+        return _cut(pairs[pairs[:, 0] < pairs[:, 1]], starts)
 
     nodes = on_root(comm, cut)
     return np.asarray(block * nodes[:, None] + np.arange(block)).ravel()
@@ -348,13 +348,13 @@ def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
     ranks.
     """
     owners = np.searchsorted(starts, pairs, side="right") - 1
-    chosen = np.zeros(0, dtype=int)
+    cut_nodes = np.zeros(0, dtype=int)
     for ranks in np.unique(owners, axis=0):
         coupled = pairs[(owners == ranks).all(axis=1)]
-        coupled = coupled[~np.isin(coupled, chosen).any(axis=1)]
+        coupled = coupled[~np.isin(coupled, cut_nodes).any(axis=1)]
         if len(coupled):
-            chosen = np.union1d(chosen, _cover(coupled))
-    return chosen
+            cut_nodes = np.union1d(cut_nodes, _cover(coupled))
+    return cut_nodes
 
 
 def _cover(pairs: IntArray) -> IntArray:
@@ -369,13 +369,13 @@ def _cover(pairs: IntArray) -> IntArray:
     source = n + m
     single = np.flatnonzero(mate < 0)
     tails = np.concatenate([i, n + mate[matched], np.full(len(single), source)])
-    heads = np.concatenate([n + j, matched, single])
+    end_nodes = np.concatenate([n + j, matched, single])
     paths = scipy.sparse.csr_matrix(
-        (np.ones(len(tails)), (tails, heads)), shape=(source + 1, source + 1)
+        (np.ones(len(tails)), (tails, end_nodes)), shape=(source + 1, source + 1)
     )
-    reached = np.zeros(source + 1, dtype=bool)
-    reached[breadth_first_order(paths, source, return_predecessors=False)] = True
-    return np.concatenate([first_nodes[~reached[:n]], right[reached[n:source]]])
+    visited = np.zeros(source + 1, dtype=bool)
+    visited[breadth_first_order(paths, source, return_predecessors=False)] = True
+    return np.concatenate([first_nodes[~visited[:n]], right[visited[n:source]]])
 
 
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
@@ -528,14 +528,14 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
     if need <= process.MEMORY_SHARE * free:
         faster = None if direct_only else _faster(A, plan, entries, levels, columns)
         return plan.factorize() if faster is None else faster
-    what = f"the factor of {rows} dofs"
+    noun = f"the factor of {rows} dofs"
     if choice == "direct":
-        process.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
+        process.require(need, noun, "take solver='iterative', a coarser mesh, or order=1", free)
     del plan  # its analysis has copies of A
     solver = _iterative(A, levels)
     warn(
         A.getComm().tompi4py(),
-        f"{process.shortage(what, need, free)}: {solver.method} are used{solver.pace}; with a "
+        f"{process.shortage(noun, need, free)}: {solver.method} are used{solver.pace}; with a "
         "coarser mesh or order=1 a factor may fit.",
     )
     return solver
@@ -548,12 +548,12 @@ def _faster(
     None.
     """
     sizes = sizes_of(A, entries)
-    most = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
-    if most < FEWEST or levels.coarser() is None:
+    iteration_limit = sizes.iterations_within(seconds_of_factor(entries, columns), columns)
+    if iteration_limit < FEWEST or levels.coarser() is None:
         return None
     try:
         solver = _iterative(A, levels, plan)
-        iterations = solver.trial(most)
+        iterations = solver.trial(iteration_limit)
     except NotConvergedError:  # a factor tells why, or serves
         return None
     solver.cost, solver.columns = sizes.cost(iterations, columns), columns
@@ -568,10 +568,10 @@ def foreseen(A: PETSc.Mat, coarser: Callable[[], PETSc.Mat | None]) -> str:
     cost = of_factor(entries, 1.0)
     text = f"{entries:.3g} entries, {cost}"
     sizes = sizes_of(A, entries)
-    most = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
-    if A.getSize()[0] < LARGE or most < FEWEST or coarser() is None:
+    iteration_limit = sizes.iterations_within(seconds_of_factor(entries, 1.0), 1.0)
+    if A.getSize()[0] < LARGE or iteration_limit < FEWEST or coarser() is None:
         return text
-    return f"{text}; two levels instead if a trial solve takes at most {most} iterations"
+    return f"{text}; two levels instead if a trial solve takes at most {iteration_limit} iterations"
 
 
 def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multigrid:
@@ -586,8 +586,8 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
     if plan is None and factored and by_cells(A) and A.getComm().getSize() == 1:
         plan = PlanByLinear(A, coarser)
     sizes = sizes_of(A, plan.entries if plan and factored else 0.0)
-    what = f"the iterative solver of {A.getSize()[0]} dofs"
-    process.require(sizes.bytes, what, SMALLER_MESH, free)
+    noun = f"the iterative solver of {A.getSize()[0]} dofs"
+    process.require(sizes.bytes, noun, SMALLER_MESH, free)
     solver: Multigrid
     if coarser is None:
         solver = Multigrid(with_entries(A), levels.motions())

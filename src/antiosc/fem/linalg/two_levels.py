@@ -119,12 +119,12 @@ class Cycle:
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to one cycle's approximation of A⁻¹x."""
         load = np.array(x.array_r)
-        before = self._smoothed(load)
-        self._fine.setArray(load - multiply(self._A, before))
+        smoothed = self._smoothed(load)
+        self._fine.setArray(load - multiply(self._A, smoothed))
         self._P.multTranspose(self._fine, self._load)
         self._load.setArray(self._coarse(self._load.array_r))
         self._P.mult(self._load, self._fine)
-        corrected = before + self._fine.array_r
+        corrected = smoothed + self._fine.array_r
         y.setArray(corrected + self._smoothed(load - multiply(self._A, corrected)))
 
     def _smoothed(self, load: Array) -> Array:
@@ -138,10 +138,10 @@ class Cycle:
         total = step.copy()
         for _ in range(self._steps - 1):
             residual -= multiply(self._A, step)
-            following = 1 / (2 * sigma - rho)
-            step = following * rho * step + 2 * following / self._half * (self._inverse @ residual)
+            next_rho = 1 / (2 * sigma - rho)
+            step = next_rho * rho * step + 2 * next_rho / self._half * (self._inverse @ residual)
             total += step
-            rho = following
+            rho = next_rho
         return np.asarray(total)
 
 
@@ -199,9 +199,9 @@ def at_vertices(P: PETSc.Mat, motions: Array) -> Array:
     """
     coarse, fine = P.createVecs()
     result = np.empty((coarse.getLocalSize(), motions.shape[1]))
-    at = vertices(P)
+    vertex_rows = vertices(P)
     for k, column in enumerate(motions.T):
-        fine.setArray(np.where(at, column, 0.0))
+        fine.setArray(np.where(vertex_rows, column, 0.0))
         P.multTranspose(fine, coarse)
         result[:, k] = coarse.array_r
     return result

@@ -60,8 +60,8 @@ class CellGeometry:
             return np.zeros((0, 3)), np.zeros((0, 3, len(self.corners[0])))
         tables = self._element.tabulate(1, X)[..., 0]
         nodes = self.nodes[cell]
-        both = np.swapaxes(tables, 0, 1) @ nodes  # (n, 1 + tdim, 3)
-        return both[:, 0], np.swapaxes(both[:, 1:], 1, 2)
+        products = np.swapaxes(tables, 0, 1) @ nodes  # (n, 1 + tdim, 3)
+        return products[:, 0], np.swapaxes(products[:, 1:], 1, 2)
 
     def slopes(self, X: Array) -> Array:
         """Derivatives (n, nodes, tdim) of the map's shape functions at X (n, tdim)."""
@@ -225,9 +225,11 @@ class Mesh(ReprMixin):
         facets = np.flatnonzero((np.abs(x[nodes] - end) < tolerance).all(axis=1)).astype(np.int32)
         flat = high[axis] - low[axis] < tolerance
         if flat or not self.comm.allreduce(len(facets)):
-            why = f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
+            reason = (
+                f"it is flat along {name[1]}" if flat else f"none lies at {name[1]} = {end:g} m"
+            )
             raise InputError(
-                f"{self.name} has neither a group {name!r} nor faces on that side: {why}; give"
+                f"{self.name} has neither a group {name!r} nor faces on that side: {reason}; give"
                 " a group, or a function of the coordinates."
             )
         return {dim: facets}

@@ -353,8 +353,8 @@ def _from_cad(cad: OnCad, at: Patch, x: Array, normal: Array, size: float) -> Cu
     mean = shares @ normals
     mean /= np.linalg.norm(mean)
     basis = np.linalg.svd(mean[None])[2][1:]
-    turns = basis @ _turns(normals, mean)
-    tensors = turns @ tensors @ np.swapaxes(turns, 1, 2)
+    rotations = basis @ _turns(normals, mean)
+    tensors = rotations @ tensors @ np.swapaxes(rotations, 1, 2)
     node_at_point = np.flatnonzero(np.linalg.norm(near_nodes.points - x, axis=1) < TOUCH * radius)
     if len(node_at_point):
         tensor = tensors[node_at_point].mean(axis=0)
@@ -390,10 +390,10 @@ def _interpolated(way: Array, basis: Array, tensors: Array, linear: Array) -> tu
 
 def _kind(values: Array, error: float) -> tuple[Array, str]:
     """(principal curvatures, with zeros for those within `error` of zero; kind of surface)."""
-    bend = float(np.abs(values).max())
-    if bend == 0.0:
+    largest = float(np.abs(values).max())
+    if largest == 0.0:
         return values, PLANE
-    is_flat = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * bend), NONE[2] * bend)
+    is_flat = np.abs(values) <= min(max(NONE[0] * error, NONE[1] * largest), NONE[2] * largest)
     return np.where(is_flat, 0.0, values), LINE if is_flat.any() else CURVED
 
 
@@ -452,28 +452,28 @@ def _from_nodes(smooth: Patch, x: Array, normal: Array) -> Curvature:
             break
         normal = fit.normal
         fit_radius = FIT_SHARE / float(np.abs(fit.values).max())
-        closer = _fit_within(nodes, normal, min(fit_radius, radius))
-        if closer is None or closer[1] > radius:
+        smaller_fit = _fit_within(nodes, normal, min(fit_radius, radius))
+        if smaller_fit is None or smaller_fit[1] > radius:
             break
-        settled = closer[1] > (1 - SETTLED) * radius
-        fit, radius = closer
+        settled = smaller_fit[1] > (1 - SETTLED) * radius
+        fit, radius = smaller_fit
         if settled:
             break
     if fit.flat:
         basis = np.linalg.svd(normal[None])[2][1:]
         return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
-    bend = float(np.abs(fit.values).max())
-    turn = bend * radius
-    before = float(np.abs(start[0].values).max()) * start[1]
-    if turn > max(FIT_SHARE, SAME_TURN * before) and radius < start[1] / OTHER_SHARES**2:
+    curvature = float(np.abs(fit.values).max())
+    arc_angle = curvature * radius
+    start_angle = float(np.abs(start[0].values).max()) * start[1]
+    if arc_angle > max(FIT_SHARE, SAME_TURN * start_angle) and radius < start[1] / OTHER_SHARES**2:
         return _sharp(EDGE, x, normal)
     smaller, larger = (
         _fit(nodes, normal, radius * share) for share in (1 / OTHER_SHARES, OTHER_SHARES)
     )
-    error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, bend * radius))
-    if bend * radius > UNRESOLVED:
-        error = max(error, bend)
-    if error > bend / 2 and _flat_within(nodes, normal, radius):
+    error = max(_spread(fit, smaller, larger), 2 * fit.deviation, _cut_off(fit, curvature * radius))
+    if curvature * radius > UNRESOLVED:
+        error = max(error, curvature)
+    if error > curvature / 2 and _flat_within(nodes, normal, radius):
         return Curvature(PLANE, np.zeros(2), 0.0, basis, x, normal)
     values, kind = _kind(fit.values, error)
     return Curvature(kind, values, error, fit.directions, x, fit.normal)
@@ -554,21 +554,21 @@ def _fit(nodes: Array, normal: Array, radius: float) -> SurfaceFit | None:
         variance = float(residuals @ residuals) / max(len(near_nodes) - len(c), 1)
         number = {(int(i), int(j)): k for k, (i, j) in enumerate(powers)}
         second_order = [number[power] for power in ((2, 0), (1, 1), (0, 2))]
-        spread = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
+        deviation = np.sqrt(variance * ((V.T / s) ** 2).sum(axis=1))[second_order] * [2, 1, 2]
         a, b, cuu, cuv, cvv = (
             c[number[power]] for power in ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         )
         first = np.array([[1 + a * a, a * b], [a * b, 1 + b * b]])
         slope = np.sqrt(1 + a * a + b * b)
-        bend = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
-        values, vectors = eigh(bend, first)
+        tensor = -np.array([[2 * cuu, cuv], [cuv, 2 * cvv]]) / (slope * radius)
+        values, vectors = eigh(tensor, first)
         tangents = basis + np.outer([a, b], normal)
         up = (normal - a * basis[0] - b * basis[1]) / slope
         plane = rows[:, [number[power] for power in ((0, 0), (1, 0), (0, 1))]]
         level = plane @ np.linalg.lstsq(plane, w, rcond=None)[0]
         flat = bool(np.abs(w - level).max() <= ON_PLANE)
         return SurfaceFit(
-            values, vectors.T @ tangents, up, float(spread.max()) / radius, flat, degree
+            values, vectors.T @ tangents, up, float(deviation.max()) / radius, flat, degree
         )
     return None
 
@@ -636,9 +636,11 @@ def _along_crest(
             on_surface = np.flatnonzero(np.isfinite(low))
             if len(on_surface) < 3 or len(ACROSS) // 2 not in on_surface:
                 break
-            bend, slope, level = np.polyfit(ACROSS[on_surface], low[on_surface] / radius, 2)
-            shift = np.clip(-slope / (2 * bend), ACROSS[0], ACROSS[-1]) if bend > 0 else 0.0
-            if level - bend * shift**2 > FALLEN:
+            quadratic, slope, level = np.polyfit(ACROSS[on_surface], low[on_surface] / radius, 2)
+            shift = (
+                np.clip(-slope / (2 * quadratic), ACROSS[0], ACROSS[-1]) if quadratic > 0 else 0.0
+            )
+            if level - quadratic * shift**2 > FALLEN:
                 break
             crest = x + step * step_direction + radius * shift * across
             step_length = float(np.linalg.norm(crest - x))

@@ -181,8 +181,8 @@ def read_mesh(
     if trust and file.suffix.lower() in parallel.SUFFIXES:
         content = parallel.read(file, comm, 1.0 if units is None else units.length)
         if content is not None:
-            others = size, gdim, order, cells, merge, piece, elements
-            if any(option is not None for option in others) or refine or solid or fragments:
+            passed = size, gdim, order, cells, merge, piece, elements
+            if any(option is not None for option in passed) or refine or solid or fragments:
                 raise InputError(
                     f"{file.name} is read by all ranks as it is (trust=True): only unit= applies."
                 )
@@ -227,10 +227,12 @@ def numbered_elements(elements: object) -> dict[str, list[int]]:
     instance("elements", elements, Mapping, "a dict: name -> list of numbers of elements")
     groups = {}
     for name, numbers in cast("Mapping[str, object]", elements).items():
-        what = f"elements[{text('a name in elements', name)!r}]"
+        argument = f"elements[{text('a name in elements', name)!r}]"
         if not isinstance(numbers, list | tuple | range | np.ndarray) or len(numbers) == 0:
-            raise InputError(f"{what} must be a list of numbers of elements; got {shown(numbers)}.")
-        groups[name] = [whole(f"a number in {what}", number) for number in numbers]
+            raise InputError(
+                f"{argument} must be a list of numbers of elements; got {shown(numbers)}."
+            )
+        groups[name] = [whole(f"a number in {argument}", number) for number in numbers]
     return groups
 
 
@@ -350,7 +352,9 @@ def box_mesh(
     last = GROUPS[len(sides)]
     kind = GROUPS[len(sides) - 1]
     lines = ['SetFactory("OpenCASCADE");', script_body, f'Physical {last}("{name}") = {{1}};']
-    lines += [f'Physical {kind}("{side}") = {{{them}}};' for side, them in groups.items()]
+    lines += [
+        f'Physical {kind}("{side}") = {{{entity_tags}}};' for side, entity_tags in groups.items()
+    ]
     with TemporaryDirectory() as folder:
         script = Path(folder, f"{name}.geo")
         script.write_text("\n".join(lines) + "\n", encoding="ascii")

@@ -26,8 +26,8 @@ def largest_ball(
     distance = np.linalg.norm(r, axis=1)
     mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
     height = r @ normal - SLOPE * distance
-    met = (height > 0) & (distance > NEAR * max(patch_radius, float(mean)))
-    radii = np.where(met, distance**2 / (2 * np.where(met, height, 1.0)), np.inf)
+    touched = (height > 0) & (distance > NEAR * max(patch_radius, float(mean)))
+    radii = np.where(touched, distance**2 / (2 * np.where(touched, height, 1.0)), np.inf)
     ball = (np.inf, point)
     if radii.size:
         i = int(np.argmin(radii))

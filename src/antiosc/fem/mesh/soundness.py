@@ -64,8 +64,10 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
     facets, owner = _facets(cells, kind)
     _, label = np.unique(keys(facets), return_inverse=True)
     shape = len(cells), int(label.max(initial=-1)) + 1
-    has = csr_matrix((np.ones(len(owner), dtype=np.int32), (owner, label.reshape(-1))), shape=shape)
-    common = (has @ has.T).tocoo()
+    incidence = csr_matrix(
+        (np.ones(len(owner), dtype=np.int32), (owner, label.reshape(-1))), shape=shape
+    )
+    common = (incidence @ incidence.T).tocoo()
     return np.unique(common.row[(common.data > 1) & (common.row != common.col)])
 
 
@@ -78,14 +80,16 @@ def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) ->
     if not len(cells):
         return np.zeros(0, dtype=np.int64)
     side = np.concatenate([keys(cells[:, vertices]) for vertices, _ in between])
-    node = np.concatenate([cells[:, inside] for _, inside in between])
+    node = np.concatenate([cells[:, node_columns] for _, node_columns in between])
     corners = np.unique(cells[:, sorted({v for vertices, _ in between for v in vertices})])
-    wrong = np.isin(node, corners)
+    is_corner = np.isin(node, corners)
     for first, second in ((side, node), (node, side)):
         order = np.lexsort((second, first))
-        apart = (first[order][1:] == first[order][:-1]) & (second[order][1:] != second[order][:-1])
-        wrong[order[1:][apart]] = True
-    return np.unique(np.flatnonzero(wrong) % len(cells))
+        is_doublet = (first[order][1:] == first[order][:-1]) & (
+            second[order][1:] != second[order][:-1]
+        )
+        is_corner[order[1:][is_doublet]] = True
+    return np.unique(np.flatnonzero(is_corner) % len(cells))
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
@@ -222,9 +226,9 @@ def _pairs_near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]
             pairs = tree.sparse_distance_matrix(
                 cKDTree(centres[simplices]), float(radii[simplices].max()), output_type="ndarray"
             )
-            close = pairs["v"] <= radii[simplices[pairs["j"]]]
-            point = pairs["i"][close]
-            simplex = simplices[pairs["j"][close]]
+            in_ball = pairs["v"] <= radii[simplices[pairs["j"]]]
+            point = pairs["i"][in_ball]
+            simplex = simplices[pairs["j"][in_ball]]
             for block in range(0, len(point), _PAIRS):
                 yield point[block : block + _PAIRS], simplex[block : block + _PAIRS]
 
@@ -347,10 +351,10 @@ def sound(
             )
             warn(message(bad, "fold over themselves", remedy))
     if kind.shape == "hexahedron" and kind.order == 2:
-        bend = bends(raw.points, cells)
-        locked = np.flatnonzero(bend > MOST_BENT)
+        arc_heights = bends(raw.points, cells)
+        locked = np.flatnonzero(arc_heights > MOST_BENT)
         if len(locked):
-            high = 1 + LOCKING * float(bend.max()) ** 2
+            high = 1 + LOCKING * float(arc_heights.max()) ** 2
             remedy = (
                 f"they are too stiff in bending, by a factor of up to {high:.3g}; divide them "
                 "along the curve, or model the part as a Shell"
@@ -537,15 +541,15 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
     reordered = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
     bad = folded(points, reordered, shape, 2, SOUND)
-    before = -1
+    last_count = -1
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
         straight[bad] = True
-        if straight.sum() == before:
+        if straight.sum() == last_count:
             raise UnmeshableError(
                 f"gmsh made {len(bad)} cells without volume: choose another element size."
             )
-        before = int(straight.sum())
+        last_count = int(straight.sum())
         points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
         has_moved_node = np.isin(cells, cells[straight][:, middles]).any(axis=1)
         suspects = np.flatnonzero(has_moved_node)

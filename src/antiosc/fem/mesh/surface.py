@@ -305,8 +305,8 @@ class Faces(Entities):
             facing[is_flipped] = -facing[is_flipped]
         best = np.flatnonzero(gap <= depth[site] + AT_EDGE * mean[face])
         for measure in (facing, normal @ OBLIQUE):  # the second decides between equals
-            least = _least_over_ranks(comm, measure[best], site[best], count)
-            best = best[measure[best] <= least[site[best]] + LEVEL]
+            best_measure = _least_over_ranks(comm, measure[best], site[best], count)
+            best = best[measure[best] <= best_measure[site[best]] + LEVEL]
         first = _mean(comm, normal[best], site[best], count)
         same_face = np.flatnonzero(np.einsum("nd,nd->n", normal, first[site]) > SAME_FACE)
         face = face[same_face]
@@ -349,12 +349,12 @@ class Faces(Entities):
         xi = np.zeros((len(points), self.dim))
         item, point = pairs_within(self.centres, self.radii + rise, points)
         xi_found = self._on_plane(item, points[point], normals[point])
-        bend = self.bend[item]
-        close = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
-        item = item[close]
-        point = point[close]
-        xi_found = xi_found[close]
-        curved = np.flatnonzero(bend[close] > 0)
+        rise_of_face = self.bend[item]
+        is_near = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * rise_of_face
+        item = item[is_near]
+        point = point[is_near]
+        xi_found = xi_found[is_near]
+        curved = np.flatnonzero(rise_of_face[is_near] > 0)
         xi_found[curved] = projected(
             lambda k, xi: self.at(item[curved[k]], xi),
             points[point[curved]],
@@ -413,16 +413,16 @@ class Faces(Entities):
         size.
         """
         all_faces = np.arange(len(self.facets))
-        bend = np.zeros(len(all_faces))
+        rises = np.zeros(len(all_faces))
         if self.affine:
-            return bend
+            return rises
         x, J = self.tangents
         for corner in self._lattice():
             xi = np.tile(corner, (len(all_faces), 1))
             straight = x + np.einsum("nxd,nd->nx", J, xi - self.middle)
             distance = np.linalg.norm(self.at(all_faces, xi)[0] - straight, axis=1)
-            bend = np.maximum(bend, distance / self.sizes)
-        return np.where(bend > STRAIGHT, bend, 0.0)
+            rises = np.maximum(rises, distance / self.sizes)
+        return np.where(rises > STRAIGHT, rises, 0.0)
 
     def _lattice(self) -> Array:
         """ξ (n, d) of the corners and mid-sides of the reference face, and of a square's centre."""
@@ -480,10 +480,10 @@ def _nonzero(values: Array) -> Array:
 
 def _least_over_ranks(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:
     """Smallest value (count,) of each site over all ranks; inf for a site without values."""
-    least = np.full(count, np.inf)
+    smallest = np.full(count, np.inf)
     result = np.empty(count)
-    np.minimum.at(least, site, values)
-    comm.Allreduce(least, result, op=MPI.MIN)
+    np.minimum.at(smallest, site, values)
+    comm.Allreduce(smallest, result, op=MPI.MIN)
     return result
 
 

@@ -91,7 +91,7 @@ def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     """Bytes that describe a value, for the digest; `above`: ids of the objects that contain it."""
     if id(value) in above or len(above) > MOST_NESTED:
         return
-    inside = (*above, id(value))
+    containers = (*above, id(value))
     if value is None or isinstance(value, str | bytes | type):
         yield repr(value).encode()
     elif isinstance(value, numbers.Number | np.generic):
@@ -99,20 +99,20 @@ def _parts(value: object, above: tuple[int, ...]) -> Iterator[bytes]:
     elif isinstance(value, os.PathLike):
         yield os.fsencode(value)
     elif isinstance(value, np.ndarray):
-        yield from _of_array(value, inside)
+        yield from _of_array(value, containers)
     elif scipy.sparse.issparse(value):
         csr = scipy.sparse.csr_matrix(value)
         for part in (csr.shape, csr.indptr, csr.indices, csr.data):
-            yield from _parts(part, inside)
+            yield from _parts(part, containers)
     elif isinstance(value, Mapping):
-        yield from _each([*value.keys(), *value.values()], inside)
+        yield from _each([*value.keys(), *value.values()], containers)
     elif isinstance(value, set | frozenset):
         yield from sorted(fingerprint(item) for item in value)
     elif isinstance(value, list | tuple | range):
-        yield from _each(value, inside)
+        yield from _each(value, containers)
     else:
         yield _kind(value)
-        yield from _of_object(value, inside)
+        yield from _of_object(value, containers)
 
 
 def _each(values: Iterable[object], above: tuple[int, ...]) -> Iterator[bytes]:
@@ -296,14 +296,14 @@ def collective(
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
         signature = inspect.signature(function)
-        called = within_memory(function)
+        guarded_call = within_memory(function)
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
             comm = _communicator(_flat([*args, *kwargs.values()]), default)
             if comm.size == 1:
                 with nullcontext() if isinstance(comm, Serial) else _packages:
-                    return called(*args, **kwargs)
+                    return guarded_call(*args, **kwargs)
             arguments = _given(signature, args, kwargs)
             for name in counts.keys() & arguments.keys():
                 arguments[name] = _counted(counts[name], arguments[name])
@@ -311,7 +311,7 @@ def collective(
             result: T | None = None
             error: Exception | None = None
             try:
-                result = called(*args, **kwargs)
+                result = guarded_call(*args, **kwargs)
             except Exception as caught:
                 error = caught
             _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
@@ -329,7 +329,7 @@ def compare(comm: MPI.Comm, name: str, arguments: Mapping[str, object]) -> None:
     if all(fingerprint == ranks[0] for fingerprint in ranks):
         return
     texts = comm.allgather({key: named(value) or shown(value) for key, value in arguments.items()})
-    rank = next(k for k, other in enumerate(ranks) if other != ranks[0])
+    rank = next(k for k, fingerprint in enumerate(ranks) if fingerprint != ranks[0])
     arguments_first, first = ranks[0]
     arguments_other, other = ranks[rank]
     if arguments_first != arguments_other:

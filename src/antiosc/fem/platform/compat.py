@@ -78,8 +78,10 @@ CORNERS = {"interval": 2, "triangle": 3, "quadrilateral": 4, "tetrahedron": 4, "
 def _refuse_double_nodes(comm: MPI.Comm, cells: IntArray, cell: str) -> None:
     """MeshError if a corner of a cell is an inner node of another cell."""
     corners = cells[:, : CORNERS[cell]]
-    inside = cells[:, CORNERS[cell] :]
-    double_nodes = comm.allreduce(int(np.isin(inside, corners).sum()) if inside.size else 0)
+    inner_nodes = cells[:, CORNERS[cell] :]
+    double_nodes = comm.allreduce(
+        int(np.isin(inner_nodes, corners).sum()) if inner_nodes.size else 0
+    )
     if double_nodes:
         raise MeshError(
             f"{double_nodes} nodes inside sides of cells are corners of cells too: merge nodes "
@@ -134,10 +136,10 @@ def nodes_between(cell: str) -> list[tuple[list[int], int]]:
     kind = getattr(basix.CellType, cell)
     dofs = basix.create_element(basix.ElementFamily.P, kind, 2).entity_dofs
     return [
-        (list(vertices), inside[0])
+        (list(vertices), inner_node[0])
         for entities, nodes in zip(basix.topology(kind)[1:], dofs[1:], strict=True)
-        for vertices, inside in zip(entities, nodes, strict=True)
-        if inside
+        for vertices, inner_node in zip(entities, nodes, strict=True)
+        if inner_node
     ]
 
 
@@ -613,10 +615,10 @@ def quadratic(
         return total
     weights = np.ascontiguousarray(weights)
     cells = kernel.cells(weights.size, vectors, weights)
-    room = kernel.room + weights.size * kernel.dofs
+    work_size = kernel.room + weights.size * kernel.dofs
 
     def summed(begin: int, end: int) -> None:
-        memory = np.empty(room)
+        memory = np.empty(work_size)
         places = library.address(memory), library.address(total)
         library.library.aom_cell_sums(addressof(cells), begin, end, *places)
 
@@ -742,8 +744,8 @@ class Exchange:
 
         def finish() -> None:
             end()
-            for dofs, those in received:
-                values[dofs] = those
+            for dofs, buffer in received:
+                values[dofs] = buffer
 
         return finish
 
@@ -755,8 +757,8 @@ class Exchange:
 
         def finish() -> None:
             end()
-            for dofs, those in received:
-                values[dofs] += those
+            for dofs, buffer in received:
+                values[dofs] += buffer
 
         return finish
 

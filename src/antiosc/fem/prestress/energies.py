@@ -87,9 +87,9 @@ def spin_energy(mesh: Mesh, parts: Parts, u: Expr, spin: Spin, density: Expr) ->
     dx = measure(mesh, DEGREE + 1)
     energy = density * ufl.dot(position, S * position) / 2
     for direction, first, second in _fibres(mesh, parts):
-        turn = ufl.as_vector([u[i] for i in range(3, 6)])
-        rotated = ufl.cross(turn, direction)
-        arm = direction + rotated + ufl.cross(turn, rotated) / 2
+        rotation = ufl.as_vector([u[i] for i in range(3, 6)])
+        rotated = ufl.cross(rotation, direction)
+        arm = direction + rotated + ufl.cross(rotation, rotated) / 2
         energy += first * ufl.dot(position, S * arm) + second * ufl.dot(arm, S * arm) / 2
     return energy * dx
 

@@ -199,8 +199,8 @@ def _line_search(
     lengths = np.array([0.0, 1 / 3, 2 / 3, 1.0])
     slopes = [start, *(slope(residual(t)) for t in lengths[1:3]), end]
     roots = np.roots(np.polyfit(lengths, slopes, 3))
-    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
-    positive = real[real > 0]
+    real_roots = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
+    positive = real_roots[real_roots > 0]
     length = float(min(positive.min(initial=LONGEST), LONGEST))
     return length, residual(length)
 

@@ -183,20 +183,20 @@ class _LoadedAssembly(Loaded):
         layout = base.layout
 
         def work() -> Array:
-            dead = np.zeros(layout.count)
+            dead_loads = np.zeros(layout.count)
             for member in layout.members.values():
                 part_loads, strains = member_loads(loads, initial, member)
                 self._parts.append((member, LoadedPart(member.part, part_loads, strains)))
-                dead[member.rows] = dead_forces(member.part, part_loads)
+                dead_loads[member.rows] = dead_forces(member.part, part_loads)
             for name, point in loads.force.items():
                 if name in layout.points:
-                    dead[layout.of_point(name)[:3]] += point
+                    dead_loads[layout.of_point(name)[:3]] += point
             for name, bolt in bolts.items():
                 strain = initial.get(name, 0.0)
                 self._bolts.append(LoadedBolt.of(bolt, layout, name, strain))
             if loads.spin is not None:
                 self._spin(loads.spin)
-            return base.joined(dead)
+            return base.joined(dead_loads)
 
         self.dead = base.own(on_root(base.comm, work)) + weight(base, loads)
 

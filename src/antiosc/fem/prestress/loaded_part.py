@@ -186,15 +186,15 @@ def tendon(part: MeshedStructure, name: str) -> Tendon:
         of_stiffener = tendon(alone(lines, name), name)
         load = freed(part, _transposed(lines.shared, of_stiffener.load))
         return Tendon(load, of_stiffener.length, of_stiffener.stiffness)
-    marked = initial_strain(part, {name: 1.0})
+    unit_strain = initial_strain(part, {name: 1.0})
     stretch = stretch_of(part.mesh, part.parts, part.form.degree)
     dx = measure(part.mesh, stretch.degree)
     v = ufl.TestFunction(part.form.space)
-    work = ufl.inner(stretch.forces(marked), stretch.strain(v)) * dx
+    work = ufl.inner(stretch.forces(unit_strain), stretch.strain(v)) * dx
     rows = part.rows
     load = compat.assemble_functional(work, part.form.space)[:rows]
-    length = compat.integrate(marked * dx, part.mesh.dolfinx)
-    EA = compat.integrate(stretch.forces(marked) * dx, part.mesh.dolfinx)
+    length = compat.integrate(unit_strain * dx, part.mesh.dolfinx)
+    EA = compat.integrate(stretch.forces(unit_strain) * dx, part.mesh.dolfinx)
     return Tendon(freed(part, load), length, EA / length)
 
 

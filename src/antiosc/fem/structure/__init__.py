@@ -166,20 +166,22 @@ class DofPlaces:
     def rigid_motions(self, centre: Array, rows: IntArray | slice = slice(None)) -> Array:
         """Unit translations along x, y, z and rotations about `centre` (3,): (dofs, 6)."""
         axes = self.axes[rows]
-        moves = self.kind[rows] == MOVE
+        is_translation = self.kind[rows] == MOVE
         result = np.zeros((len(axes), 6))
-        result[moves, :3] = axes[moves]
-        result[moves, 3:] = np.cross(self.nodes[self.node[rows][moves]] - centre, axes[moves])
-        result[~moves, 3:] = axes[~moves]
+        result[is_translation, :3] = axes[is_translation]
+        result[is_translation, 3:] = np.cross(
+            self.nodes[self.node[rows][is_translation]] - centre, axes[is_translation]
+        )
+        result[~is_translation, 3:] = axes[~is_translation]
         return result
 
     def values(self, field: Field, centre: Array, size: float) -> Array:
         """A field of the coordinates (x − centre)/size, evaluated at all dofs (n,)."""
         displacement, rotation = field((self.nodes - centre) / size)
-        turns = self.kind == TURN
-        field_at_dofs = np.where(turns, rotation[:, self.node], displacement[:, self.node])
+        is_rotation = self.kind == TURN
+        field_at_dofs = np.where(is_rotation, rotation[:, self.node], displacement[:, self.node])
         result = np.einsum("nc,cn->n", self.axes, field_at_dofs)
-        result[turns] /= size  # the displacement is given per unit of the scaled coordinates
+        result[is_rotation] /= size  # the displacement is given per unit of the scaled coordinates
         return np.asarray(result)
 
 
@@ -230,8 +232,8 @@ def _root(matrix: Array) -> Array:
     floor = max(LEAST_EIGENVALUE * float(diagonal.max(initial=0.0)), float(np.finfo(float).tiny))
     scale = np.sqrt(np.maximum(diagonal, floor))  # what lies below is rounding
     values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(scale, scale))
-    real = values > LEAST_EIGENVALUE * values.max(initial=0.0)
-    return np.asarray((vectors[:, real] * np.sqrt(values[real])).T * scale)
+    is_positive = values > LEAST_EIGENVALUE * values.max(initial=0.0)
+    return np.asarray((vectors[:, is_positive] * np.sqrt(values[is_positive])).T * scale)
 
 
 def dashpot_patterns(terms: Sequence[Dissipation]) -> Array | None:
@@ -298,8 +300,8 @@ def modes_and_shift(
             block = orthonormal(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
         block = orthonormal(comm, M, block)
-        values, turn = np.linalg.eigh(dot(comm, block, multiply(K, block)))
-        block = block @ turn
+        values, rotation = np.linalg.eigh(dot(comm, block, multiply(K, block)))
+        block = block @ rotation
         zero = np.abs(softness(K, block, multiply(K, block))) < _rigid(K)
         if zero.all():
             raise InputError(
@@ -393,9 +395,9 @@ def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
     if not basis.shape[1]:  # all motions are rigid
         return float("inf")
-    values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
+    values, rotation = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
     # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
-    softest = basis @ turn[:, :1]
+    softest = basis @ rotation[:, :1]
     cancelled = 0.0 if by_strains(K) else norms(comm, roots(K)[:, None] * softest)[0] ** 2
     rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
@@ -488,10 +490,10 @@ class StructureMatrices:
             return factor, shift
         factor = self._solver_of(shift, columns)
         for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
-            better = closer_shift(factor, self.K, self.M, self.rigid_modes)
-            if better >= FAR * shift:
+            new_shift = closer_shift(factor, self.K, self.M, self.rigid_modes)
+            if new_shift >= FAR * shift:
                 break
-            shift = better
+            shift = new_shift
             del factor  # there may be no room for two
             factor = self._solver_of(shift, columns)
         return factor, shift
@@ -612,8 +614,8 @@ class NodalMatrices(StructureMatrices):
         """
         component = self.map.component
         points = self.map.points
-        moving = (component >= 1) & (component <= 6)
-        if not self.rigid_modes.shape[1] or not moving.all() or not np.isfinite(points).all():
+        is_motion = (component >= 1) & (component <= 6)
+        if not self.rigid_modes.shape[1] or not is_motion.all() or not np.isfinite(points).all():
             return None
         point = (points.min(axis=0) + points.max(axis=0)) / 2
         motions = self.places.rigid_motions(point)

@@ -461,12 +461,12 @@ def add_beams(
     kind = pattern.UNKNOWN_NONZERO_PATTERN if structure.bare else pattern.SUBSET_NONZERO_PATTERN
     for matrix, beam_matrix in zip((structure.K, structure.M), matrices, strict=True):
         matrix.axpy(1.0, beam_matrix.ptap(T), structure=kind)
-    moving = np.zeros((compat.local_size(form.space), 3))
+    directions = np.zeros((compat.local_size(form.space), 3))
     for axis, component in enumerate("xyz"):
         dofs, _ = compat.dof_coordinates(form.space, form.components[component])
-        moving[dofs[dofs < len(moving)], axis] = 1.0
-    inertia = multiply(matrices[1], moving)
-    mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
+        directions[dofs[dofs < len(directions)], axis] = 1.0
+    inertia = multiply(matrices[1], directions)
+    mass = line.comm.allreduce(float(directions[:, 0] @ inertia[:, 0]))
     on_sheet = multiply(T.transpose(PETSc.Mat()), inertia)
     return AttachedTerms(mass, on_sheet), Stiffener(line, form, parts, matrices[0], matrices[1], T)
 

@@ -479,12 +479,12 @@ def parts_of(mesh: Mesh, material: object) -> Parts:
             "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
             "and Laminate."
         )
-    none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
-    twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
-    if none or twice:
+    uncovered = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
+    repeated = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
+    if uncovered or repeated:
         raise InputError(
-            f"every cell needs one material: of {mesh.n_cells} cells {none} have none and "
-            f"{twice} more than one; the groups named are {', '.join(map(repr, material))}."
+            f"every cell needs one material: of {mesh.n_cells} cells {uncovered} have none and "
+            f"{repeated} more than one; the groups named are {', '.join(map(repr, material))}."
         )
     return parts
 
@@ -520,7 +520,7 @@ def assembled(
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
     checked_supports = list_of("supports", supports, Support, "Support(where, fix)")
-    carried = attachments_of(attached)
+    attachments = attachments_of(attached)
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
@@ -561,7 +561,7 @@ def assembled(
         name: add_beams(assembled_matrices, name, beam, edges) for name, beam, edges in beams
     }
     edge_materials = [entry for entry, _ in on_edges.values()]
-    edge_materials += [add_at_points(assembled_matrices, entry) for entry in carried]
+    edge_materials += [add_at_points(assembled_matrices, entry) for entry in attachments]
     if by_strains:
         assert form.strains is not None
         strains, degree = form.strains
@@ -597,7 +597,7 @@ def assembled(
             materials_by_group,
             supports,
             order=order,
-            attached=carried,
+            attached=attachments,
             solver=solver,
             bare=bare,
         )
@@ -650,8 +650,8 @@ def _stretched(
         return None
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
-    spread = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
-    if spread[1:].sum() <= ON_LINE * mesh.extent():
+    extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
+    if extents[1:].sum() <= ON_LINE * mesh.extent():
         return None
     return float(min(material.section.thickness for material in materials))
 

@@ -192,8 +192,8 @@ class NumberedNodes:
     @classmethod
     def of(cls, numbers: object) -> NumberedNodes:
         """The selection of these node numbers; InputError unless they are whole numbers."""
-        several = isinstance(numbers, list | tuple | range | np.ndarray) and len(numbers) > 0
-        if not several:
+        is_list = isinstance(numbers, list | tuple | range | np.ndarray) and len(numbers) > 0
+        if not is_list:
             raise InputError(f"nodes must be a list of numbers of nodes; got {shown(numbers)}.")
         return cls(
             tuple(whole("a number of nodes", number) for number in cast("list[int]", numbers))
@@ -211,10 +211,10 @@ class NumberedNodes:
 
     def entities(self, mesh: Mesh) -> dict[int, IntArray]:
         """Vertices, edges and faces of this rank all of whose nodes are selected."""
-        marked = mesh.numbered(self.numbers)
+        is_selected = mesh.numbered(self.numbers)
         entities: dict[int, IntArray] = {}
         for dim in range(mesh.tdim):
-            selected = marked[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
+            selected = is_selected[compat.entity_vertices(mesh.dolfinx, dim)].all(axis=1)
             entities[dim] = np.flatnonzero(selected).astype(np.int32)
         return entities
 
@@ -469,10 +469,10 @@ def motions_text(motions: Array, centre: Array, size: float) -> str:
     Their coefficients are of unit translations along x, y, z and of rotations about axes through
     `centre` (3,), scaled by 1/`size` [m].
     """
-    moves, rotations = _divided(motions)
-    words = [f"translation along {_axis_text(move)}" for move in moves]
+    translations, rotations = _divided(motions)
+    words = [f"translation along {_axis_text(move)}" for move in translations]
     for velocity, spin in rotations:
-        words.append(_rotation_text(velocity, spin, moves, centre, size))
+        words.append(_rotation_text(velocity, spin, translations, centre, size))
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
@@ -480,13 +480,17 @@ def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
     """(translations (t, 3), [(velocity of the centre, spin)] of the rotating motions)."""
     _, values, right = np.linalg.svd(motions[3:])
     turning = int(np.sum(values > MOTION_ROUNDING))
-    moves = _reduced((motions @ right[turning:].T)[:3].T)
-    moves = moves[moves.any(axis=1)]
+    translations = _reduced((motions @ right[turning:].T)[:3].T)
+    translations = translations[translations.any(axis=1)]
     turning_ones = (motions @ right[:turning].T).T
     # spins in echelon form, so that axes of the mesh show where they are among them
     order = _reduced(turning_ones[:, [3, 4, 5, 0, 1, 2]], columns=3)
-    projection = np.eye(3) if not len(moves) else np.eye(3) - np.linalg.pinv(moves) @ moves
-    return moves, [(projection @ row[3:], row[:3]) for row in order]
+    projection = (
+        np.eye(3)
+        if not len(translations)
+        else np.eye(3) - np.linalg.pinv(translations) @ translations
+    )
+    return translations, [(projection @ row[3:], row[:3]) for row in order]
 
 
 def _reduced(rows: Array, columns: int | None = None) -> Array:

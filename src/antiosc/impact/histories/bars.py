@@ -163,8 +163,10 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def shares(self, name: str) -> dict[str, float | None]:
         """Cause -> its share in the error of a quantity, and the total; None where not known."""
         bar = self.bars[name]
-        missing = CAUSES if name in self.incomparable else self.unknown
-        shares = {cause: None if cause in missing else getattr(bar, cause) for cause in CAUSES}
+        unknown_causes = CAUSES if name in self.incomparable else self.unknown
+        shares = {
+            cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
+        }
         return {**shares, "total": None if name in self.incomparable else bar.total}
 
     def causes_text(self, name: str) -> str:

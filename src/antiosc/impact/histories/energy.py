@@ -107,14 +107,14 @@ def _replay_memory(law: Compiled, depth: Array, state: State) -> tuple[Array, Ar
     indentations; there it does not depend on the nodes in between.
     """
     deepest_before = np.maximum.accumulate(np.append(state[1], depth[1:-1]))
-    deeper = np.append(False, depth[1:] > deepest_before)
+    is_deeper = np.append(False, depth[1:] > deepest_before)
     stored = law.energies(depth, state)
     losses = np.zeros(depth.size)
-    nodes = np.flatnonzero(deeper)
+    nodes = np.flatnonzero(is_deeper)
     if not nodes.size:
         return stored, losses, state
     states = [law.advance(delta, 0.0, state) for delta in depth[nodes].tolist()]
-    losses[nodes] = np.diff([state[2], *(later[2] for later in states)])
+    losses[nodes] = np.diff([state[2], *(state_k[2] for state_k in states)])
     returns = np.flatnonzero(np.diff(nodes, append=depth.size) > 1)
     for k in returns.tolist():
         unloading = slice(nodes[k] + 1, nodes[k + 1] if k + 1 < nodes.size else None)
@@ -175,19 +175,19 @@ def energy_balance(assembly: Assembly, run: Run) -> Energy:
     for first, last in blocks(run, a.system.omega.size):
         q, v = node_states(run, a.system, first, last)
         nodes = slice(2 * first, 2 * last + 1)
-        between = slice(2 * first, 2 * last)
+        inner_nodes = slice(2 * first, 2 * last)
         kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
         modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
         modal[nodes] += a.system.stretch_energy(q)
         part = run_slice(run, first, last)
         if np.any(a.system.loads):
-            work[between] = _work(a, part, q, v)
+            work[inner_nodes] = _work(a, part, q, v)
         if a.system.first is not None:
             contact_work = np.diff(path_work(part.force, q @ a.system.beta.T), axis=0).sum(axis=1)
             stored_change = np.diff(kinetic[nodes] + modal[nodes])
-            braked[between] = work[between] - contact_work - stored_change
+            braked[inner_nodes] = work[inner_nodes] - contact_work - stored_change
         elif a.system.damped:
-            braked[between] = _damping_losses(a, part, q, v)
+            braked[inner_nodes] = _damping_losses(a, part, q, v)
     external_forces = a.pushes(run.time)
     felt = external_forces - run.force @ a.G
     residual = felt @ a.r
@@ -280,27 +280,27 @@ def _damping_losses(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     f2 = run.force[2::2]
     h = step[::2] + step[1::2]
     h = np.where(h > 0, h, 1.0)
-    slopes, bends = np.empty((2, step.size, run.force.shape[1]))
+    slopes, curvatures = np.empty((2, step.size, run.force.shape[1]))
     slopes[::2] = (4 * f1 - 3 * f0 - f2) / h
     slopes[1::2] = (f2 - f0) / h
-    bends[::2] = bends[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
+    curvatures[::2] = curvatures[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
     load = a.load(run.time)
     slope = np.diff(load, axis=0) / np.where(step > 0, step, 1.0) - slopes @ system.beta
-    bend = -bends @ system.beta
+    load_curvature = -curvatures @ system.beta
     start = load[:-1] - run.force[:-1] @ system.beta
-    end = start + step * (slope + step * bend / 2)
+    end = start + step * (slope + step * load_curvature / 2)
     x = np.where(system.omega > 0, system.omega, 1.0) ** 2
     displacements = np.diff(q, axis=0)
-    sped = np.diff(v, axis=0)
-    impulse = step * (start + step * (slope / 2 + step * bend / 6))
-    area = (impulse - sped - 2 * system.decay * displacements) / x
-    first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
+    speed_changes = np.diff(v, axis=0)
+    impulse = step * (start + step * (slope / 2 + step * load_curvature / 6))
+    area = (impulse - speed_changes - 2 * system.decay * displacements) / x
+    first = step**2 * (start / 2 + step * (slope / 3 + step * load_curvature / 8))
     first = (first - step * v[1:] + displacements - 2 * system.decay * (step * q[1:] - area)) / x
     energy = 0.5 * (v**2 + (system.omega * q) ** 2)
-    work = end * q[1:] - start * q[:-1] - slope * area - bend * first
+    work = end * q[1:] - start * q[:-1] - slope * area - load_curvature * first
     power = 2 * system.decay * v**2
-    short = system.omega * step < SHORT_PHASE
-    losses = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
+    is_short = system.omega * step < SHORT_PHASE
+    losses = np.where(is_short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
     return np.asarray(np.sum(np.where(system.decay > 0, losses, 0.0), axis=1))
 
 
@@ -348,9 +348,9 @@ def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) 
         area = (impulse_of_loads - np.diff(v, axis=0)) / np.where(elastic, system.omega, 1.0) ** 2
         start = load[:-1] - f0 @ system.beta
         slope = rise - (4 * f1 - 3 * f0 - f2) @ system.beta
-        bend = -4 * (f0 - 2 * f1 + f2) @ system.beta
-        carried = q[:-1] + h / 2 * (v[:-1] + h / 3 * (start + slope / 4 + bend / 20))
-        work -= rise * np.where(elastic, area / np.where(h > 0, h, 1.0), carried)
+        load_curvature = -4 * (f0 - 2 * f1 + f2) @ system.beta
+        next_q = q[:-1] + h / 2 * (v[:-1] + h / 3 * (start + slope / 4 + load_curvature / 20))
+        work -= rise * np.where(elastic, area / np.where(h > 0, h, 1.0), next_q)
     flight = ~np.any((f0 != 0.0) | (f1 != 0.0) | (f2 != 0.0), axis=1)  # exact and long
     return np.where(flight, np.diff(mechanical), work.sum(axis=1))
 

@@ -33,8 +33,8 @@ class CheckResult:
 
     def with_shortage(self, shortage: str) -> CheckResult:
         """The result with the status of a model that has too few anti-oscillators."""
-        worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
-        return CheckResult(worse, f"{self.message} {shortage}", self.unusual)
+        worse_status = self.status if self.status in (INEXACT, STOPPED) else INEXACT
+        return CheckResult(worse_status, f"{self.message} {shortage}", self.unusual)
 
     def warn(self) -> None:
         """Warn at the caller's line unless the run completed as requested."""
@@ -66,7 +66,9 @@ def open_contacts(run: Run, system: System) -> list[int]:
     events = run.events.tolist()
     last = {contact: piece for _, contact, piece, _ in events}
     touching = sorted(int(c) for c, piece in last.items() if piece != library.APART)
-    parted = {which for _, which, piece, _ in events if piece == library.APART} if touching else ()
+    parted = (
+        {contact for _, contact, piece, _ in events if piece == library.APART} if touching else ()
+    )
     return [c for c in touching if c in parted or not system.closed[c]]
 
 
@@ -86,14 +88,14 @@ def check_result(
     if failure:
         reason = failure[0].upper() + failure[1:] + "."
         return CheckResult(STOPPED, reason + ringing * (ended.answer == library.TOO_MANY_STEPS))
-    cut = cut_short_message(assembly, ended)
+    message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
         steps = ringing if "max_steps" in doubt else ""
-        return CheckResult(INEXACT, f"{doubt}{steps} {cut}".rstrip())
+        return CheckResult(INEXACT, f"{doubt}{steps} {message}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
-    if cut:
-        return CheckResult(TOUCHING, cut)
+    if message:
+        return CheckResult(TOUCHING, message)
     return CheckResult(COMPLETED, "Completed.")
 
 
@@ -147,8 +149,8 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
         return ""
     p = len(assembly.laws)
     speed = _without_rounding(system.beta[:p], system.v)
-    push = _without_rounding(system.beta[:p], system.loads[0])
-    for motion, unit in ((speed, "m/s"), (push, "m/s^2")):
+    acceleration = _without_rounding(system.beta[:p], system.loads[0])
+    for motion, unit in ((speed, "m/s"), (acceleration, "m/s^2")):
         c = int(np.argmax(motion))
         contact = assembly.scene.contacts[c]
         rate = float(motion[c])

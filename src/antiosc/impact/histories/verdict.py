@@ -118,13 +118,13 @@ def _zones_at(contact: OneContact, body: str) -> list[YieldingZone]:
     parts = scene.scene.contacts[contact._row]
     radius = rim_radius(law, contact.deepest)
     zones = []
-    for placed, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
-        point = site_points(placed.body).get(site)
-        if placed.name == body and point is not None:
-            radii = radius, placed.patch_radius or 0.0
-            push = placed.pushes.get(site)
-            at = np.array(point)
-            zones.append(YieldingZone(at, push, radii, contact.peak_force, law.nu))
+    for scene_body, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
+        point = site_points(scene_body.body).get(site)
+        if scene_body.name == body and point is not None:
+            radii = radius, scene_body.patch_radius or 0.0
+            direction = scene_body.pushes.get(site)
+            centre = np.array(point)
+            zones.append(YieldingZone(centre, direction, radii, contact.peak_force, law.nu))
     return zones
 
 
@@ -196,11 +196,11 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
             f" first yield (yield strength {strength})."
         )
     side = weaker_side(contact)
-    where = f", in {side}" if side else ""
+    side_text = f", in {side}" if side else ""
     e = contact.restitution
     rebound = "" if e is None else f"; restitution {e:.2f}"
     return (
-        f"The contact yields: {contact.dent.text}{where}{rebound}. It yields from"
+        f"The contact yields: {contact.dent.text}{side_text}{rebound}. It yields from"
         f" {engineering(law.yield_force, 'N')} on; Hertz's pressure would be {pressure_text},"
         f" {pressure / law.yield_strength:.3g} times the yield strength {strength}."
     )

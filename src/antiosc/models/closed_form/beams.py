@@ -155,15 +155,15 @@ def wave_roots(
     Root 1 is the first spectrum's (always μ₁ < 0); root 2 changes sign at the cut-off.
     """
     Omega = np.asarray(Omega, dtype=float)
-    spread = np.sqrt((Omega * (alpha - eta)) ** 2 + 4 * Omega)
-    mu1 = -(Omega * (alpha + eta) + spread) / 2
+    root = np.sqrt((Omega * (alpha - eta)) ** 2 + 4 * Omega)
+    mu1 = -(Omega * (alpha + eta) + root) / 2
     mu2 = -Omega * (1 - Omega * alpha * eta) / mu1
     # β₁β₂ = -Ω: take from the formula the one that does not cancel.
     if eta >= alpha:
-        beta2 = (Omega * (eta - alpha) + spread) / 2
+        beta2 = (Omega * (eta - alpha) + root) / 2
         beta1 = -Omega / beta2
     else:
-        beta1 = (Omega * (eta - alpha) - spread) / 2
+        beta1 = (Omega * (eta - alpha) - root) / 2
         beta2 = -Omega / beta1
     return (mu1, beta1), (mu2, beta2)
 
@@ -426,7 +426,7 @@ class UnitBeam:
             K[:, part, part] += member_stiffness(Omega, alpha, eta, length)
             count += clamped_count(Omega, alpha, eta, length)
         fixed = {condition for condition in ENDS[self.left] if condition < 2}
-        fixed |= {2 * nodes - 2 + which for which in ENDS[self.right] if which < 2}
+        fixed |= {2 * nodes - 2 + condition for condition in ENDS[self.right] if condition < 2}
         if constrained:
             fixed.add(0 if self.site == 0 else 2)
         free = [dof for dof in range(2 * nodes) if dof not in fixed]

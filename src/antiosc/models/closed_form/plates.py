@@ -190,8 +190,8 @@ class SupportedPlate:
             b2 = b2[below_limit][order]
             start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME_FREQUENCY * omega)
             sums = np.add.reduceat(b2, start)
-            moving = b2 > UNOBSERVABLE_SHARE * b2.max()
-            modes = np.add.reduceat(moving.astype(np.intp), start)
+            is_observable = b2 > UNOBSERVABLE_SHARE * b2.max()
+            modes = np.add.reduceat(is_observable.astype(np.intp), start)
             observable = np.flatnonzero(modes > 0)
             if len(observable) >= n:
                 observable = observable[:n]
@@ -462,8 +462,8 @@ def _compliance(nu: float) -> float:
         layer = 0.0
         if k < HALF_SPACE:
             bent = sinh(2 * x) - 2 * x
-            squeezed = sinh(2 * x) + 2 * x
-            layer = (1 - nu) / (G * k) * (cosh(x) ** 2 / bent + sinh(x) ** 2 / squeezed - 1)
+            denominator = sinh(2 * x) + 2 * x
+            layer = (1 - nu) / (G * k) * (cosh(x) ** 2 / bent + sinh(x) ** 2 / denominator - 1)
         return k * (plate - layer) / (2 * pi)
 
     def in_logarithm(t: float) -> float:

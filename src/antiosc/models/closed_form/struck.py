@@ -187,8 +187,8 @@ class StruckBeam:
         )
         psi0 = self._static_shape(points)
         moved0 = self._static.moved
-        hidden, carried = self._hidden_motions(points)
-        inertia = self._inertia(np.vstack((moved0, momenta, carried)))
+        hidden, hidden_momenta = self._hidden_motions(points)
+        inertia = self._inertia(np.vstack((moved0, momenta, hidden_momenta)))
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
             k0=self.static_stiffness,
@@ -235,8 +235,8 @@ class StruckBeam:
             modal = b[rigid:] / omega[rigid:] ** 2
             r = r - modal @ b[rigid:]
             residual = residual - modal @ shapes[rigid:]
-        hidden, carried = self._hidden_motions(points)
-        inertia = self._inertia(np.vstack((carried, momenta)))
+        hidden, hidden_momenta = self._hidden_motions(points)
+        inertia = self._inertia(np.vstack((hidden_momenta, momenta)))
         return BeamModes(
             omega, b, momenta[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
         )

@@ -59,21 +59,21 @@ class HalvedBeams(MeshErrors):
         """Energies [N/m] by which the mesh is too stiff for psi_0 ... psi_N: (N + 1, N + 1)."""
         coarse = self.part
         place = point[None, :], direction[None, :], np.array([np.nan])
-        fine = self._fine(point)
-        to_fine = interpolation(coarse, fine)
-        b = located(fine, *place).loads[:, 0].toarray()
+        fine_part = self._fine(point)
+        to_fine = interpolation(coarse, fine_part)
+        b = located(fine_part, *place).loads[:, 0].toarray()
         shapes = np.asarray(model.shapes)
         masses = np.append(0.0, model.m)
         squares = np.append(0.0, np.square(model.omega))
-        lacks = 0.0
+        missing = 0.0
         for part, load, values, sign in (
             (coarse, site.b[:, None], shapes, -1.0),
-            (fine, b, to_fine @ shapes, 1.0),
+            (fine_part, b, to_fine @ shapes, 1.0),
         ):
             forces = squares * (csr(part.M) @ values - masses * load)
             forces[:, :1] = model.k0 * load
-            lacks = lacks + sign * (forces.T @ answers(part, forces))
-        return excess(np.asarray(lacks) / (1 - 4.0**-coarse.form.degree))
+            missing = missing + sign * (forces.T @ answers(part, forces))
+        return excess(np.asarray(missing) / (1 - 4.0**-coarse.form.degree))
 
     def _fine(self, point: Array) -> MeshedStructure:
         """The part with halved cells and a node at `point`; the last one is stored for all models
@@ -126,9 +126,9 @@ def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.
     blocks: list[tuple[Array, IntArray, IntArray]] = []
     for path in part.form.components.values():
         dofs = compat.cell_dofs(fine.form.space, path, np.arange(len(parent)))
-        where, x = compat.dof_coordinates(fine.form.space, path)
+        dofs_here, x = compat.dof_coordinates(fine.form.space, path)
         place = np.zeros((compat.local_size(fine.form.space), 3))
-        place[where] = x
+        place[dofs_here] = x
         reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], axes)
         X = reach / np.einsum("cd,cd->c", axes, axes)[:, None]
         table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
@@ -193,13 +193,13 @@ def _largest_angle(pieces: Pieces) -> float:
     cells = pieces.cells
     ends = cells.ravel()
     cell = np.repeat(np.arange(len(cells)), 2)
-    two = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
+    shared_nodes = np.flatnonzero(np.bincount(ends, minlength=len(pieces.points)) == 2)
     order = np.argsort(ends, kind="stable")
-    position = np.searchsorted(ends[order], two)
+    position = np.searchsorted(ends[order], shared_nodes)
     outward = []
     for number in (order[position], order[np.minimum(position + 1, len(order) - 1)]):
-        far = cells[cell[number], 1 - number % 2]
-        directions = pieces.points[far] - pieces.points[two]
+        far_ends = cells[cell[number], 1 - number % 2]
+        directions = pieces.points[far_ends] - pieces.points[shared_nodes]
         outward.append(directions / np.linalg.norm(directions, axis=1, keepdims=True))
     cosine = np.clip(-np.einsum("nd,nd->n", *outward), -1.0, 1.0)
     angle = np.degrees(np.arccos(cosine))
@@ -242,9 +242,9 @@ def _cut_mesh(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
     cell_keys = keys(cells)
     if len(np.unique(cell_keys)) < len(cell_keys):
         return InputError("the error estimate of beams takes no two beams between the same nodes.")
-    cut = np.isfinite(cuts)
+    is_cut = np.isfinite(cuts)
     middle = np.full(len(cells), -1)
-    middle[cut] = len(pieces.points) + np.arange(cut.sum())
+    middle[is_cut] = len(pieces.points) + np.arange(is_cut.sum())
     order = np.argsort(cell_keys)
     groups: dict[str, dict[int, NDArray[np.int64]]] = {}
     for name, parts in pieces.groups.items():
@@ -252,8 +252,8 @@ def _cut_mesh(pieces: Pieces, cuts: Array) -> RawMesh | InputError:
         if 1 in parts:
             members = order[np.searchsorted(cell_keys[order], keys(groups[name][1]))]
             groups[name][1] = _children(cells, middle, members)
-    start, end = (pieces.points[cells[cut, side]] for side in (0, 1))
-    points = np.vstack([pieces.points, start + cuts[cut, None] * (end - start)])
+    start, end = (pieces.points[cells[is_cut, side]] for side in (0, 1))
+    points = np.vstack([pieces.points, start + cuts[is_cut, None] * (end - start)])
     children = _children(cells, middle, np.arange(len(cells)))
     return RawMesh(points, children, KINDS["line"], "gmsh", groups)
 
@@ -266,6 +266,6 @@ def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.
     middle_nodes = middle[which]
     pairs = np.stack([ends[:, 0], middle_nodes, middle_nodes, ends[:, 1]], axis=1).reshape(-1, 2, 2)
     pairs[middle_nodes < 0, 0] = ends[middle_nodes < 0]
-    existing = np.ones((len(which), 2), dtype=bool)
-    existing[middle_nodes < 0, 1] = False
-    return pairs[existing].astype(np.int64)
+    exists = np.ones((len(which), 2), dtype=bool)
+    exists[middle_nodes < 0, 1] = False
+    return pairs[exists].astype(np.int64)

@@ -175,24 +175,24 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     arguments = np.ascontiguousarray(pieces.cells), pieces.points, cell, 1
     old_mesh = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old_mesh.topology.original_cell_index)
-    marked = pieces.values[input_cells] < DIVIDED
-    new = compat.refined(old_mesh, np.unique(compat.cell_entities(old_mesh, 1)[marked]))
+    is_refined = pieces.values[input_cells] < DIVIDED
+    new = compat.refined(old_mesh, np.unique(compat.cell_entities(old_mesh, 1)[is_refined]))
     gdim = pieces.points.shape[1]
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(pieces, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
-    fresh = replace(pieces, points=x, cells=cells, groups={})
+    new_pieces = replace(pieces, points=x, cells=cells, groups={})
     parent = _positions(_carriers(support, cells), pieces.cells)
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
         cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
         cells[cosine] = cells[cosine][:, [0, 2, 1]]
-        fresh = replace(fresh, cells=cells)
-    values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(fresh)
+        new_pieces = replace(new_pieces, cells=cells)
+    values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(new_pieces)
     groups = {
         name: {dim: _in_group(new, dim, support, rows) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
-    return replace(fresh, groups=groups, values=values)
+    return replace(new_pieces, groups=groups, values=values)
 
 
 def _corners(pieces: Pieces) -> Array:

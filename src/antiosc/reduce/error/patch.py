@@ -37,12 +37,15 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     assert site.point is not None
     assert site.direction is not None  # where there is a patch
     place = site.point[None, :], site.direction[None, :]
-    own = located(on_mesh(structure), *place, np.array([site.radius]))
-    cut = bool(own.share[0] < WHOLE_PATCH)
-    for factor in SMALLER if cut else RADII:
+    patch_sites = located(on_mesh(structure), *place, np.array([site.radius]))
+    is_cut = bool(patch_sites.share[0] < WHOLE_PATCH)
+    for factor in SMALLER if is_cut else RADII:
         sites = located(on_mesh(structure), *place, np.array([factor * site.radius]))
-        facts: PatchData = {"faces": float((own if cut else sites).size[0]), "cut": float(cut)}
-        resolved = not cut or sites.size[0] <= factor * site.radius
+        facts: PatchData = {
+            "faces": float((patch_sites if is_cut else sites).size[0]),
+            "cut": float(is_cut),
+        }
+        resolved = not is_cut or sites.size[0] <= factor * site.radius
         if resolved and sites.share[0] >= WHOLE_LOAD:
             break
     if (
@@ -54,7 +57,7 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
         return facts
     b = sites.loads[:, 0].toarray().ravel()
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
-    apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
-    change = float(dot(structure.comm, apart, b + site.b))
+    solution = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
+    change = float(dot(structure.comm, solution, b + site.b))
     change -= float(sites.local[0]) - site.local_compliance
     return {**facts, "radius": float(sites.radii[0]), "compliance": change}

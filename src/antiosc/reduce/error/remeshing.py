@@ -151,9 +151,9 @@ class OfGeometry(MeshSource):
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
         coarsest_size = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
-        wished = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
+        size_field = wished_sizes(coarse, max(size, coarsest_size) / edge_lengths(coarse))
         try:
-            return self._meshed(coarse, wished, FIRST_GRADING)
+            return self._meshed(coarse, size_field, FIRST_GRADING)
         except InputError:
             self._divided = OfMesh(coarse)
             if self._divided.fixed:
@@ -170,11 +170,13 @@ class OfGeometry(MeshSource):
         if self._divided is not None:
             return self._divided.finer(mesh, ratio)
         cell_goal = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
-        wished = wished_sizes(mesh, ratio)
-        if wished is not None:
-            sizes = np.array(wished.sizes) * (wished.expected() / cell_goal) ** (1 / mesh.tdim)
-            wished = replace(wished, sizes=sizes.tolist())
-        return self._meshed(mesh, wished, GRADING)
+        size_field = wished_sizes(mesh, ratio)
+        if size_field is not None:
+            sizes = np.array(size_field.sizes) * (size_field.expected() / cell_goal) ** (
+                1 / mesh.tdim
+            )
+            size_field = replace(size_field, sizes=sizes.tolist())
+        return self._meshed(mesh, size_field, GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
         raw = self._read(like.gdim, self._order, self._refine, wished, grading)
@@ -260,8 +262,8 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
         distance = np.linalg.norm(centres - in_space(point), axis=1)
-        grown = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
-        sizes = np.minimum(sizes, grown)
+        size_there = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
+        sizes = np.minimum(sizes, size_there)
     return sizes
 
 
@@ -275,12 +277,12 @@ def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
     if pieces is None:
         return None
     corners = pieces.cells[:, : mesh.tdim + 1]
-    used, local = np.unique(corners, return_inverse=True)
+    used_nodes, local = np.unique(corners, return_inverse=True)
     local = local.reshape(corners.shape)
-    sizes = np.full(len(used), np.inf)
+    sizes = np.full(len(used_nodes), np.inf)
     np.minimum.at(sizes, local.ravel(), np.repeat(pieces.values, corners.shape[1]))
-    x = np.zeros((len(used), 3))
-    x[:, : mesh.gdim] = pieces.points[used]
+    x = np.zeros((len(used_nodes), 3))
+    x[:, : mesh.gdim] = pieces.points[used_nodes]
     return SizeField(x.tolist(), local.tolist(), sizes.tolist())
 
 

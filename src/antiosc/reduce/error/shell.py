@@ -103,8 +103,8 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     pairs = places // EDGES
     angle = angles(normals, places)
     smooth = (material_number[pairs[0]] == material_number[pairs[1]]) & (angle < FOLD)
-    turn = angles(_tangents(np.repeat(axes.axis, EDGES, axis=0), normals), places)
-    smooth &= ~axes.given[pairs[0]] | (turn < FOLD)
+    fold_angles = angles(_tangents(np.repeat(axes.axis, EDGES, axis=0), normals), places)
+    smooth &= ~axes.given[pairs[0]] | (fold_angles < FOLD)
     for name in part.stiffeners:
         smooth &= ~np.isin(edges, mesh.groups[name][1])
     ends = edge_ends[edges[smooth]]
@@ -116,11 +116,13 @@ def smooth_pieces(part: MeshedStructure) -> SmoothPieces:
     layered = np.array([material.section.has_sides for material, _ in part.parts])[material_number]
     number = 2 * number + (layered & (side != axes.side))
     axes.side = np.where(layered, axes.side, side)
-    best, cut = _axis_of_pieces(number, np.abs(normals).reshape(count, EDGES, 3).max(axis=1))
+    best, no_axis = _axis_of_pieces(number, np.abs(normals).reshape(count, EDGES, 3).max(axis=1))
     free = ~axes.given
     axes.axis = np.where(free[:, None], np.eye(3)[best], axes.axis)
     axes.given[:] = True
-    return SmoothPieces(3 * number + np.where(free & cut, best, 0), axes, _largest(angle[smooth]))
+    return SmoothPieces(
+        3 * number + np.where(free & no_axis, best, 0), axes, _largest(angle[smooth])
+    )
 
 
 def edge_normals(part: MeshedStructure) -> Array:
@@ -207,8 +209,8 @@ def _axis_of_pieces(number: IntArray, along: Array) -> tuple[IntArray, BoolArray
     axis_cosines = np.zeros((int(number.max()) + 1, 3))
     np.maximum.at(axis_cosines, number, along)
     best = np.argmin(axis_cosines, axis=1)
-    cut = (axis_cosines.min(axis=1) > NEAR)[number]
-    return np.where(cut, np.argmin(along, axis=1), best[number]), cut
+    no_axis = (axis_cosines.min(axis=1) > NEAR)[number]
+    return np.where(no_axis, np.argmin(along, axis=1), best[number]), no_axis
 
 
 #: Quadrature degree of the squares of strains, which are quadratic.
@@ -258,20 +260,22 @@ class StrainsOfSheets:
         points = len(self.X)
         k = self._shapes.shape[1]
         cell_of_point = np.repeat(cells, points)
-        at = PointsInCells(
+        located = PointsInCells(
             self._part, self._shapes, cell_of_point, np.tile(self.X, (len(cells), 1))
         )
-        frame = self._axes.frame(at)
+        frame = self._axes.frame(located)
         axes = np.stack(frame, axis=1)
-        metric = np.linalg.inv(np.swapaxes(at.J, 1, 2) @ at.J)
-        along = metric @ np.swapaxes(at.J, 1, 2) @ np.swapaxes(axes[:, :2], 1, 2)  # (P, d, axis)
+        metric = np.linalg.inv(np.swapaxes(located.J, 1, 2) @ located.J)
+        gradients = (
+            metric @ np.swapaxes(located.J, 1, 2) @ np.swapaxes(axes[:, :2], 1, 2)
+        )  # (P, d, axis)
         u = self._dofs(cells, "xyz")
-        turn = self._dofs(cells, ("rx", "ry", "rz"))
+        rotations = self._dofs(cells, ("rx", "ry", "rz"))
 
         def slopes(dofs: Array, axes: Array) -> Array:
             """Derivatives (P, axes, 2, k), along e1 and e2, of the components along the axes."""
             derivatives = (self._slopes @ dofs).reshape(len(cell_of_point), 2, 3 * k)
-            derivatives = (np.swapaxes(along, 1, 2) @ derivatives).reshape(
+            derivatives = (np.swapaxes(gradients, 1, 2) @ derivatives).reshape(
                 len(cell_of_point), 2, 3, k
             )
             derivatives = axes @ np.swapaxes(derivatives, 1, 2).reshape(
@@ -280,14 +284,14 @@ class StrainsOfSheets:
             return np.asarray(derivatives.reshape(len(cell_of_point), -1, 2, k))
 
         du = slopes(u, axes)
-        dr = slopes(turn, axes[:, :2])
-        theta = axes @ (self._values @ turn).reshape(len(cell_of_point), 3, k)
+        dr = slopes(rotations, axes[:, :2])
+        theta = axes @ (self._values @ rotations).reshape(len(cell_of_point), 3, k)
         # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
         leaning = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
-        rotated_tangents = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
-        interpolated = (self._interpolation @ turn).reshape(len(cell_of_point), 2, 6, k)
+        rotated_tangents = np.cross(frame.n[:, None], np.swapaxes(located.J, 1, 2))
+        interpolated = (self._interpolation @ rotations).reshape(len(cell_of_point), 2, 6, k)
         interpolated = (rotated_tangents.reshape(-1, 1, 1, 6) @ interpolated)[:, :, 0]
-        gap = np.swapaxes(along, 1, 2) @ interpolated - leaning
+        gap = np.swapaxes(gradients, 1, 2) @ interpolated - leaning
         strains = np.empty((len(cell_of_point), STRAINS, k))
         strains[:, 0] = du[:, 0, 0]
         strains[:, 1] = du[:, 1, 1]
@@ -298,7 +302,7 @@ class StrainsOfSheets:
         strains[:, SHEAR] = du[:, 2] + leaning + gap
         strains[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
         strains[:, DRILLING] -= self._middle[cell_of_point, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
-        area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
+        area = np.linalg.norm(np.cross(located.J[:, :, 0], located.J[:, :, 1]), axis=1)
         return SheetStrains(strains, gap, area * np.tile(self._weights, len(cells)))
 
     def _dofs(self, cells: IntArray, names: str | tuple[str, ...]) -> Array:
@@ -356,27 +360,27 @@ class SheetRecovery:
             columns = np.repeat(self._dofs[block], self._points, axis=0)
             values = np.tile(table, (rows // self._points, 1))
             starts = np.arange(rows + 1) * columns.shape[1]
-            at = scipy.sparse.csr_matrix(
+            incidence = scipy.sparse.csr_matrix(
                 (values.ravel(), columns.ravel(), starts), shape=(rows, len(corner_nodes))
             )
-            self._blocks.append((block, at))
-            weighted = at.T @ scipy.sparse.diags(strains_here.weights)
-            mass = mass + weighted @ at
+            self._blocks.append((block, incidence))
+            weighted = incidence.T @ scipy.sparse.diags(strains_here.weights)
+            mass = mass + weighted @ incidence
             loads += weighted @ strains_here.own.reshape(rows, -1)
         options = {"permc_spec": "MMD_AT_PLUS_A", "options": {"SymmetricMode": True}}
         solver = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix(mass), **options)
-        used = np.flatnonzero(loads.any(axis=0))  # a plate that bends is not stretched
+        loaded_columns = np.flatnonzero(loads.any(axis=0))  # a plate that bends is not stretched
         self._values = np.zeros_like(loads)
-        self._values[:, used] = solver.solve(loads[:, used])
+        self._values[:, loaded_columns] = solver.solve(loads[:, loaded_columns])
         self._D = section_forces(part)
 
     def blocks(self) -> Iterator[StrainBlock]:
         """All cells, in blocks."""
         number = self._part.part_of_cells()
         positions = np.arange(len(number))
-        for block, at in self._blocks:
+        for block, block_points in self._blocks:
             strains = self._strains.at(positions[block])
-            recovered = (at @ self._values).reshape(strains.own.shape)
+            recovered = (block_points @ self._values).reshape(strains.own.shape)
             yield StrainBlock(
                 block, strains, recovered, self._D[np.repeat(number[block], self._points)]
             )

@@ -190,10 +190,10 @@ class Projection:
     def solve(self, loads: Array) -> Array:
         """Corner values (rows, fields) on this rank for loads (rows, fields)."""
         start = self._dot(loads, self._inverse * loads)
-        for x, left, _ in conjugate_gradients(
+        for x, residuals, _ in conjugate_gradients(
             loads, self._product, lambda r: self._inverse * r, self._dot, CG_STEPS
         ):
-            if np.all(left <= CG_RESIDUAL**2 * start):
+            if np.all(residuals <= CG_RESIDUAL**2 * start):
                 return x
         raise NotConvergedError(
             f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells "

@@ -223,11 +223,11 @@ def _basis(
             L, dot(comm, R, B @ W).T / root, lower=True
         ).T
         V, sigma, U = np.linalg.svd(rigid_coupling)
-        turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
+        inverse_LT = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
         if len(columns) == 1:  # a single site keeps its own unit, and no rounding is added
-            turn = U.T
-        W = W @ turn
-        Y = Y @ turn
+            inverse_LT = U.T
+        W = W @ inverse_LT
+        Y = Y @ inverse_LT
     sigma = np.append(sigma, np.zeros(len(columns) - len(sigma)))
     return columns, dependence, W, Y, V, sigma
 
@@ -297,7 +297,7 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     y = np.zeros_like(b)
     z = p = shape(factor.solve(r))
     rz = first = best = float(dot(comm, r, z))
-    idle = 0
+    idle_steps = 0
     # rᵀz is the square of the error in energy, to the tenth that A differs from K.
     for _ in range(STATIC_STEPS):
         Kp = multiply(K, p)
@@ -306,9 +306,11 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
         r = load(r - step * Kp)
         z = shape(factor.solve(r))
         rz, previous_rz = float(dot(comm, r, z)), rz
-        idle = 0 if rz < best else idle + 1
+        idle_steps = 0 if rz < best else idle_steps + 1
         best = min(best, rz)
-        if rz <= STATIC_TOL**2 * first or (idle == STATIC_IDLE and best <= STATIC_SOUND**2 * first):
+        if rz <= STATIC_TOL**2 * first or (
+            idle_steps == STATIC_IDLE and best <= STATIC_SOUND**2 * first
+        ):
             return shape(y)
         p = z + rz / previous_rz * p
     raise NotConvergedError(

@@ -276,9 +276,9 @@ class ModeSolver:
         structure; those of a large one are searched again with the accepted ones deflated.
         """
         structure = self._structure
-        known = self._found
-        known_count = len(known.omega)
-        shapes = np.column_stack([self._rigid, known.phi])
+        found_modes = self._found
+        known_count = len(found_modes.omega)
+        shapes = np.column_stack([self._rigid, found_modes.phi])
         search = ModeSearch(
             structure, self._held, shapes, count - known_count, self.limit - known_count
         )
@@ -289,12 +289,12 @@ class ModeSolver:
         massive = values > -structure.shift
         values = values[massive]
         vectors = vectors[:, massive]
-        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        omega = np.concatenate([found_modes.omega, np.sqrt(np.maximum(values, 0.0))])
         # the solve amplifies the rigid-body modes in their rounding
         vectors = vectors - self._rigid @ dot(
             structure.comm, multiply(structure.M, self._rigid), vectors
         )
-        phi = _normalised(structure, np.column_stack([known.phi, vectors]))
+        phi = _normalised(structure, np.column_stack([found_modes.phi, vectors]))
         order = np.argsort(omega, kind="stable")[:count]
         complete = len(omega) >= self.limit or not massive.all()
         modes = Modes(omega[order], phi[:, order], complete)

@@ -472,10 +472,10 @@ def _kept_count(
     block.
     """
     if band is not None:
-        tried = min(run.applied, n)  # the truncation error of these is known only now
-        sufficient = tried == n or run.exhausted
-        if sufficient or (tried and run.error(tried, band) <= accuracy):
-            return tried
+        bounded = min(run.applied, n)  # the truncation error of these is known only now
+        sufficient = bounded == n or run.exhausted
+        if sufficient or (bounded and run.error(bounded, band) <= accuracy):
+            return bounded
         return None
     for count in range(max(before + 1, n), run.steps + 1):
         if run.observable(count, tol) >= n:

@@ -36,19 +36,19 @@ def check_limit(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     """Warn of a measured error above `limit`; AccuracyError for one above USABLE times `limit`."""
     if value <= limit:
         return
-    why = (
+    reason = (
         "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
         "elements or materials: take fewer elements, more even ones, smaller penalties."
     )
     if not value <= USABLE * limit:
         raise AccuracyError(
             f"the constraint modes fail their own check: {name} {value:.1e}, limit "
-            f"{USABLE * limit:.0e}; {why}"
+            f"{USABLE * limit:.0e}; {reason}"
         )
     warn(
         comm,
         f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
-        f"{limit:.0e}): {why}",
+        f"{limit:.0e}): {reason}",
         AccuracyWarning,
     )
 

@@ -88,8 +88,10 @@ class ConstraintModes:
 
     def stiffness(self, x: ComplexArray) -> Numbers:
         """Z (W, p, p) with all computed modes."""
-        real = self.poles > 0
-        return stiffness_at_sites(x, self.static.k0, self.m0, self.P[real], self.poles[real])
+        is_finite = self.poles > 0
+        return stiffness_at_sites(
+            x, self.static.k0, self.m0, self.P[is_finite], self.poles[is_finite]
+        )
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> ConstraintModes:
@@ -192,16 +194,16 @@ def oscillators(known: ConstraintModes, n: int, tol: float) -> Selection:
     observable = np.flatnonzero(shares_at_sites(static.k0, known.m0, P, poles) > tol)
     modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in observable)}.values())
     order = observable[np.argsort(poles[observable], kind="stable")[:n]]
-    turn = np.zeros((len(omega), len(order)))
+    combination = np.zeros((len(omega), len(order)))
     for column, i in enumerate(order):
-        turn[mixed[i][0], column] = mixed[i][1]
-    lumped_rows = known.P - turn @ P[order]  # what is not kept goes back to m0
+        combination[mixed[i][0], column] = mixed[i][1]
+    lumped_rows = known.P - combination @ P[order]  # what is not kept goes back to m0
     return Selection(
         m0=semidefinite(known.m0 + lumped_rows.T @ lumped_rows),
         P=P[order],
         omega=np.sqrt(poles[order]),
         residual=known.residual + known.modes.phi @ lumped_rows,
-        phi=known.modes.phi @ turn,
+        phi=known.modes.phi @ combination,
         unobservable=len(omega) - modes,
         merged=modes - len(observable),
     )
@@ -238,8 +240,8 @@ def _distinct_motions(known: ConstraintModes, group: IntArray) -> Array:
         return np.eye(count)
     U = U[:, :count]
     # their own frequencies differ by rounding, and the stiffness between them is to vanish
-    _, turn = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
-    return np.asarray(U @ turn)
+    _, vectors = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(U @ vectors)
 
 
 @dataclass(frozen=True)
@@ -324,10 +326,10 @@ def at_one_site(static: SiteShapes, selected: Selection, n: int) -> OneSite:
         weak = hidden[:, 0] * np.sign(a)
         hidden = hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
-        m0, m, omega, residual_of_shapes, turn = with_rigid_mode(k0, m0, m, omega, abs(a))
+        m0, m, omega, residual_of_shapes, combination = with_rigid_mode(k0, m0, m, omega, abs(a))
         k0 = 0.0
         residual = shapes @ residual_of_shapes
-        psi = shapes @ turn
+        psi = shapes @ combination
     return OneSite(k0, m0, omega, m, residual, psi, hidden)
 
 
@@ -352,8 +354,8 @@ def error_bound(
     change = spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
-    spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
-    stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    condition = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
+    stored = np.finfo(float).eps * len(static.W) * condition**2 * sizes[:, 0]
     error = remainder(x) + change + stored + _rounding(structure, known, x)
     dropped_error = (1 + SAMPLE_RISE) * error / sizes[:, -1]
     dropped_error = np.where(
@@ -397,11 +399,11 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     It has three sources: the entries of K and M, the solves, and the measured orthogonality of the
     modes.
     """
-    real = known.poles > 0
-    poles = known.poles[real]
-    P = known.P[real]
+    is_finite = known.poles > 0
+    poles = known.poles[is_finite]
+    P = known.P[is_finite]
     count = P.shape[1]
-    shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
+    shapes = np.column_stack([known.residual, known.modes.phi[:, is_finite]])
     lever = poles / (poles - x[:, None])
     sized = np.broadcast_to(np.eye(count), (len(x), count, count))
     weight = np.concatenate([sized, lever[:, :, None] * P], axis=1)
@@ -418,12 +420,12 @@ def _rounding(structure: Structure, known: ConstraintModes, x: ComplexArray) -> 
     # amplitudes of the modes relative to the residual shapes, and to the static ones
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
-    error += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    error += 2 * spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[is_finite]))
     for matrix, amplitudes, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        off_diagonal = np.abs(matrix[np.ix_(real, real)]) @ amplitudes
+        off_diagonal = np.abs(matrix[np.ix_(is_finite, is_finite)]) @ amplitudes
         error += times * spectral_norms(amplitudes.transpose(0, 2, 1) @ off_diagonal)
     return error
 
@@ -450,10 +452,10 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     and combinations of the sites.
     """
     share = np.zeros(len(poles))
-    real = np.flatnonzero(poles > 0)
-    for i in np.split(real, range(AT_ONCE, len(real), AT_ONCE)):
+    positive = np.flatnonzero(poles > 0)
+    for i in np.split(positive, range(AT_ONCE, len(positive), AT_ONCE)):
         x = poles[i] * (1 + 1j * DAMPING) ** 2
-        Z = stiffness_at_sites(x, k0, m0, P[real], poles[real])
+        Z = stiffness_at_sites(x, k0, m0, P[positive], poles[positive])
         shares = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
         share[i] = np.abs(x**2 / (poles[i] - x) * shares)
     return share

@@ -210,8 +210,8 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
 def _quartic(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """⅛ ∫η:C:η of all pairs of pairs of motions: (pairs, pairs)."""
     total = np.zeros((len(pairs), len(pairs)))
-    for begin in range(0, points.weight.size, AT_ONCE):
-        span = slice(begin, begin + AT_ONCE)
+    for start in range(0, points.weight.size, AT_ONCE):
+        span = slice(start, start + AT_ONCE)
         part = [slope[span] for slope in slopes]
         eta = np.stack([points.second(part[i], part[j]) for i, j in pairs], axis=1)
         stress = eta @ (points.stiffness[span] * points.weight[span, None, None])

@@ -400,8 +400,8 @@ def _observable_modes(
     check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
     rigid, a = _rigid_modes(static)
-    moving = a != 0
-    shares = shares_of_receptance(np.append(a[moving].sum(), b), np.append(0.0, modes.omega**2))
+    moves_site = a != 0
+    shares = shares_of_receptance(np.append(a[moves_site].sum(), b), np.append(0.0, modes.omega**2))
     visible = shares[1:] > tol
     omega = modes.omega[visible]
     b = b[visible]
@@ -411,8 +411,8 @@ def _observable_modes(
         size = np.sqrt(np.add.reduceat(b**2, start))
         phi = np.add.reduceat(phi * b, start, axis=1) / size
         omega = omega[start]
-    omega = np.append(np.zeros(int(moving.sum())), omega)
-    return Modes(omega, np.hstack([rigid[:, moving], phi]), modes.complete)
+    omega = np.append(np.zeros(int(moves_site.sum())), omega)
+    return Modes(omega, np.hstack([rigid[:, moves_site], phi]), modes.complete)
 
 
 def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
@@ -474,8 +474,8 @@ def _left_out(
         elastic = beside_rigid(structure, structure.factorize(), where.b)
     compliance = float(dot(structure.comm, where.b, elastic))
     modal_force = np.zeros_like(b)
-    moving = modes.omega > 0
-    modal_force[moving] = b[moving] / modes.omega[moving] ** 2
+    is_elastic = modes.omega > 0
+    modal_force[is_elastic] = b[is_elastic] / modes.omega[is_elastic] ** 2
     r = compliance - float(modal_force @ b)
     if r <= RESIDUAL_ROUNDING * compliance:
         return 0.0, np.zeros_like(elastic)

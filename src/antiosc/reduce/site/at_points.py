@@ -256,16 +256,16 @@ def _beyond_seams(
 
     Triangles beside quadrilaterals form a part of their own, so that a patch may lie on both.
     """
-    cut = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
-    if laid.contact is None or not member.part.kind.sheet or not len(cut):
+    cut_patches = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
+    if laid.contact is None or not member.part.kind.sheet or not len(cut_patches):
         return []
-    x = member.at.placed(laid.points[cut])
+    x = member.at.placed(laid.points[cut_patches])
     on_neighbours = []
     faces_before = [member.part.faces]
     for neighbour in structure.members():
         if neighbour is member or not neighbour.part.kind.sheet or neighbour.at != member.at:
             continue
-        overlapping = cut[neighbour.closest(x).distance < laid.radii[cut]]
+        overlapping = cut_patches[neighbour.closest(x).distance < laid.radii[cut_patches]]
         if not len(overlapping):
             continue
         part = part_of(neighbour)
@@ -332,12 +332,12 @@ def cell_and_waves(
     size = float(np.linalg.norm(edges, axis=2).max())
     if mesh.tdim == mesh.gdim:
         thin = np.eye(3)[int(np.argmin(sides[: mesh.gdim]))]
-        bends = abs(float(direction @ thin))
+        bending_share = abs(float(direction @ thin))
     else:  # how far it points out of the cell's tangents
         tangents = np.linalg.svd(edges.reshape(-1, 3), full_matrices=False)[2][: mesh.tdim]
-        bends = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
+        bending_share = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
     speed = max(material.bar_speed() for material, _ in structure.parts)
-    gyration = thickness / sqrt(12) if bends > ALONG else 0.0
+    gyration = thickness / sqrt(12) if bending_share > ALONG else 0.0
     return size, speed * gyration, speed
 
 
@@ -349,14 +349,14 @@ def _tangential(
     tangential_sites = [i for i, site in enumerate(sites) if site.tangential]
     if not tangential_sites or sites_found.weighted is None:
         return [()] * len(sites)
-    for across in tangents(sites_found.directions, "z" not in structure.form.components):
-        tangential_loads = loads(structure, sites_found.weighted, across)
+    for axes in tangents(sites_found.directions, "z" not in structure.form.components):
+        tangential_loads = loads(structure, sites_found.weighted, axes)
         free = on_free_dofs(structure, tangential_loads)
-        moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, tangential_loads)
-        columns = free.toarray().T * moving[:, None]
+        is_movable = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, tangential_loads)
+        columns = free.toarray().T * is_movable[:, None]
         for i in tangential_sites:
             b = np.ascontiguousarray(columns[i])
-            sides[i].append(Functional(b, point=sites_found.points[i], direction=across[i]))
+            sides[i].append(Functional(b, point=sites_found.points[i], direction=axes[i]))
     return [tuple(side) for side in sides]
 
 
@@ -382,16 +382,16 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     """Point and unit direction of a site in the axes of its part, which has three coordinates."""
-    at = site.point
-    along = site.direction
-    assert not isinstance(at, str)
-    assert at is not None
-    assert along is not None  # Site has seen to that
-    point = np.array(at)
-    direction = np.array(along)
+    x = site.point
+    d = site.direction
+    assert not isinstance(x, str)
+    assert x is not None
+    assert d is not None  # Site has seen to that
+    point = np.array(x)
+    direction = np.array(d)
     direction /= np.linalg.norm(direction)
     if "z" not in form.components and abs(direction[2]) > 1e-12:
-        raise InputError(f"direction {tuple(along)} leaves the plane of {mesh.name}, which is 2-D.")
+        raise InputError(f"direction {tuple(d)} leaves the plane of {mesh.name}, which is 2-D.")
     return point, direction
 
 

@@ -88,10 +88,10 @@ def _mesh_doubts(structure: MeshedStructure, sites: Sites) -> Iterator[Doubt]:
 
 def _patch_doubts(sites: Sites) -> Iterator[Doubt]:
     """The sites of `doubtful_patches`."""
-    cut = _cut(sites)
-    share = percent(sites.share[cut].min(initial=1.0))
+    is_cut = _cut(sites)
+    share = percent(sites.share[is_cut].min(initial=1.0))
     yield Doubt(
-        cut,
+        is_cut,
         f"an edge cuts the patch: only {share} of its load area lies on the face, so its "
         "half-space compliance does not hold; move the site or take a smaller radius.",
         f"an edge cuts it at {{}}, down to {share} of its load area (a smaller radius helps)",

@@ -82,9 +82,9 @@ def targets(where: object) -> Sequence[str] | None:
         raise InputError(
             "where lists names and points; give names of groups and parts alone, or points alone."
         )
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise InputError(f"where lists {twice[0]!r} twice.")
+    repeated = [name for k, name in enumerate(names) if name in names[:k]]
+    if repeated:
+        raise InputError(f"where lists {repeated[0]!r} twice.")
     return names
 
 
@@ -238,10 +238,10 @@ def _on_part(
     if not len(sites):
         return map_sites
     loads = structure.joined(sites.loads, member.rows).tocsr()
-    moves = np.ones(len(sites), dtype=bool)
+    is_movable = np.ones(len(sites), dtype=bool)
     if structure.assembled:
         size = scipy.sparse.linalg.norm(loads, axis=0)
-        moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
+        is_movable = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
     in_assembly = replace(
         sites,
         points=member.at.placed(sites.points),
@@ -250,7 +250,7 @@ def _on_part(
         weighted=None,
     )
     names = np.full(len(sites), name)
-    return replace(map_sites, sites=in_assembly, names=names).only(moves)
+    return replace(map_sites, sites=in_assembly, names=names).only(is_movable)
 
 
 def sites_on(
@@ -322,12 +322,14 @@ def points_given(points: object, direction: object) -> Array:
     """Checked points (P, 3) of a map."""
     if direction is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
-    at = floats("where, if no group's name, the points,", points, None)
-    if not at.size:
+    coordinates = floats("where, if no group's name, the points,", points, None)
+    if not coordinates.size:
         raise InputError("a map needs at least one point.")
-    if at.ndim != 2 or at.shape[1] not in (2, 3):
-        raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
-    return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+    if coordinates.ndim != 2 or coordinates.shape[1] not in (2, 3):
+        raise InputError(
+            f"where must list points of 2 or 3 coordinates; got shape {coordinates.shape}."
+        )
+    return np.pad(coordinates, ((0, 0), (0, 3 - coordinates.shape[1])))
 
 
 def _in_space(direction: Sequence[float]) -> Array:
@@ -340,11 +342,11 @@ def _in_space(direction: Sequence[float]) -> Array:
 
 def _sample(structure: MeshedStructure, points: object, along: Array | None) -> SurfaceSample:
     """A `SurfaceSample` at points that the caller gives; `along`: the direction of impact."""
-    at = points_given(points, along)
+    coordinates = points_given(points, along)
     mesh = structure.mesh
-    nearest = closest_many(mesh, at)
-    on_structure(at, nearest.distance, mesh.extent())
-    return SurfaceSample(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
+    nearest = closest_many(mesh, coordinates)
+    on_structure(coordinates, nearest.distance, mesh.extent())
+    return SurfaceSample(nearest.x, np.zeros_like(coordinates), np.zeros((0, 3), dtype=int))
 
 
 def on_structure(points: Array, distance: Array, size: float) -> None:

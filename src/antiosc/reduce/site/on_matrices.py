@@ -123,8 +123,8 @@ def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: A
     index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
     is_mapped = nodes[order][index] == matrices.map.node
     axis = matrices.map.component - 1
-    moving = is_mapped & (axis >= 0) & (axis < 3)
-    b[moving] = weights[order][index[moving]] * direction[axis[moving]]
+    is_displacement = is_mapped & (axis >= 0) & (axis < 3)
+    b[is_displacement] = weights[order][index[is_displacement]] * direction[axis[is_displacement]]
     return b
 
 
@@ -183,10 +183,10 @@ def _at_point(
     candidates = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
     if len(candidates):
         candidates = candidates[~_covered(points[candidates], direction, site.radius)]
-    inside = np.zeros(0, dtype=bool)
+    is_loaded = np.zeros(0, dtype=bool)
     if len(candidates):
-        inside = np.linalg.norm(points[candidates] - point, axis=1) < site.radius
-    if not inside.any():
+        is_loaded = np.linalg.norm(points[candidates] - point, axis=1) < site.radius
+    if not is_loaded.any():
         distance, nearest = tree.query(point)
         raise InputError(
             f"the patch of radius {site.radius:g} m has no node on the surface: the nearest node, "

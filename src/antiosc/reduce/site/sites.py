@@ -284,18 +284,20 @@ def located(
         local[patch] = np.array(half_space) / radii[patch]
         depth[patch] = contact.depth
         size[patch] = contact.largest
-        deep = np.flatnonzero(np.isinf(depth))
-        if len(deep):  # how deep is told to the caller
-            far = np.full(len(deep), mesh.extent())
-            depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
+        far_points = np.flatnonzero(np.isinf(depth))
+        if len(far_points):  # how deep is told to the caller
+            reaches = np.full(len(far_points), mesh.extent())
+            depth[far_points] = faces.contact(
+                points[far_points], directions[far_points], reaches, labels
+            ).depth
     if not patch.all():
         point_sets.append(_points(structure, points, np.flatnonzero(~patch), nearest))
     weighted = Points.joined(point_sets)
     B = loads(structure, weighted, directions)
     weight = sums(structure, B)
     B = on_free_dofs(structure, B)
-    moving = sums(structure, B) / np.where(weight > 0, weight, 1.0)
-    places = (points, directions, B, radii, local, share, depth, size, moving, weighted)
+    free_share = sums(structure, B) / np.where(weight > 0, weight, 1.0)
+    places = (points, directions, B, radii, local, share, depth, size, free_share, weighted)
     return Sites(*places, contact if patch.all() else None)
 
 

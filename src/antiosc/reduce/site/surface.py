@@ -70,8 +70,8 @@ def surface_at(
         surface = placed(curved, matter, corner, radius)
         if curved.kind in SHARP:
             return surface
-        room, second_contact = _room(matrices, curved, radius or 0.0)
-        return replace(surface, largest_ball=room, meets=second_contact)
+        ball_radius, second_contact = _room(matrices, curved, radius or 0.0)
+        return replace(surface, largest_ball=ball_radius, meets=second_contact)
 
     return matrices.decided(work)
 
@@ -91,10 +91,10 @@ def _room(
             continue
         point = member.at.own(curved.point[None])[0]
         normal = curved.normal @ member.at.rotation
-        radius, met = largest_ball(member.part.faces, point, normal, near)
+        radius, touched = largest_ball(member.part.faces, point, normal, near)
         if radius < best:
             best = radius
-            x, y, z = member.at.placed(met[None])[0].tolist()
+            x, y, z = member.at.placed(touched[None])[0].tolist()
             second_contact = (x, y, z)
     return best, second_contact
 
