@@ -942,10 +942,10 @@ def write_scene(
     AntioscError
         The file exists, the part cannot be read, or the material is unknown: nothing is written.
     """
-    material_record = materials.record(MATERIAL if material is None else material)
-    if material_record.G is not None:
+    metal = materials.record(MATERIAL if material is None else material)
+    if metal.G is not None:
         raise InputError(
-            f"{material_record.name} is not isotropic: write the scene with another material, then give "
+            f"{metal.name} is not isotropic: write the scene with another material, then give "
             "its orientation with the name in [material]."
         )
     target = checks.new_file("the scene file", path)
@@ -967,8 +967,8 @@ def write_scene(
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:
-        flat = None if inspection.flat is None else (material_record.E, material_record.nu)
-        inspection = replace(inspection, material=material_record.name, flat=flat)
+        flat = None if inspection.flat is None else (metal.E, metal.nu)
+        inspection = replace(inspection, material=metal.name, flat=flat)
     elif material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."

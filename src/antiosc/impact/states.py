@@ -210,7 +210,7 @@ def _advanced(
     rate = x * S + y * J0 + z * J1
     return (
         displacements - rate,
-        velocity + system.omega** 2 * force_response + 2 * system.decay * rate,
+        velocity + system.omega**2 * force_response + 2 * system.decay * rate,
     )
 
 

@@ -371,9 +371,9 @@ def deviation(mesh: FileMesh, volume: float) -> list[str]:
     change = float(meshed / volume - 1)
     if abs(change) < TOLD_VOLUME:
         return []
-    sense = "less" if change < 0 else "more"
+    less = "less" if change < 0 else "more"
     return [
-        f"the mesh has {100 * abs(change):.2g} % {sense} volume than the surface of the file, whose "
+        f"the mesh has {100 * abs(change):.2g} % {less} volume than the surface of the file, whose "
         "edges and holes it cuts: a smaller size follows them."
     ]
 

@@ -161,10 +161,10 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             strays.append(f"{is_loose.sum()} {_NOUNS[kind.dim]} ({label})")
             place = int(block[is_loose][0, 0])
     if strays:
-        place_text = ", ".join(f"{c:.4g}" for c in mesh.points[place])
+        at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
-            f"{' and '.join(strays)} that are not sides of them, one at ({place_text}) m: one mesh carries "
+            f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
             f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
