@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base.texts import percent
 from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
@@ -58,6 +59,17 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     probes = table(tmp_path / "out/probes.csv")
     assert np.array_equal(probes["quarter z (m)"], found.probes["quarter"][:, 2])
     assert np.abs(probes["quarter z (m)"]).max() > 0
+    half = found.model.truncated(found.model.n // 2)
+    other = ao.simulate(half, found.impactor, hit.law, float(hit.time[-1]))
+    asked = found.compiled.probes["quarter"].arguments
+    signal = found.probes["quarter"]
+    times = probes["time (s)"]
+    off = signal - ao.probe(found.structure, other, asked["point"], "displacement", times)
+    told_of = numbers(tmp_path / "out")["probes"]["quarter"]
+    expected = np.linalg.norm(off, axis=1).max() / np.linalg.norm(signal, axis=1).max()
+    assert told_of["truncation"] == pytest.approx(expected, rel=1e-2)
+    assert f" ± {percent(told_of['truncation'])} at" in told
+    assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):
