@@ -35,6 +35,8 @@ HIT = ao.simulate(MODEL, ao.RigidMass(0.2, 1.5), ao.Hertz(1e9), 2e-3)
 class Map(SimpleNamespace):
     """A map of four points on one or two surfaces."""
 
+    impactor = contact = None
+
     def __len__(self) -> int:
         return len(self.points)
 
