@@ -252,11 +252,11 @@ class CoincidentNodes:
             if place is not None:
                 k, cell, X = place
                 by_mesh.setdefault(k, []).append((index, cell, X))
-        result = {}
+        result: dict[int, Row] = {}
         for k, places in by_mesh.items():
-            indices, cells, X = zip(*places, strict=True)
+            indices, cells, points = zip(*places, strict=True)
             member = self.nodes.meshes[k].member
-            motions = self.nodes.layout.at_points(member, np.array(cells), np.array(X), names)
+            motions = self.nodes.layout.at_points(member, np.array(cells), np.array(points), names)
             motions = motions[motion % 3 :: 3]
             result |= {index: row_of(motions, i) for i, index in enumerate(indices)}
         return result
