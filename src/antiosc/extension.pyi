@@ -45,6 +45,7 @@ from antiosc.fem.mesh.soundness import (
     sound as sound,
 )
 from antiosc.fem.mesh.surface import (
+    SAME_FACE as SAME_FACE,
     Faces as Faces,
 )
 from antiosc.fem.reach import (

@@ -51,6 +51,7 @@ from antiosc.extension import (
 )
 from antiosc.models.auto_contact import piercing
 from antiosc.models.body import info_of, site_points
+from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
     from antiosc import PeakField, Structure
@@ -311,9 +312,10 @@ def _computed(hit: History) -> Data:
 
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
-    "mesh": "use smaller elements around the site",
-    "truncation": "extract more anti-oscillators (n)",
-    "time": "use a smaller tol",
+    "mesh": "use smaller elements around the site (on the page: Finer mesh here; in a scene: refine"
+    " in [geometry])",
+    "truncation": "extract more anti-oscillators (in a scene: n in [extract])",
+    "time": "use a smaller tol (in a scene: in [simulate])",
     "patch": "take a smaller patch on smaller elements (on the page: Finer mesh here)",
     "geometry": "use smaller or curved elements along the curved surface",
     "noise": "measure with less noise, or average more blows",
@@ -368,7 +370,7 @@ def headline_of_history(
         ("accuracy", "" if budget is None else _accuracy(budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    caution = no_bar(budget, structure)
+    caution = caution_of(budget, structure)
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
 
 
@@ -599,6 +601,12 @@ def without_bars(structure: Structure) -> str:
     except InputError as error:
         return str(error)
     return ""
+
+
+def caution_of(budget: ErrorBudget | None, structure: Structure | None) -> str:
+    """What must be read before the numbers of an impact: a part that may be cut, missing bars."""
+    sentences = symmetry_note(structure), no_bar(budget, structure)
+    return " ".join(f"{sentence.rstrip('.')}." for sentence in sentences if sentence)
 
 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:

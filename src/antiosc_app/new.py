@@ -38,6 +38,7 @@ from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read, without_line
 from antiosc_app.scene_file.outline import Outline, check_size
+from antiosc_app.symmetry import held_motions, symmetry_note
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -350,9 +351,8 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
     check_size(path)
     part = foreign_part(path, free, unit)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure)
-    return replace(
-        inspection, notes=tuple(part.notes), pieces=part.pieces, structure=part.structure
-    )
+    notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
+    return replace(inspection, notes=notes, pieces=part.pieces, structure=part.structure)
 
 
 def inspect_structure(part: Structure) -> Inspection:
@@ -502,15 +502,8 @@ def _flat(
 
 def _held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:
     """Mask of the nodes x (N, 3) that do not move where all free dofs of a structure do."""
-    from antiosc.extension import source
-
-    try:
-        motion = np.ones((structure.rows, 1))
-        motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
-        nodes, _, displacements = source(structure).at_nodes(structure, motion)
-    except AntioscError:  # matrices alone have no nodes
-        return np.zeros(len(x), dtype=bool)
-    fixed = ~np.any(displacements, axis=(1, 2))
+    nodes, motion = held_motions(structure)
+    fixed = ~motion.any(axis=1)
     if not fixed.any():
         return np.zeros(len(x), dtype=bool)
     distance = cKDTree(nodes[fixed]).query(x)[0]

@@ -41,7 +41,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import map_cautions, mesh_note, no_bar
+from antiosc_app.live import caution_of, map_cautions, mesh_note
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
@@ -390,7 +390,7 @@ def _impact(results: SceneResults) -> Presentation:
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
-    caution = no_bar(budget, results.structure)
+    caution = caution_of(budget, results.structure)
     text = [caution, hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,

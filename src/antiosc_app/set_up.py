@@ -13,6 +13,7 @@ import numpy as np
 from antiosc import IMPACTORS
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
+from antiosc.extension import SAME_FACE
 from antiosc_app.new import FALL_HEIGHT, FLOOR_MATERIAL, FRICTION, IMPACTS, TILT, Inspection
 
 #: A table of a scene.
@@ -27,8 +28,6 @@ HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK"
 RESOLVED = 1.05
 #: Refinement factor of a finer mesh.
 FINER = 3.0
-#: Number of neighbouring faces from which the size is taken.
-NEIGHBOURS = 12
 #: Largest number of held faces.
 MOST_HELD = 200
 #: Anti-oscillators of the first numbers, from free modes.
@@ -58,13 +57,26 @@ class InspectedFile(NamedTuple):
     """
 
     def size_at(self, point: Sequence[float]) -> float:
-        """Size [m] of the skin's faces near a point."""
+        """Size [m] of the skin's facets under the patch that they resolve at a point, as a site
+        measures it: the largest mean side of the facets within its radius that face alike.
+        """
         corners = self.look.points[self.look.faces]
-        distances = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
-        nearest = corners[np.argsort(distances)[:NEIGHBOURS]]
-        return float(
-            np.linalg.norm(nearest - np.roll(nearest, 1, axis=1), axis=2).mean(axis=1).max()
-        )
+        centres = corners.mean(axis=1)
+        away = np.linalg.norm(centres - point, axis=1)
+        gap = away - np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+        nearest = int(np.argmin(away))
+        alike = np.ones(len(corners), dtype=bool)
+        if corners.shape[1] > 2:
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            alike = normals @ normals[nearest] > SAME_FACE
+        sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+        size = 0.0
+        largest = float(sizes[nearest])
+        while largest > size:
+            size = largest
+            largest = float(sizes[alike & (gap <= RESOLVED * size)].max(initial=size))
+        return size
 
     name: str
     look: Inspection

@@ -16,10 +16,13 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import parts
 from antiosc.base import progress
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
+from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
+from antiosc.reduce.site.sites import located
 from antiosc_app import new, set_up
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
@@ -481,7 +484,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
 def test_a_structure_is_struck_where_its_supports_leave_it_free():
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
-    look = new.inspect_structure(part)
+    look = new.new.inspect_structure(part)
     assert look.point[2] < 0.01
     assert look.radius is not None
 
@@ -494,3 +497,17 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     one = replace(mesh, groups={"both": {2: both}})
     part = ao.Structure(one, ao.material("steel S235"), [])
     assert skin(part, new._inspect_mesh(one, {}, None)).held == ["side of the box"]
+
+
+def test_the_size_at_a_point_is_that_of_the_facets_under_its_patch():
+    """As a site measures it, which warns of facets larger than the patch; those of other sides of
+    an edge do not count.
+    """
+    part = ao.Structure(parts.box((4, 3, 2), (0.08, 0.06, 0.1)), ao.Solid(**parts.STEEL))
+    look = new.inspect_structure(part)
+    source = set_up.InspectedFile("box", look, {}, False)
+    for x in ((0.03, 0.03, 0.1), (0.075, 0.05, 0.1), (0.01, 0.055, 0.1)):
+        size = source.size_at(x)
+        at = np.array([x]), np.array([[0.0, 0.0, -1.0]]), np.array([set_up.RESOLVED * size])
+        assert located(on_mesh(part), *at).size[0] == pytest.approx(size)
+        assert size < 0.03 < source.size_at((x[0], 0.0, 0.05))

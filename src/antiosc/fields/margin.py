@@ -454,6 +454,10 @@ def mesh_error(
     return stress_jumps(structure, shapes, factors, part)
 
 
+#: What judges a stress at a distance.
+AT_A_DISTANCE = "in a scene: leave_out = [[x, y, z, radius]] in [stress], in m"
+
+
 def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, share: float) -> str:
     """A warning about the largest stress at x (3,) with this relative mesh error; "" if there is
     none.
@@ -465,16 +469,20 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
         return (
             f"the largest stress lies in a re-entrant corner of {angle:.0f} degrees, where it grows"
             " with every refinement of the mesh: model the fillet, or judge it at a distance"
+            f" ({AT_A_DISTANCE})"
         )
     if supported:
         return (
             "the largest stress lies at a support that holds the part rigidly, where it grows with"
-            " refinements of the mesh: judge it at a distance, or model what holds the part"
+            f" refinements of the mesh: judge it at a distance ({AT_A_DISTANCE}), or model what"
+            " holds the part"
         )
     if share >= UNRESOLVED_JUMP:
         return (
             f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
-            " resolve it; make the cells there smaller"
+            " resolve it; make the cells there smaller: of a geometry by refine ="
+            f" [[[{', '.join(f'{c:.4g}' for c in x)}], SIZE]] in [geometry] of its scene, in m,"
+            " which the page saves; a mesh file in the program that made it"
         )
     return ""
 

@@ -223,7 +223,7 @@ class ImpactMap(Completed):
                 f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
                 f" {point_text(self.stress_points[i])} for a blow at"
                 f" {point_text(self.points[i])}; its mesh error is not known:"
-                " read_mesh(…, refine=…) there shows how it grows"
+                " read_mesh(…, refine=…) there, in a scene refine in [geometry], shows how it grows"
             )
         return "\n".join(rows)
 
