@@ -255,10 +255,10 @@ class Inspection:
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """Text lines for the terminal; without the impact if the part is dropped."""
-        side = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
+        sides = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         kind = "as its deck says" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
-        sentences = [f"{name}: {self.cells}, {side} mm; {kind}."]
+        sentences = [f"{name}: {self.cells}, {sides} mm; {kind}."]
         sentences += [
             *self.notes,
             f"it reaches {outline.text(MOST_NAMES)}.",
@@ -1052,7 +1052,7 @@ def _try(scene: Path, structure: Structure | None) -> float | None:
     calls = compiled(read(scene))
     evaluate = Evaluation(calls.document)
     if structure is not None and calls.structure is not None:
-        evaluate.know(calls.structure, structure)
+        evaluate.register(calls.structure, structure)
     hit = None
     try:
         with warnings_to(list[str]().append), progress.doing("a trial of the new scene"):

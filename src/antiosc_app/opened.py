@@ -230,7 +230,7 @@ class Opened:
             self._waiting += change
 
     def _turn(self, values: Table) -> tuple[str, int]:
-        """(tab, turn) of a call: the browser tab, and the number of its set-up."""
+        """(tab, number) of a call: the browser tab, and the number of its set-up."""
         tab = checks.text("tab", values.get("tab"))
         turn = checks.whole("turn", values.get("turn"), least=0)
         self._turns[tab] = max(turn, self._turns.of(tab, lambda: turn))
@@ -527,7 +527,7 @@ def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
     """The evaluation of a scene in which some objects are already known, by name."""
     evaluate = Evaluation(scene.document)
     for name, value in known.items():
-        evaluate.know(getattr(scene, name), value)
+        evaluate.register(getattr(scene, name), value)
     return evaluate
 
 

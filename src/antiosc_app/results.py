@@ -222,7 +222,7 @@ def format_number(value: object) -> str:
 
 
 def _spaced(name: str) -> str:
-    """A name with blanks instead of underscores."""
+    """The name with blanks in place of underscores."""
     return name.replace("_", " ")
 
 
@@ -621,7 +621,7 @@ class Probe:
         return dict.fromkeys("z" if is_plane else "xyz"[:count], unit)
 
     def table(self) -> Columns:
-        """The columns of a file."""
+        """The components as columns of a file."""
         headings = [
             f"{self.name} {c}".rstrip() + (f" ({unit})" if unit else "")
             for c, unit in self.units().items()

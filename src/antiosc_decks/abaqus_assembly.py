@@ -138,7 +138,7 @@ class Whole:
         for kind, row in mesh.others:
             deck.left[kind] += 1
             self.others.append((kind, row, instance))
-        deck.told += [sentence for sentence in mesh.told if sentence not in deck.told]
+        deck.remarks += [sentence for sentence in mesh.remarks if sentence not in deck.remarks]
         for keyword, label, rows in mesh.sets:
             self._extend(keyword, label, instance, [instance.placed(keyword, rows)])
         if name:
@@ -168,7 +168,7 @@ class Whole:
                 members.append(self.deck.nodes_of(cells))
             else:
                 message = f"{card.place}: *NSET {name} is of the set of elements {elements}"
-                self.deck.told.append(f"{message}, which does not exist before it.")
+                self.deck.remarks.append(f"{message}, which does not exist before it.")
         strict = len(self.instances) > 1 and not scope.name
         numbers = self._all_numbers(card, instance)
         members += [] if numbers is None else [numbers]
@@ -198,7 +198,7 @@ class Whole:
                 f"{card.place}: {len(absent)} of {count} members of *{keyword} {name} do not exist"
             )
             missing_text = f"{', '.join(absent[:4])}{', …' * (len(absent) > 4)}"
-            self.deck.told.append(f"{message} ({missing_text}).")
+            self.deck.remarks.append(f"{message} ({missing_text}).")
         self._extend(keyword, name, scope, members)
 
     def _all_numbers(self, card: Card, instance: Instance) -> IntArray | None:
@@ -231,14 +231,16 @@ def read(sources: Sources) -> Whole:
     cards = read_cards(sources)
     name = sources.name
     assembled = Whole(Deck(name), account_for(cards, name))
-    assembled.deck.told += assembled.account.unknown()
+    assembled.deck.remarks += assembled.account.unknown()
     top, parts, instances = _divided(cards, assembled.steps)
     assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
     used_parts = {card.option("PART").upper() for card, _ in instances}
     for part, (spelled, _) in parts.items():
         if part not in used_parts:
-            assembled.deck.told.append(f"the part {spelled!r} of {name} has no instance: left out.")
+            assembled.deck.remarks.append(
+                f"the part {spelled!r} of {name} has no instance: left out."
+            )
     for card, placement_rows in instances:
         assembled.add(_instance_of(assembled, card, placement_rows, parts, meshes))
     for card in sorted(assembled.named(*NOUNS), key=lambda card: not card.within.name):

@@ -255,7 +255,7 @@ class _Joints:
         for row in card.rows():
             if len(row.fields) > 1:
                 slave, master = (self._surface(word, row.place) for word in row.fields[:2])
-                self.whole.deck.told += tie(self.joints, slave, master, reach, row.place)
+                self.whole.deck.remarks += tie(self.joints, slave, master, reach, row.place)
 
     def equations(self, card: Card) -> None:
         """*EQUATION; the terms of one equation may continue on the following lines."""
@@ -325,7 +325,7 @@ class _Joints:
                     self.joints.equation(terms, place)
                 on_axis = set(nodes) - {node for terms in equations for node, _, _ in terms}
                 if on_axis:
-                    self.whole.deck.told.append(
+                    self.whole.deck.remarks.append(
                         f"{place}: {len(on_axis)} nodes of the *MPC of type {kind} lie on its axis:"
                         " left out."
                     )

@@ -208,7 +208,7 @@ class AbaqusMesh:
     others: list[tuple[str, Row]] = field(default_factory=list)
     #: sets of the options NSET= and ELSET=: (which, name, rows)
     sets: list[tuple[str, str, IntArray]] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
 
 def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
@@ -264,7 +264,7 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
     if redefined.any():
         count = int(redefined.sum())
         message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
-        mesh.told.append(f"{message} lines): the last one is taken.")
+        mesh.remarks.append(f"{message} lines): the last one is taken.")
     mesh.sets = [(kind, name, mesh.nodes.rows(members)) for kind, name, members in mesh.sets]
 
 
@@ -366,7 +366,7 @@ def _numbers(
         raise _short(start, current[0], kind, len(current) - 1, width)
     if longer:
         message = f"{card.place}: {longer} {kind} elements list more than their {width} nodes"
-        mesh.told.append(f"{message}; the first {width} are taken, as CalculiX does.")
+        mesh.remarks.append(f"{message}; the first {width} are taken, as CalculiX does.")
     return rows, places
 
 

@@ -36,7 +36,7 @@ def model_of(assembled: Whole, units: UnitSystem, density: float | None) -> Mode
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
-    assembled.deck.told += assembled.account.unknown(options=True)
+    assembled.deck.remarks += assembled.account.unknown(options=True)
     builder = ModelBuilder(assembled.deck, units, density, lumped=bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
     for card in assembled.named("NONSTRUCTURALMASS"):

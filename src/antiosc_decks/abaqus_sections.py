@@ -469,7 +469,7 @@ class Sections:
         if card.option("SECTION").upper().startswith("CIRC") and len(card.first().fields) == 1:
             message = "the one number of SECTION=CIRC is taken for the radius, as Abaqus does; "
             message += "CalculiX means the diameter: give it twice there."
-            self.whole.deck.told.append(f"{card.place}: {message}")
+            self.whole.deck.remarks.append(f"{card.place}: {message}")
         first_axis = np.array([0.0, 0.0, -1.0])
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         rows = card.rows()

@@ -391,7 +391,7 @@ def held_apart(
 
 
 def _gram(mask: BoolArray, r: Array, piece: IntArray, count: int) -> Array:
-    """Gram matrix (6, 6) of the marked motions in the rigid motions of each piece."""
+    """Gram matrix (6, 6) of each piece: its rigid motions at the marked nodes and directions."""
     nodes, motions = np.nonzero(mask)
     result = np.zeros((count, 6, 6))
     rows = _motion(r[nodes], motions)
@@ -440,7 +440,7 @@ def separate_copies(deck: Deck) -> list[tuple[int, int]]:
                     )
     if copies_of:
         deck.points = np.vstack([deck.points, deck.points[[node for node, _ in copies_of]]])
-        deck.told.append(
+        deck.remarks.append(
             f"{listed(copies)} of {deck.name} repeat other elements node by node: "
             "their stiffness and mass add to those of these."
         )

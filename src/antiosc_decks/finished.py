@@ -47,7 +47,7 @@ def join_rods(builder: ModelBuilder) -> BoolArray:
             for node in nodes:
                 masses[node] = masses.get(node, (0.0,))[0] + mass / len(nodes), family.place
         node_text = "ends" if block.role == "rod" else "corners"
-        deck.told.append(
+        deck.remarks.append(
             f"the {len(block)} {block.type} of {deck.name} are springs, with their "
             f"mass at their {node_text}."
         )
@@ -76,7 +76,7 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
     if free.any():
         builder.fixed[:, :3] |= free
         message = f"{int(free.sum())} motions of nodes of {builder.deck.name} against which no rod"
-        builder.deck.told.append(f"{message} is stiff are held (AUTOSPC).")
+        builder.deck.remarks.append(f"{message} is stiff are held (AUTOSPC).")
 
 
 def _rod(builder: ModelBuilder, nodes: list[int], family: GroupSection) -> float:
@@ -334,7 +334,7 @@ def _shear_with_shells(builder: ModelBuilder) -> None:
 
 
 def _fixed_points(builder: ModelBuilder, plane: bool) -> Held:
-    """[(number of a point of no element, its motions that are fixed or on which nothing acts)]."""
+    """[(number of a point of no element, its motions that are fixed or free of forces)]."""
     loose_nodes = builder.joints.loose()
     loaded_motions = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
     fixed_of: dict[int, set[str]] = {}

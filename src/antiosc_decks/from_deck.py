@@ -253,7 +253,7 @@ def read_model(
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
     model = _model(first)
-    notes = list(first.told)
+    notes = list(first.remarks)
     if model["ignored"]:
         notes.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
     for sentence in notes:

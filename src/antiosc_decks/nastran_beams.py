@@ -54,7 +54,7 @@ class BeamProfiles:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         #: what is ignored, in the deck's terms
-        self.told: list[str] = []
+        self.remarks: list[str] = []
         #: offset of the neutral axis from the shear centre: (end, along planes 1 and 2)
         self.neutral = np.zeros((2, 2))
         #: profile whose numbers `stations` replace; whether the beams deform in shear
@@ -100,7 +100,7 @@ class BeamProfiles:
         if entry.name == "PBEND":
             last = 19
             if "." not in entry.text(2):  # a pipe by its mean radius and its wall
-                self.told.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
+                self.remarks.append(f"the flexibility of {label} by the ovalization of pipes (FSI)")
                 pipe = profiles.tube(entry.real(3) + entry.real(4) / 2, entry.real(4))
                 values[:] = pipe.A, pipe.I, pipe.I_side, 0.0, pipe.J, entry.real(10)
                 start = len(entry.fields)
@@ -116,9 +116,9 @@ class BeamProfiles:
                 [entry.real(k) for k in end_fields] for end_fields in (ends, station_fields)
             ]
             if unread := [name for name, k in BEHIND.items() if entry.real(start + k)]:
-                self.told.append(f"{', '.join(unread)} of {label}")
+                self.remarks.append(f"{', '.join(unread)} of {label}")
         elif max(values[1:3]) > min(values[1:3]) == 0:
-            self.told.append(
+            self.remarks.append(
                 f"the hinge that {label} is where its I1 or I2 is 0, {SLIGHT:g} "
                 "of the other is taken"
             )
@@ -130,9 +130,9 @@ class BeamProfiles:
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
             remark = "their mean is taken" if shear else "both planes are taken as rigid in shear"
-            self.told.append(f"K1 and K2 of {label}, which differ: {remark}")
+            self.remarks.append(f"K1 and K2 of {label}, which differ: {remark}")
         if not values[4]:
-            self.told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
+            self.remarks.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
         self.form = replace(self.form, shear=shear or self.form.shear)
         self.sheared = shear > 0
         return rows
@@ -189,7 +189,7 @@ class BeamProfiles:
                 f"the torsion constant that Nastran gives {entry.name} {entry.text(0)} ({kind})"
             )
             message = f"the shear coefficients and {message}, {profiles.THIN:g}"
-            self.told.append(f"{message} and that of thin walls are taken")
+            self.remarks.append(f"{message} and that of thin walls are taken")
         return stations
 
     def _dimensions(self, start: int, blank: Sequence[float | None]) -> list[float]:

@@ -160,7 +160,7 @@ class Bulk:
         #: number of a property -> its name in a comment
         self.names: dict[int, str] = {}
         #: warnings, one sentence each
-        self.told: list[str] = []
+        self.remarks: list[str] = []
         #: selections of the case control, if there is one: (SPC, MPC or NSM, number of the subcase;
         #: 0: above all subcases) -> set
         self.selected: dict[tuple[str, int], int] | None = None
@@ -206,7 +206,7 @@ class Bulk:
                 except MeshError as error:
                     if self._started:
                         raise
-                    self.told.append(f"{error} It is not read: it stands before the bulk data.")
+                    self.remarks.append(f"{error} It is not read: it stands before the bulk data.")
                     continue
                 self._read(included, file_name.strip("'\" "))
                 self._sources.leave()

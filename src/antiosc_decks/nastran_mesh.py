@@ -245,7 +245,7 @@ class NastranDeck:
         if self.bulk.selected is None:
             if len(numbers) > 1:
                 sentence = f"{name} has no case control: its {what} {_sets(numbers)} are all taken."
-                self.deck.told.append(sentence)
+                self.deck.remarks.append(sentence)
             return numbers
         first = self.bulk.selected.get((what, 1), self.bulk.selected.get((what, 0)))
         sums = {entry.whole(0): entry for entry in self.named(f"{what}ADD")}
@@ -260,12 +260,12 @@ class NastranDeck:
             message = f"the case control of {name} selects SPC = {first}"
             raise MeshError(f"{message}, which is not there.")
         if missing_sets:
-            self.deck.told.append(
+            self.deck.remarks.append(
                 f"{what} = {first} of {name} needs the {_sets(missing_sets)}, not there."
             )
         if unselected:
             message = f"not used of {name}: {what} {_sets(unselected)}"
-            self.deck.told.append(f"{message}, which the first subcase does not select.")
+            self.deck.remarks.append(f"{message}, which the first subcase does not select.")
         return selected & numbers
 
     def element_labels(self) -> IntArray:
@@ -379,7 +379,7 @@ def read(sources: Sources) -> NastranDeck:
     scope_parts(bulk.entries)
     cards.fill(bulk.entries)
     deck = _nodes(bulk, sources.name)
-    deck.deck.told += [*bulk.told, *deck.account.unknown()]
+    deck.deck.remarks += [*bulk.remarks, *deck.account.unknown()]
     bulk.entries += cards.renew(bulk.entries)
     _rods_of_bars(deck)
     _without_fluids(deck)

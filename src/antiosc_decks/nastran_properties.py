@@ -189,7 +189,7 @@ class Properties:
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the beams of one property, grouped by place, orientation and offset."""
         profiles = BeamProfiles(entry)
-        for note in profiles.told:
+        for note in profiles.remarks:
             self.builder.tell_once(note)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")

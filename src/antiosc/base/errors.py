@@ -42,7 +42,7 @@ class PiecesError(MeshError):
 
 
 class SiteError(InputError):
-    """A site that cannot be struck: supports fix it, or it is a hollow; another may do."""
+    """A site that cannot be struck, since supports fix it or it lies in a hollow."""
 
 
 class NotConvergedError(AntioscError, RuntimeError):

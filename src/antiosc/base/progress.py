@@ -67,7 +67,7 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def following(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with the text of this thread's work at each change, and with "" at its end.
+    """Call `tell` with the text of this thread's work when it changes, and with "" at the end.
 
     What `tell` raises ends the work.
     """

@@ -60,10 +60,9 @@ class DampingMatrix(ReprMixin):
     Parameters
     ----------
     matrix : array_like, shape (n, n)
-        C [N s/m], symmetric, positive semidefinite. In a model of one site the coordinates are
-        the displacement of the site, the amplitudes of the N constraint modes of unit mass (of
-        positive inertia sqrt(m_i) against the site), then the hidden rigid-body motions; of
-        several sites the displacements u (p,) in place of the first.
+        C [N s/m], symmetric, positive semidefinite. The coordinates of a model are, in this order:
+        the displacement of its site (of several sites u (p,)), the amplitudes of its N constraint
+        modes of unit mass, with momenta +sqrt(m_i) at the site, and its hidden rigid-body motions.
     branches : sequence of (matrix (n, n), float)
         Stiffness G [N/m], like C, and relaxation time tau > 0 [s] of each Maxwell branch.
 
@@ -74,8 +73,8 @@ class DampingMatrix(ReprMixin):
 
     Notes
     -----
-    K. Park, W. Schapery, *Int. J. Solids Struct.* 36 (1999) 1653 (Prony series); the march solves
-    it in first-order modes (`antiosc.engine.damping`).
+    K. Park, W. Schapery, *Int. J. Solids Struct.* 36 (1999) 1653 (Prony series); it is
+    integrated in first-order modes (`antiosc.engine.damping`).
     """
 
     matrix: Array

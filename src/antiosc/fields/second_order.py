@@ -35,7 +35,7 @@ Columns = Callable[[Array, bool], Array]
 
 
 def _state_strain(at: Columns, structure: Structure, shapes: Array) -> Array:
-    """Columns (…, B) of η(q, s), q the static state under a prestress, s the shapes (rows, B)."""
+    """Second-order strains η(q, s) (…, B) of the static state q with shapes s (rows, B)."""
     preload = structure.matrices.preload
     if preload is None or not structure.comm.allreduce(preload.q.any()):
         return np.zeros(shapes.shape[1])

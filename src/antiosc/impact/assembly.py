@@ -257,7 +257,7 @@ class Assembly:
         return self._stacked.columns
 
     def row(self, contact: int, begin: int) -> Array:
-        """Row of a contact over the columns of the body whose modes begin at `begin`."""
+        """Row of a contact over the columns of the body whose first mode has the number `begin`."""
         for name, span in self.spans.items():
             if span.start == begin and span.stop > begin:
                 return self.G[contact, self.columns[name]]

@@ -158,7 +158,7 @@ class Scene(SceneParts):
 
 
 def with_warning(history: H, sentence: str) -> H:
-    """Warn with a sentence and return the history with it in its message; "" changes nothing."""
+    """Warn with a sentence, unless it is "", and add it to the message of the history."""
     if not sentence:
         return history
     warn(sentence, AccuracyWarning)

@@ -352,7 +352,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if ask.solid:
             notes += facets.deviation(mesh, volume)
         mesh.points *= unit_scale
-        mesh.told = [*notes, *mesh.told]
+        mesh.remarks = [*notes, *mesh.remarks]
         mesh.cad = mesh.cad and mesh.cad.scaled(unit_scale)
         return mesh
     except MeshError:

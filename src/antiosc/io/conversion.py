@@ -123,7 +123,7 @@ class NodeTable:
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(face_index)]
 
-    def grown(self, nodes: IntArray) -> IntArray:
+    def with_inner_nodes(self, nodes: IntArray) -> IntArray:
         """The `nodes` of the file, and the new nodes whose parents are all among them."""
         selected = np.zeros(self.count + 1, dtype=bool)
         selected[nodes] = True
@@ -234,7 +234,7 @@ class FixedEntities:
         """Entities by dimension, as vertices, that are fixed where the nodes `rows` are fixed."""
         by_dimension = {0: np.intersect1d(rows, self.corners)[:, None]}
         is_fixed = np.zeros(self.nodes.count + 1, dtype=bool)
-        is_fixed[self.nodes.grown(rows)] = True
+        is_fixed[self.nodes.with_inner_nodes(rows)] = True
         edges = is_fixed[self.edges].all(axis=2)
         if self.mids is not None:
             edges &= is_fixed[self.mids]
@@ -332,10 +332,10 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         joints = deck.model["joints"]
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
         joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
-    mesh.told = list(deck.told)
+    mesh.remarks = list(deck.remarks)
     if deck.left:
         gone = sum(deck.left.values())
-        mesh.told.append(
+        mesh.remarks.append(
             f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
             f"cells of the mesh, which leaves out {listed(deck.left)}."
         )

@@ -120,7 +120,7 @@ class Deck:
     #: type of elements that are not cells of a mesh -> their number
     left: Counter[str] = field(default_factory=Counter)
     #: warnings about the deck for the caller, one sentence each
-    told: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted: list[str] | None = None
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all

@@ -52,14 +52,14 @@ class FacetSkin:
     triangles : (t, 3) corners, consistently oriented; closed pieces have outward normals.
     piece : (t,) number of the piece of each triangle.
     open_edges : number of edges that do not belong to two triangles.
-    told : repairs that were made, one sentence each.
+    remarks : repairs that were made, one sentence each.
     """
 
     points: Array
     triangles: IntArray
     piece: IntArray
     open_edges: int = 0
-    told: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def closed(self) -> bool:
@@ -290,7 +290,7 @@ def read(ask: Request) -> FileMesh:
     if skin.closed and skin.thick:
         groups = {CLOSED: {"triangle": np.arange(len(skin.triangles))}}
     mesh = FileMesh(skin.points, {"triangle": skin.triangles}, "vtk", groups)
-    mesh.told = skin.told
+    mesh.remarks = skin.remarks
     return mesh
 
 
@@ -334,7 +334,7 @@ def fill(
         bodies = [_by_volume(skin, bodies, ask.piece, ask.name)]
         if count > 1:
             message = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
-            skin.told.append(message)
+            skin.remarks.append(message)
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
     if not flat:
         gmsh.model.mesh.classifySurfaces(math.radians(sharp), True, True, math.pi)
@@ -351,7 +351,7 @@ def fill(
     gmsh.model.geo.synchronize()
     number = sides(skin)[first] + 1
     names: Names = {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
-    return skin.told, names, _enclosed(skin, bodies)
+    return skin.remarks, names, _enclosed(skin, bodies)
 
 
 def _enclosed(skin: FacetSkin, bodies: list[list[int]]) -> float:

@@ -88,7 +88,7 @@ def as_carried(mesh: FileMesh, name: str) -> FileMesh:
     deck.node_sets = mesh.node_sets
     result = as_mesh(deck)
     result.aids = mesh.aids
-    result.told = [*mesh.told, *result.told]
+    result.remarks = [*mesh.remarks, *result.remarks]
     return result
 
 
@@ -191,7 +191,7 @@ def read_by_meshio(ask: Request) -> FileMesh:
     sets = _cell_sets(mesh)
     result.groups = joined((name, mesh.cells[k].type, starts[k] + rows) for name, k, rows in sets)
     result.node_sets = dict(_node_sets(mesh))
-    result.told = notes
+    result.remarks = notes
     result.labels = numbers
     return as_carried(result, name)
 
@@ -381,7 +381,7 @@ def read_universal(ask: Request) -> FileMesh:
     deck = _deck(content, ask.elements)
     if content.per_metre not in (None, 1.0) and ask.unit[0] == 1:
         deck.points /= content.per_metre
-        deck.told.append(
+        deck.remarks.append(
             f"{ask.name} says that it has {content.per_metre:g} units of length in a metre (data"
             " set 164); its coordinates are converted."
         )

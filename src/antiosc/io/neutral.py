@@ -228,7 +228,7 @@ class FileMesh:
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
     fixed: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: warnings about the file for the caller, one sentence each
-    told: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: Model | None = None
     #: curvature of the surfaces, of meshes made of CAD
@@ -251,7 +251,7 @@ class RawMesh:
     #: name -> {dimension: (entities, vertices of one)}
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: as in `FileMesh`
-    told: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -296,7 +296,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
         "fixed": [[name, dim, *e.shape] for name, dim, e in spans],
         "aids": mesh.aids,
-        "told": mesh.told,
+        "told": mesh.remarks,
         "model": mesh.model,
         "cad": mesh.cad is not None,
     }
@@ -338,7 +338,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
         part = nodes[start : start + count * width].reshape(count, width)
         mesh.fixed.setdefault(name, {})[dim] = part
         start += count * width
-    mesh.told = [str(sentence) for sentence in head.get("told", [])]
+    mesh.remarks = [str(sentence) for sentence in head.get("told", [])]
     mesh.model = head.get("model")
     mesh.cad = cad
     _check_indices(nodes, len(points), "a node set names nodes")

@@ -77,7 +77,7 @@ def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
 def _checked(
     points: list[list[float]] | Array, faces: list[tuple[int, int, int]] | IntArray, name: str
 ) -> tuple[Array, IntArray]:
-    """Points and triangles as arrays; MeshError for unknown corners."""
+    """Points and triangles as arrays; MeshError for corners without a point."""
     table = np.array(faces, dtype=np.int64).reshape(-1, 3)
     if len(table) and not 0 <= table.min() <= table.max() < len(points):
         raise MeshError(f"{name} has faces on points that it does not hold.")
@@ -141,7 +141,7 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
 def _of_ply_text(
     header: Sequence[Sequence[str]], lines: Sequence[str], name: str
 ) -> tuple[Array, IntArray] | None:
-    """Polygons of a text file, a line for each point and face; None if others come first."""
+    """Polygons of a text file, a line for each point and face; None if other elements are first."""
     first_line = 1 + sum(words[:1] != ["end_header"] for words in header)
     rows = [
         (words, DeckPlace(name, number))

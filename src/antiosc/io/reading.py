@@ -67,7 +67,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
         rows = grouped
     label, cell_rows = _one_kind({k: r for k, r in rows.items() if dims[k] == top}, name)
     raw = RawMesh(mesh.points, mesh.cells[label][cell_rows], kind_of(label), mesh.convention)
-    raw.told = mesh.told
+    raw.remarks = mesh.remarks
     raw.model = mesh.model
     raw.cad = mesh.cad
     if len(mesh.labels):
@@ -169,8 +169,8 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             'cells="group".'
         )
     if lost:
-        raw.told = [
-            *raw.told,
+        raw.remarks = [
+            *raw.remarks,
             f"{name} holds {' and '.join(sorted(set(lost)))} that are no sides of its "
             f"{_NOUNS[raw.kind.dim]}; they are left out.",
         ]
@@ -361,7 +361,7 @@ def _meshed(once: Callable[[int], RawMesh], name: str, is_cad: bool = True) -> R
             continue
         if reason is not None:
             sentence = str(reason).rstrip(".")
-            raw.told = [*raw.told, f"{sentence}; it is meshed {attempt.about}."]
+            raw.remarks = [*raw.remarks, f"{sentence}; it is meshed {attempt.about}."]
         return raw
     others = ", ".join(attempt.about for _, attempt in attempts[1:])
     raise UnmeshableError(
@@ -405,7 +405,10 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     raw = compact(replace(raw, cells=raw.cells[label == piece - 1]))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
-        raw.told = [*raw.told, f"{name}: piece {piece} of {count} is read, the others are not."]
+        raw.remarks = [
+            *raw.remarks,
+            f"{name}: piece {piece} of {count} is read, the others are not.",
+        ]
     return raw
 
 

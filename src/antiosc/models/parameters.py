@@ -351,7 +351,7 @@ def spatial_parameters(model: Parameters, rows: Index, slides: int | None = None
 
 
 def sorted_damping(model: Parameters, damping: DampingMatrix, omega: ArrayLike) -> DampingMatrix:
-    """The damping of a model in the order of its sorted frequencies."""
+    """The damping matrix with the modes in the order in which a model sorts its frequencies."""
     n_sites = model.n_sites
     hidden = model.hidden_count
     size = n_sites + model.n + hidden

@@ -196,9 +196,7 @@ def damped_modes(model: Parameters, k0: Array, m0: Array, P: Array, rigid: Array
 def damping_of(
     model: Parameters, omega: Array, shape: Array | None
 ) -> tuple[Array | None, DampingMatrix | None]:
-    """(decays, damping matrix) of the modes (size, J) in u, eta and hidden motions; one at most is
-    known.
-    """
+    """(decays, damping matrix) of modes (size, J) in u, eta, hidden motions; at most one known."""
     damping = model.damping
     if isinstance(damping, DampingMatrix):
         return None, None if shape is None else in_coordinates(damping, shape)

@@ -40,7 +40,7 @@ NUMBERS = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 
 
 class Frames:
-    """Points (n, 3) [m] and cells, in VTK's node order, for a series of files with fields.
+    """The mesh of a series of files with fields: points (n, 3) [m], cells in VTK's node order.
 
     `cells`: (kind, (m, nodes)) of each kind.
     """
@@ -187,7 +187,7 @@ def _collection(times: Array, names: list[str]) -> str:
 
 
 def _listed_frames(target: Path) -> list[str]:
-    """The frames beside `target` that it lists and that bear its name."""
+    """Names of the frames that the list `target` contains, those with its own name as prefix."""
     try:
         text = target.read_text(encoding="utf-8") if target.is_file() else ""
     except UnicodeDecodeError:

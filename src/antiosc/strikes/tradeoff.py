@@ -355,7 +355,7 @@ def tradeoff(
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """A member of the table, with its result and its site."""
+    """A computed member of the trade-off, with its result and its site."""
 
     answer: Answer
     site: Site
@@ -436,12 +436,12 @@ def of_number(
 
 
 def _kept(structure: Structure) -> float:
-    """Bytes of K and M as stored."""
+    """Number of bytes that K and M take."""
     return 0.0 if by_cells(structure.K) else MATRIX_BYTES * stored(structure.K)
 
 
 def member_of(answer: Answer) -> TradeoffMember:
-    """The row of an answer in the table."""
+    """The member of the trade-off for a result on one mesh."""
     structure = answer.structure
     matrices = cast("MeshedStructure", structure.matrices)
     mesh = matrices.mesh

@@ -117,7 +117,7 @@ class Evaluation:
         self.document = document
         self._made: dict[Call, object] = {}
 
-    def know(self, call: Call, result: object) -> None:
+    def register(self, call: Call, result: object) -> None:
         """Register the object of a call that was made elsewhere."""
         self._made[call] = result
 

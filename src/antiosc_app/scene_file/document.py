@@ -189,7 +189,7 @@ def lines_of(text: str, places: Iterable[Place]) -> list[int]:
 
 
 def _numbered(text: str) -> str:
-    """The text with each value replaced by its line; tables and arrays get an entry with theirs."""
+    """The text with the line of each value in its place; tables and arrays get an entry for it."""
     rows: list[str] = []
     open_brackets = ""
     header = False
@@ -301,7 +301,7 @@ def suggestion(name: object, known: Iterable[str]) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """a, b and c; at most twenty of them."""
+    """The names as text, "a, b and c"; the first twenty of many."""
     listed_names = list(names)
     return ", ".join([*listed_names[:20], *(["…"] if len(listed_names) > 20 else [])]) or "none"
 

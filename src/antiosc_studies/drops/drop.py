@@ -219,7 +219,7 @@ class Drops(Result):
         return Sample(falls, {"largest force of a fall (N)": self.largest()}, {}).plot(path)
 
     def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
-        """(n,) largest value of each fall, or its value in one impact (from 0)."""
+        """Largest value (n,) of each fall, or its value in the impact of this number, from 0."""
         checks.choice("quantity", quantity, tuple(self.values))
         table = self.values[quantity]
         if impact is not None:

@@ -218,7 +218,7 @@ def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, 
 def _together(
     assembly: Assembly, duration: float, fine: SceneHistory, share: float
 ) -> dict[str, float]:
-    """Errors of the forces of all contacts together, from a run with a coarser tolerance.
+    """Relative errors of the sum of all contact forces, from a run with a coarser tolerance.
 
     The march refines until each contact reaches the tolerance; on a layer each piece is a contact.
     """

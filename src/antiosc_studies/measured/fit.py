@@ -268,7 +268,7 @@ def _limits(modes: FittedModes, top: float) -> tuple[Array, Array]:
 
 
 def _sizes(modes: FittedModes) -> Array:
-    """Scale of each of the values: norm of the displacements of its mode, of a, or of l."""
+    """The scale of each parameter: the norm of its mode's displacements, of a, or of l."""
     of_modes = np.linalg.norm(modes.b, axis=1)
     sizes = [np.repeat(of_modes, modes.b.shape[1])]
     roots = zip((modes.rigid, modes.root), modes.sizes[3:], strict=True)

@@ -59,7 +59,7 @@ def test_a_flat_cell_at_the_surface_is_left_out_and_its_faces_keep_their_group()
     }
     assert len(faces) == 2
     assert faces <= of_cells
-    assert raw.told == ["column.stl: flat cells that gmsh left at the surface are not read: 1."]
+    assert raw.remarks == ["column.stl: flat cells that gmsh left at the surface are not read: 1."]
 
 
 def test_a_flat_cell_inside_is_refused():

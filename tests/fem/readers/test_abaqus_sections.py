@@ -118,7 +118,7 @@ def test_shells_beside_their_nodes(tmp_path, option):
             told = [f"the area of the offset surface of curved shells ({line(text, '*SHELL')}), "
                     "that at the nodes is taken"] if "2,2,9" in text else []  # fmt: skip
         alike(model["families"], [["All", "Shell", expected, line(text, "*SHELL")]])
-        assert (model["ignored"], deck.told) == (told, [])
+        assert (model["ignored"], deck.remarks) == (told, [])
         assert (model["gdim"], model["halve"], model["joined"]) == (3, False, False)
 
 
@@ -217,7 +217,7 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
     text = RODS + "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n"
     text += "*SOLID SECTION,ELSET=C,MATERIAL=M\n*BOUNDARY\n1,1,3\n"
     model, deck = read(tmp_path, text)
-    assert all("T3D2 of part.inp are springs" in told for told in deck.told)
+    assert all("T3D2 of part.inp are springs" in told for told in deck.remarks)
     x = np.array([(0, 0, 0), (20, 0, 0), (20, 10, 10)])
     # rod 1 ends at the fixed node 1, as rod 3 does
     expected = []

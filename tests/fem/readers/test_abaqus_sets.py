@@ -203,7 +203,7 @@ def test_what_an_instance_tells_is_told_once(read):
     part = PART.replace("*END PART", more)
     deck = read(part + TOP).deck
     line = PART.count("\n")
-    (told,) = deck.told
+    (told,) = deck.remarks
     assert told.startswith(f"line {line} of part.inp: 1 S3 elements list more than their 3 nodes")
     assert deck.left == {"MASS": 2}
     assert deck.blocks[1].corners.tolist() == [[1, 2, 3]]

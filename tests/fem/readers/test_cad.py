@@ -123,7 +123,7 @@ def test_other_ways_to_mesh_are_tried_and_told():
             raise UnmeshableError(f"PLC error {attempt}.")
         return raw
 
-    (sentence,) = _meshed(once, "part.step").told
+    (sentence,) = _meshed(once, "part.step").remarks
     assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[2].about}."
 
     def never(attempt: int) -> RawMesh:

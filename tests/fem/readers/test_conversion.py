@@ -173,7 +173,7 @@ def test_cells_of_several_dimensions_have_their_groups():
     deck = deck_of(["wedge", "quad", "line"], 1)
     deck.element_sets = {"a": np.array([0, 1]), "b": np.array([2]), "none": np.zeros(0, dtype=int)}
     deck.left = {"MASS": 2, "SPRINGA": 1}
-    deck.told = ["before"]
+    deck.remarks = ["before"]
     mesh = as_mesh(deck)
     assert {label: len(cells) for label, cells in mesh.cells.items()} == {
         "tetra": 3, "triangle": 2, "line": 1,
@@ -182,8 +182,8 @@ def test_cells_of_several_dimensions_have_their_groups():
     assert found == {
         "a": {"tetra": [0, 1, 2], "triangle": [0, 1]}, "b": {"line": [0]}, "none": {},
     }  # fmt: skip
-    assert mesh.told[0] == "before"
-    assert "2 MASS, 1 SPRINGA" in mesh.told[1]
+    assert mesh.remarks[0] == "before"
+    assert "2 MASS, 1 SPRINGA" in mesh.remarks[1]
 
 
 def test_elements_without_volume_are_refused():

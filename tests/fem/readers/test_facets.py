@@ -72,7 +72,7 @@ def test_a_damaged_surface_is_cleaned_told_and_turned_outward():
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(1.0)
     assert areas(skin.points, skin.triangles).sum() == pytest.approx(6.0)
     assert (skin.closed, skin.thick) == (True, True)
-    assert [s.split(":")[1].split(" of ")[0].strip() for s in skin.told] == ["3", "2"]
+    assert [s.split(":")[1].split(" of ")[0].strip() for s in skin.remarks] == ["3", "2"]
 
 
 def test_a_small_hole_is_closed_and_a_large_one_is_not():
@@ -83,11 +83,11 @@ def test_a_small_hole_is_closed_and_a_large_one_is_not():
     assert small.sum() == 2
     skin = cleaned(points, triangles[~small], "part.stl")
     assert skin.closed
-    assert "1 small holes" in skin.told[0]
+    assert "1 small holes" in skin.remarks[0]
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(1.0)
     large = (at < [0.2, 0.2, 1e-9]).all(axis=1)
     skin = cleaned(points, triangles[~large], "part.stl")
-    assert (skin.closed, skin.told) == (False, [])
+    assert (skin.closed, skin.remarks) == (False, [])
 
 
 def test_pieces_are_turned_each_by_itself_and_a_thin_one_is_no_solid():

@@ -52,13 +52,13 @@ def whole() -> FileMesh:
     fixed = {"f": {0: np.array([[3], [5]]), 2: np.array([[0, 1, 2, 3]])}}
     fixed |= {"g": {1: np.array([[1, 2]])}}
     told, model = ["one", "two"], {"families": [["x", 1.5, None]]}
-    return cubes(groups=groups, node_sets=nodes, fixed=fixed, told=told, model=model, aids=True)
+    return cubes(groups=groups, node_sets=nodes, fixed=fixed, remarks=told, model=model, aids=True)
 
 
 def same(one: FileMesh, other: FileMesh) -> None:
     np.testing.assert_array_equal(one.points, other.points)
     assert (one.convention, one.aids) == (other.convention, other.aids)
-    assert (one.told, one.model) == (other.told, other.model)
+    assert (one.remarks, one.model) == (other.remarks, other.model)
     for key in ("cells", "node_sets"):
         assert {n: r.tolist() for n, r in getattr(one, key).items()} == {
             n: r.tolist() for n, r in getattr(other, key).items()
@@ -350,9 +350,9 @@ def test_middles_that_are_placed_lie_there_among_their_nodes():
         assert table.all_points()[node].tolist() == list(x)
         assert int(table.between(np.array(ends[::-1]))) == node  # once
         own = [*parents]
-        assert node in table.grown(np.array(own))
+        assert node in table.with_inner_nodes(np.array(own))
         for missing in range(len(own)):
-            assert node not in table.grown(np.delete(own, missing))
+            assert node not in table.with_inner_nodes(np.delete(own, missing))
 
 
 def test_inner_nodes_of_the_hexahedron_of_27():

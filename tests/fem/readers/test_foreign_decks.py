@@ -187,7 +187,7 @@ def test_copies_of_shells_add_up(tmp_path):
     for own, node in followed:
         assert np.array_equal(deck.points[own], deck.points[node])
     assert len(model["joints"]["equations"]) == 6 * 7
-    assert any("repeat" in text for text in deck.told)
+    assert any("repeat" in text for text in deck.remarks)
 
 
 def test_superelements_that_divide_a_deck(tmp_path):
@@ -304,7 +304,7 @@ def test_other_cards_name_what_is_there(tmp_path, cards):
 def test_missing_members_of_a_set_are_told(tmp_path):
     text = f"{CUBE}*NSET,NSET=A\n1,2,77,LATER\n*NSET,NSET=LATER\n3\n*BOUNDARY\nA,1\n"
     _, deck = inp.read(tmp_path, text)
-    (told,) = deck.told
+    (told,) = deck.remarks
     assert told.startswith(inp.line(text, "*NSET,NSET=A"))
     assert "2 of 4 members" in told
     assert held(deck) == {"x": [0, 1]}
@@ -336,7 +336,7 @@ def test_sets_of_the_assembly_name_their_instance(tmp_path, members):
 
 def test_a_part_without_an_instance_is_told(tmp_path):
     _, deck = inp.read(tmp_path, PLACED.format("") + "*PART,NAME=Q\n*NODE\n1,0,0,0\n*END PART\n")
-    assert any("'Q'" in text for text in deck.told)
+    assert any("'Q'" in text for text in deck.remarks)
 
 
 SUPPORTS = "SPC1,1,1,1\nSPC1,2,2,2\nSPC,3,3,3,,4,2,.5\nSPCADD,9,1,3\n"
@@ -354,7 +354,7 @@ def test_the_supports_are_those_that_the_first_subcase_selects(tmp_path, control
     motions, others = CONTROL[control]
     _, deck = bdf.read(tmp_path, f"SOL 103\nCEND\n{control}BEGIN BULK\n{BLOCK}{SUPPORTS}")
     assert set(held(deck)) == set(motions)
-    (told,) = deck.told
+    (told,) = deck.remarks
     assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))}, which" in told
 
 
@@ -414,7 +414,7 @@ def test_an_include_before_the_bulk_data_may_be_missing(tmp_path):
         + "PBAR,7,1,2.,3.,3.,4.\nENDDATA\n"
     )
     _, deck = bdf.read(tmp_path, text)
-    assert any("dmap.txt" in sentence for sentence in deck.told)
+    assert any("dmap.txt" in sentence for sentence in deck.remarks)
 
 
 def test_the_displacement_of_nodes_on_a_line_is_their_mean(tmp_path):

@@ -76,15 +76,15 @@ def test_motions_against_which_no_rod_is_stiff_are_held(tmp_path):
     assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {
         "fixed y": [1], "fixed z": [0, 1, 2],
     }  # fmt: skip
-    assert "3 motions of nodes of part.bdf" in deck.told[0]
+    assert "3 motions of nodes of part.bdf" in deck.remarks[0]
     assert model["supports"] == [["fixed y", ["y"]], ["fixed z", ["z"]]]
     for param in ("PARAM,AUTOSPC,NO\n", "PARAM,AUTOSPC,no\n"):
         _, deck = read(tmp_path, GRIDS + cards + "SPC1,1,3,1\n" + param)
         assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
-        assert deck.told == []
+        assert deck.remarks == []
     _, deck = read(tmp_path, GRIDS + cards + "CELAS2,9,1.,2,2\nMPC,1,2,3,1.,3,3,-1.\n")
     assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
-    assert deck.told[0].startswith("1 motions")
+    assert deck.remarks[0].startswith("1 motions")
 
 
 BAR = "PBAR,7,1,6.,5.,3.,4.,2.-9\n"

@@ -120,7 +120,7 @@ def test_the_same_deck_otherwise(tmp_path, name):
     np.testing.assert_array_equal(deck.points[order], whole.points[sorted_as])
     for key in set(expected) - {"families"}:
         inp.alike(model[key], expected[key])
-    assert model["ignored"] == deck.told == []
+    assert model["ignored"] == deck.remarks == []
 
 
 PART = (f"*PART,NAME=P\n{inp.CUBE}{inp.SOLID}*END PART\n*ASSEMBLY,NAME=A\n*INSTANCE,NAME=I,PART=P\n"
@@ -289,7 +289,7 @@ def test_unknown_cards_are_told_with_their_lines(tmp_path, deck, read, card):
     """In one sentence; a mesh tells them, too."""
     first = deck.count("\n") + 1
     model, found = read(tmp_path, f"{deck}{card},1,2\n{card},3\n")
-    (told,) = (sentence for sentence in found.told if card in sentence)
+    (told,) = (sentence for sentence in found.remarks if card in sentence)
     assert f"2 {card} (lines {first}, {first + 1} of" in told
     assert not any(card in text for text in model["ignored"])
 
@@ -305,7 +305,7 @@ def test_cards_of_steps(tmp_path):
 
 def test_options_are_told_or_refused(tmp_path):
     _, deck = inp.read(tmp_path, SECTIONED.replace("*SOLID SECTION", "*SOLID SECTION,NOVEL=3"))
-    assert any("SOLIDSECTION, NOVEL=" in text for text in deck.told)
+    assert any("SOLIDSECTION, NOVEL=" in text for text in deck.remarks)
     sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
     inp.read(tmp_path, sheet.format(""))
     for text in (

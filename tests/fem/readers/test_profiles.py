@@ -199,7 +199,7 @@ def test_a_torsion_constant_that_is_missing_is_told(name):
         profiles_ = nastran_profiles.BeamProfiles(Entry(name, PLACE, where[name]))
         profile = profiles_.at(0.0).profile
         assert pytest.approx(J or 3.5) == profile.J
-        assert any("missing torsion constant J" in one for one in profiles_.told) == (not J)
+        assert any("missing torsion constant J" in one for one in profiles_.remarks) == (not J)
 
 
 def test_torsion_of_hollow_sections():

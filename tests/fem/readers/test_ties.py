@@ -32,7 +32,7 @@ def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
     whole, cards = deck_of(folder, x, text)
     joints = DeckConstraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
     read_joints(whole, joints, cards)
-    return joints, whole.deck.told
+    return joints, whole.deck.remarks
 
 
 #: Places of the nodes of a face in its own coordinates.

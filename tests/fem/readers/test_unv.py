@@ -149,7 +149,7 @@ def test_units_of_length(read, factor, unit):
     deck = read(text, (unit, 1.0))
     converted = "+03" in factor
     np.testing.assert_allclose(deck.points, np.array(SQUARE) / (1000 if converted else 1))
-    assert ["1000 units of length" in told for told in deck.told] == [True] * converted
+    assert ["1000 units of length" in told for told in deck.remarks] == [True] * converted
 
 
 GOOD = nodes(SQUARE) + CELLS

@@ -203,7 +203,7 @@ LARGEST_SHARE = 0.7
 
 
 class ReducedLaw(ContactLaw):
-    """A law of the user minus the compliance [m/N] of a patch; the rate is that of delta.
+    """A user's law with the compliance [m/N] of a patch subtracted; `rate` is that of delta.
 
     Beyond `valid_force` a smaller compliance is subtracted, so that a run can complete.
     """

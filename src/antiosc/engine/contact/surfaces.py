@@ -135,7 +135,7 @@ def matter_of(
     nu: float | None = None,
     yield_strength: float | None = None,
 ) -> Matter | None:
-    """The properties of a material, named or an object; the constants given take precedence.
+    """The properties of a material, a name or an object; constants that are given replace its own.
 
     None where neither a material nor E is given. InputError for a material with directions.
     """

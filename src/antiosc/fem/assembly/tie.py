@@ -158,7 +158,7 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
 def _movable(
     layout: Layout, side: Facets, common: Overlap, number: int, tied_dofs: BoolArray
 ) -> bool:
-    """Whether a side (0 or 1 of `common`) has displacements neither fixed nor tied already."""
+    """Whether a side (0 or 1) has a displacement that is neither fixed nor tied already."""
     phi = side.basis(common.face[number], common.xi[number])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     form = side.member.part.form

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 
 def solid_eta(a: Expr, b: Expr) -> Expr:
-    """η (gdim, gdim) of two displacement fields a and b (UFL)."""
+    """Second-order strain η(a, b) (gdim, gdim) of two displacement fields of a solid (UFL)."""
     A = ufl.grad(a)
     B = ufl.grad(b)
     return ufl.sym(ufl.dot(ufl.transpose(A), B))
 
 
 def sheet_eta(frame: Frame, a: Expr, b: Expr) -> Expr:
-    """(η11, η22, 2 η12) in the frame of a sheet, for two motions with six components (UFL)."""
+    """Second-order strain (η11, η22, 2 η12) in a sheet's frame, of motions of six components."""
     (a1, a2), (b1, b2) = (_tangential(frame, motion) for motion in (a, b))
     return ufl.as_vector([ufl.dot(a1, b1), ufl.dot(a2, b2), ufl.dot(a1, b2) + ufl.dot(a2, b1)])
 

@@ -128,7 +128,7 @@ class PartPoints:
         return np.asarray(symmetric.reshape(len(symmetric), -1))
 
     def _every(self) -> Array:
-        """T (n, s, d, b) at every point, broadcast if all points share it."""
+        """The strain operators T (n, s, d, b) of all points, broadcast if they share one."""
         return np.broadcast_to(self.strain, (self.weight.size, *self.strain.shape[1:]))
 
 

@@ -216,7 +216,7 @@ def softness(matrix: Matrix, X: Array, product: Array) -> Array:
 
 
 def frequency(K: Matrix, M: Matrix) -> float:
-    """Median of K_ii/M_ii over the dofs with mass, rad²/s²: an ω² below the top of the spectrum."""
+    """A typical ω² [rad²/s²], below the highest: the median of K_ii/M_ii over dofs with mass."""
     k, m = (diagonal(matrix) for matrix in (K, M))
     ratios = communicator(K).allgather(k[m > 0] / m[m > 0])
     return float(np.median(np.concatenate(ratios)))

@@ -106,7 +106,7 @@ class LevelSizes:
 
     @property
     def coarse(self) -> float:
-        """Entries of the factor of the coarse level."""
+        """Number of entries in the factor of the coarse level."""
         return self.factor / self.products.finer
 
     @property

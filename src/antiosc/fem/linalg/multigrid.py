@@ -68,7 +68,7 @@ class PetscSolver(Solver):
         self._ksp.setOperators(self.A)
         self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
         try:
-            self._choose()
+            self._configure()
             self._ksp.setUp()
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
@@ -77,7 +77,7 @@ class PetscSolver(Solver):
         self._b, self._x = self.A.createVecs()
 
     @abstractmethod
-    def _choose(self) -> None:
+    def _configure(self) -> None:
         """Set the type of the PETSc solver."""
 
     def _solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -107,17 +107,17 @@ class Multigrid(PetscSolver):
     pace = ", whose solves take ten times as long or more"
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Name of the solver, the error at which its solves end, and the forecast."""
         text = f"{self.method}, relative error of solves {ITERATION_RESIDUAL:.0e}"
         return text if self.cost is None else f"{text}; {self.cost}"
 
     def __init__(self, A: PETSc.Mat, motions: Array | None = None) -> None:
         if motions is not None:
-            know(A, motions)
+            set_near_null_space(A, motions)
         super().__init__(A)
 
-    def _choose(self) -> None:
+    def _configure(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
         self._ksp.setComputeEigenvalues(True)
@@ -160,7 +160,7 @@ class Multigrid(PetscSolver):
             self.error = max(self.error, self._ksp.rtol * float(np.sqrt(condition)))
 
 
-def know(A: PETSc.Mat, motions: Array) -> None:
+def set_near_null_space(A: PETSc.Mat, motions: Array) -> None:
     """Set the orthonormalised motions (rows of this rank, r) as PETSc's near null space of A."""
     basis: list[PETSc.Vec] = []
     for column in motions.T:

@@ -104,7 +104,7 @@ class Solver(ABC):
         yield
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Name of the solver, with its forecast, as text for messages."""
         return "factor" if self.cost is None else f"factor; {self.cost}"
 

@@ -425,7 +425,7 @@ def analysed(A: PETSc.Mat) -> Analysis:
 class Distributed(PetscSolver, Factorization):
     """Cholesky factor distributed over the ranks by MUMPS, with an ordering of its choice."""
 
-    def _choose(self) -> None:
+    def _configure(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
@@ -469,7 +469,7 @@ def forecast(A: PETSc.Mat) -> float:
 class ByPetsc(PetscSolver, Factorization):
     """Cholesky factor on one rank by CHOLMOD through PETSc, if it cannot be called directly."""
 
-    def _choose(self) -> None:
+    def _configure(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)

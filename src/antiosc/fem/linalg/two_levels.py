@@ -24,7 +24,7 @@ from petsc4py import PETSc
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.process import trim_heap
-from antiosc.fem.linalg.multigrid import Multigrid, know
+from antiosc.fem.linalg.multigrid import Multigrid, set_near_null_space
 from antiosc.fem.linalg.petsc_algebra import (
     CELLS,
     becomes,
@@ -75,7 +75,7 @@ class TwoLevels(Multigrid):
         if coarse.getSize()[0] <= FACTORED:
             solve, steps = self._inverse(coarse), STEPS
         else:
-            know(coarse, at_vertices(self._P, self._motions()))
+            set_near_null_space(coarse, at_vertices(self._P, self._motions()))
             solve, steps = Aggregation(coarse), STEPS_AGGREGATED
         del coarse, self._inverse  # an analysis in it became the factor in double precision
         free(self.A.getComm().tompi4py())

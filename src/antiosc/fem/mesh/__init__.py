@@ -168,7 +168,7 @@ class Mesh(ReprMixin):
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Lowest and highest coordinates (3,) over all ranks [m]."""
+        """Lowest and highest coordinates (3,) of the whole mesh [m]."""
         return bounds(self.comm, self.dolfinx.geometry.x)
 
     def extent(self) -> float:

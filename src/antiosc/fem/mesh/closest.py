@@ -129,7 +129,7 @@ class ClosestPoint:
 
 @dataclass(frozen=True, eq=False)
 class ClosestPoints:
-    """As `ClosestPoint` for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
+    """The points of the structure closest to P given ones; fields of `ClosestPoint` as arrays."""
 
     rank: IntArray
     cell: IntArray

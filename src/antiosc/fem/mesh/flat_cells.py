@@ -49,8 +49,8 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
         if 3 in parts:
             parts[3] = parts[3][~np.isin(keys(parts[3]), removed_cells)]
     sentence = f"{name}: flat cells that gmsh left at the surface are not read: {removed}."
-    notes = [*raw.told, sentence]
-    return compact(replace(raw, cells=raw.cells[kept_cells], groups=groups, told=notes))
+    notes = [*raw.remarks, sentence]
+    return compact(replace(raw, cells=raw.cells[kept_cells], groups=groups, remarks=notes))
 
 
 def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: IntArray) -> None:

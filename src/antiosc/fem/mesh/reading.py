@@ -214,7 +214,7 @@ def read_mesh(
         )
 
     raw = on_root(comm, work)
-    for sentence in raw.told:
+    for sentence in raw.remarks:
         warn(comm, sentence)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
     return replace(distributed(raw, file.name, comm), stated=unit_stated)

@@ -646,7 +646,7 @@ class CellKernel:
         in_cpp = getattr(self._compiled, "_cpp_object", self._compiled)
 
         def packed(first: int) -> Array:
-            """Coefficients (cells, n), those of x the numbers of its dofs, counted from `first`."""
+            """Coefficients (cells, n) of the kernel; for x the numbers of its dofs from `first`."""
             x.x.array[:] = np.arange(first, first + x.x.array.size)
             (values,) = dolfinx.cpp.fem.pack_coefficients(in_cpp).values()
             return np.ascontiguousarray(values)

@@ -239,7 +239,7 @@ class MeshedStructure(StructureMatrices):
         return work()
 
     def own(self, rows: T) -> T:
-        """`rows` itself: a result of `decided` holds the rows of this rank."""
+        """The rows unchanged: a result of `decided` holds those of this rank."""
         return rows
 
     @property

@@ -192,7 +192,7 @@ def differences(first: object, second: object) -> dict[str, float]:
 
 
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors of the three quantities, each raised to `FLOOR` times the largest."""
+    """The errors of the three quantities, none below `FLOOR` times the largest."""
     worst = max(errors.values())
     return {name: max(error, FLOOR * worst) for name, error in errors.items()}
 

@@ -173,8 +173,8 @@ def no_contact_message(assembly: Assembly, ended: RunEnd) -> str:
 
 def _without_rounding(beta: Array, modal: Array) -> Array:
     """The product beta · modal (p,), with 0 for values that are rounding."""
-    felt = beta @ modal
-    return np.where(abs(felt) > ROUNDING * (abs(beta) @ abs(modal)), felt, 0.0)
+    product = beta @ modal
+    return np.where(abs(product) > ROUNDING * (abs(beta) @ abs(modal)), product, 0.0)
 
 
 def warn_batch(results: Sequence[CheckResult]) -> None:

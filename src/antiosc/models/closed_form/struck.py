@@ -268,8 +268,8 @@ class StruckBeam:
     def _compliance(self, x: Array) -> tuple[float, Array]:
         """Elastic deflection at the site and at x (m) under a unit force, without rigid modes.
 
-        The constant term in ω² of H and of the field H·(φ_st + Σ ω²/(ω_i² - ω²) ψ_i). The series
-        falls as 1/i⁶.
+        They are the values at ω = 0 of H and of the field H·(φ_st + Σ ω²/(ω_i² - ω²) ψ_i), a
+        series whose terms fall as 1/i⁶.
         """
         if not self.rigid_modes:
             return 1 / self.static_stiffness, self._static_shape(x) / self.static_stiffness

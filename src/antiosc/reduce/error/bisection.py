@@ -55,7 +55,7 @@ def ratios(comm: MPI.Comm, energies: Array, goal: float, order: int, dim: int) -
     optimal = share ** (-1 / (POWER[dim] + dim))
 
     def sizes(scale: float) -> Array:
-        """Size ratios for this log λ."""
+        """Ratios of new to old cell sizes for the logarithm `scale` of λ (see the module)."""
         return np.asarray(np.clip(exp(scale) * optimal, FINEST, COARSEST))
 
     def error_excess(scale: float) -> float:

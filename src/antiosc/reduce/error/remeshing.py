@@ -141,7 +141,7 @@ class OfGeometry(MeshSource):
     def coarsest(self) -> Mesh:  # type: ignore[override]
         """The mesh of the largest cells that the geometry permits."""
         raw = self._read(None, 1, (), None, USUAL)
-        for sentence in raw.told:
+        for sentence in raw.remarks:
             warn(MPI.COMM_WORLD, sentence)
         return distributed(raw, self._path.name, MPI.COMM_WORLD)
 

@@ -58,7 +58,7 @@ class MeshErrors(ABC):
 
 
 class StrainErrors(MeshErrors):
-    """Estimators of the strain error of any displacement shape, by recovered strains."""
+    """Base of estimators that compare the strains of shapes with recovered strains."""
 
     @abstractmethod
     def gram(self, shapes: Array) -> Array:

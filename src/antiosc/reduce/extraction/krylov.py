@@ -78,7 +78,7 @@ AT_ONCE = 64
 
 @dataclass(frozen=True)
 class DampedBand:
-    """Error bound of a damped model's receptance in its band, and the band's lower end [rad/s]."""
+    """A bound on the error of a damped model's receptance, and the band's lower end [rad/s]."""
 
     error: float
     bottom: float

@@ -46,7 +46,7 @@ def info_of_model(
         rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
-        solver=known.static.solver.told,
+        solver=known.static.solver.description,
         cells=cells or None,
         surfaces=surfaces(structure, firsts),
         **structure.matrices.plausibility,

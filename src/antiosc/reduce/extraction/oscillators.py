@@ -297,9 +297,7 @@ def by_modes(
 
 
 def elastic_count(static: SiteShapes, n: int) -> int:
-    """Number of elastic anti-oscillators of n: one less where a weak rigid-body mode is one of
-    them.
-    """
+    """How many of n anti-oscillators are elastic: all, or all but one weak rigid-body mode."""
     if n and static.weak.any():
         return n - 1
     return n

@@ -220,7 +220,7 @@ def _quartic(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int
 
 
 def _cubic_form(values: Array, pairs: list[tuple[int, int]], m: int) -> Array:
-    """H (m, m, m) from φ_kᵀg_ij (m, pairs), exactly symmetric."""
+    """The quadratic tensor H (m, m, m) from φ_kᵀg_ij (m, pairs), exactly symmetric."""
     H = np.zeros((m, m, m))
     for n, (i, j) in enumerate(pairs):
         H[:, i, j] = H[:, j, i] = values[:, n]

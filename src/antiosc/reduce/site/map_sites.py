@@ -170,7 +170,7 @@ def sites_of(
 
 
 def movable(sites: MapSites, where: object) -> MapSites:
-    """`sites` itself; InputError if it has no sites."""
+    """The sites; InputError if there are none."""
     if not len(sites.sites):
         place = f" on {where!r}" if isinstance(where, str) else ""
         raise InputError(

@@ -87,7 +87,7 @@ def patches(
     """(weighted points of patches on this rank, share of each patch on its faces (P,)).
 
     The quadrature resolves the smaller of the patch and the faces under it. If an edge cuts a
-    patch, its weights are scaled to a unit force. Points on `used_faces` faces do not count.
+    patch, its weights are scaled to a unit force. Points on `used_faces` do not count.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS[faces.dim])
