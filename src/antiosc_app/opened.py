@@ -96,7 +96,7 @@ OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 class Overtaken(BaseException):
     """The page no longer waits for the work.
 
-    It is no Exception, because no work takes it for an error of its own.
+    It is no Exception, so that no computation catches it as one of its errors.
     """
 
 

@@ -481,8 +481,8 @@ def _probes_of_fewer(results: SceneResults, probes: Sequence[Probe]) -> dict[str
     evaluate = Evaluation(scene.document)
     try:
         with without_warnings():
-            evaluate.know(scene.structure, results.structure)
-            evaluate.know(scene.model, model.truncated(model.n // 2))
+            evaluate.register(scene.structure, results.structure)
+            evaluate.register(scene.model, model.truncated(model.n // 2))
             signals = {}
             for probe in probes:
                 call = scene.probes[probe.name]

@@ -425,7 +425,7 @@ def connected(tables: Iterable[IntArray], count: int) -> IntArray:
 
 
 def separate_copies(deck: Deck) -> list[tuple[int, int]]:
-    """Give repeated elements nodes of their own: [(new node, original node)]."""
+    """Give repeated elements new nodes: [(new node, original node)]."""
     blocks = [block for block in deck.blocks if block.role not in SPRINGS] or deck.blocks
     copies_of: dict[tuple[int, int], int] = {}
     copies: Counter[str] = Counter()

@@ -315,7 +315,7 @@ class End(NamedTuple):
 
 
 def divide(deck: NastranDeck) -> list[End]:
-    """Divide tapered and curved beams and give offset or released beams ends of their own.
+    """Divide tapered and curved beams and give offset or released beams end nodes.
 
     Returns the ends that are to be joined to grid points.
     """
@@ -366,7 +366,7 @@ def divide(deck: NastranDeck) -> list[End]:
 
 
 def join(builder: ModelBuilder, ends: list[End]) -> None:
-    """Let the beams' own ends follow their grid points."""
+    """Let the end nodes of offset and released beams follow the grid points."""
     for end in ends:
         builder.apart.append(end.row)
         leader = builder.joints.leader(end.node)

@@ -52,7 +52,7 @@ def other_damping(what: str) -> str:
 def shares_of(structure: Structure, quantity: str, member: Member) -> Array | None:
     """Factors (materials, 1 + branches) of the stress columns: 1, then the share of each branch.
 
-    None where no material relaxes, or the quantity does not depend on the stiffness.
+    The result is None where no material relaxes, or the quantity does not depend on the stiffness.
     """
     terms = [term for term in _branches(structure) if term.owner is not None]
     if quantity not in OF_STIFFNESS or not terms:

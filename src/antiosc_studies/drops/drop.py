@@ -264,7 +264,7 @@ def tumbles(
     seed: int,
     executor: Executor | None,
 ) -> Drops:
-    """The falls of an ensemble, each drawn from its own seed."""
+    """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
     draw = partial(_random_fall, body.alone(), start, setting, ensemble)
     chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]

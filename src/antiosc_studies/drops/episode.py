@@ -603,7 +603,7 @@ class Episode:
         return -float((_heights(self.touch, path) + low).min())
 
     def along_line(self) -> bool:
-        """Whether the body lands along a line of its surface that has no law of its own.
+        """Whether the body lands along a line of its surface for which there is no line law.
 
         On a layer the pieces of the surface are such contacts, without an error.
         """

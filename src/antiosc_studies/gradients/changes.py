@@ -452,7 +452,7 @@ def bar(values: Sequence[Any]) -> Any:
     """Error bars of derivatives, by name, from the values in the run and in the runs of
     `compared_runs`.
 
-    None if it is unknown: m and omega of models of different sizes cannot be compared.
+    A bar is None if it is unknown: m and omega of models of different sizes cannot be compared.
     """
     if isinstance(values[0], dict):
         return {n: bar([(derivatives or {}).get(n) for derivatives in values]) for n in values[0]}

@@ -137,7 +137,7 @@ def matter_of(
 ) -> Matter | None:
     """The properties of a material, a name or an object; constants that are given replace its own.
 
-    None where neither a material nor E is given. InputError for a material with directions.
+    They are None where neither a material nor E is given. InputError for a directional material.
     """
     if material is None:
         if E is None:

@@ -588,7 +588,7 @@ def attachment(layout: Layout, attached: PointMass | Spring | Damper) -> list[St
 
 
 def superelement(layout: Layout, member: Condensed) -> Stiffness:
-    """K and M of a superelement as a term on its own dofs."""
+    """K and M of a superelement as a term on the dofs of that superelement."""
     part = member.part
     functionals = layout.units(np.arange(member.first, member.first + member.size))
     return Stiffness(functionals, part.K, part.M, rigid=part.rigid)

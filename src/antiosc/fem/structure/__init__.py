@@ -526,7 +526,7 @@ class StructureMatrices:
     def uniform_inertia(self, direction: Array) -> Array | None:
         """M e on the rows of this rank, for a uniform unit motion e along `direction` (3,).
 
-        None for matrices alone, which do not define the direction of each row.
+        It is None for matrices alone, which do not define the direction of each row.
         """
         floats("direction", direction, (3,))
         return None

@@ -1,6 +1,6 @@
 """Attachments of a structure: masses, springs, dampers, footings; beams along edges.
 
-None has dofs of its own: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
+They have no dofs: they are sums of m b bᵀ, bᵀu being one displacement component of a point.
 
 A beam along edges is assembled on a mesh of these, whose dofs are dofs of the sheet: K + Tᵀ K_beam
 T.
@@ -417,7 +417,7 @@ SAME_DOF = 1e-7
 
 @dataclass(frozen=True)
 class Stiffener:
-    """Beams on edges of a sheet, as a part with its own dofs."""
+    """Beams on edges of a sheet, as a part with dofs besides those of the sheet."""
 
     mesh: Mesh
     form: WeakForm

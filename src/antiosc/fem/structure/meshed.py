@@ -409,7 +409,7 @@ class MeshedStructure(StructureMatrices):
 
 
 def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
-    """The beams of a stiffener as a structure of their own, for results at its cells."""
+    """The beams of a stiffener as a separate structure, for results at its cells."""
     rows = compat.local_size(stiffener.form.space)
     return MeshedStructure(
         stiffener.K,

@@ -322,7 +322,7 @@ class Structure(ReprMixin):
     def uniform_inertia(self, direction: Array) -> Array | None:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
 
-        None for matrices, which do not define the direction of e.
+        It is None for matrices, which do not define the direction of e.
         """
         return self.matrices.uniform_inertia(direction)
 

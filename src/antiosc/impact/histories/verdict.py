@@ -49,7 +49,7 @@ def yields(contact: OneContact) -> bool:
 
 
 def yielding_law(contact: OneContact) -> ElasticPlastic | None:
-    """The law of a contact that yields, its own or that of its surfaces; None if it does not."""
+    """The law by which a contact yields, the given or that of its surfaces; None if it does not."""
     law = _law_with_yield(contact)
     return law if law is not None and contact.peak_force > law.yield_force else None
 
@@ -61,7 +61,7 @@ def yield_share(contact: OneContact) -> float | None:
 
 
 def _law_with_yield(contact: OneContact) -> ElasticPlastic | None:
-    """The elastic-plastic law of a contact, its own or that of its surfaces; None if none is."""
+    """The elastic-plastic law of a contact, given or from its surfaces; None if there is none."""
     law = contact.law
     if not isinstance(law, ElasticPlastic):
         choice = choice_at(contact) if isinstance(law, Hertz) else None

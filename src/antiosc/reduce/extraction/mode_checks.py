@@ -1,4 +1,4 @@
-"""Checks of computed modes in their own equations."""
+"""Checks of computed modes: their residuals, orthogonality and mass."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
 def weights_of(structure: Structure, shapes: Array) -> Array | None:
     """Generalised masses (k, 3) of shapes (rows, k) for unit uniform accelerations along x, y, z.
 
-    None for matrices. A plane structure does not move along z.
+    They are None for matrices. A plane structure does not move along z.
     """
     loads = [structure.uniform_inertia(axis) for axis in np.eye(3)]
     if any(load is None for load in loads):

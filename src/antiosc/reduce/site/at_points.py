@@ -254,7 +254,7 @@ def _beyond_seams(
 ) -> list[tuple[Member, Array, Array]]:
     """Parts of patches on neighbouring sheets: [(part, share (P,), load vectors (P, rows))].
 
-    Triangles beside quadrilaterals form a part of their own, so that a patch may lie on both.
+    Triangles beside quadrilaterals form a separate part, so that a patch may lie on both.
     """
     cut_patches = np.flatnonzero(laid.share < 1 - ROUNDED_SHARE)
     if laid.contact is None or not member.part.kind.sheet or not len(cut_patches):
