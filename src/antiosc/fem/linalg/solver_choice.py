@@ -227,14 +227,17 @@ class Substructures(Factorization):
             if len(self._inner):
                 corner.resize((count, n))
                 rows = lower(scipy.sparse.vstack([corner, rows], format="csr"))
+                analysis = Analysis(rows, A.getBlockSize(), last=count)
+                del rows, corner, touched, position
                 process.trim_heap()
-                self._halves = self._factor = Cholesky(rows, A.getBlockSize(), last=count)
-                del rows, corner
+                self._halves = self._factor = Cholesky(analysis)
+                del analysis
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
                 order, self._L = self._factor.corner(count)
                 self._positions = self._to[order]
                 self._met = self._met[order]
-                square = _square(self._L) - interface_block[self._met][:, self._met].toarray()
+                square = _square(self._L)
+                square -= interface_block[self._met][:, self._met].toarray()
         except NotPositiveDefiniteError as caught:
             error = NotConvergedError(SINGULAR.format(caught))
         except Exception as caught:  # the other ranks must not wait for this one
@@ -319,8 +322,9 @@ def _square(L: Array) -> Array:
         return np.zeros(L.shape)
     reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
     upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
-    square = np.triu(upper)[::-1, ::-1]
-    return np.asarray(square + np.tril(square, -1).T)
+    square = np.asarray(upper)[::-1, ::-1]
+    square += np.tril(square, -1).T
+    return square
 
 
 def interface(A: PETSc.Mat) -> IntArray:

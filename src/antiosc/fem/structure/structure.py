@@ -19,6 +19,7 @@ from antiosc.base._types import Array, Box, Matrix, SolverChoice
 from antiosc.base.checks import choice
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, finite_element_packages
+from antiosc.base.process import arrays_mapped
 from antiosc.base.progress import doing
 from antiosc.base.texts import ReprMixin
 from antiosc.fem.linalg import algebra
@@ -141,9 +142,10 @@ class Structure(ReprMixin):
         options: Options = {
             "order": order, "attached": attached, "solver": solver, "prestress": prestress,
         }  # fmt: skip
-        matrices = assembled(
-            mesh, material, supports, order=order, attached=attached, solver=solver
-        )
+        with arrays_mapped():
+            matrices = assembled(
+                mesh, material, supports, order=order, attached=attached, solver=solver
+            )
         if prestress is not None:
             matrices = with_prestress(matrices, prestress)
         self._hold(matrices, start_time)
@@ -296,7 +298,7 @@ class Structure(ReprMixin):
             self._factored = None
         if self._factored is None:
             start_time = clock()
-            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+            with arrays_mapped(), doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor, shift = self.matrices.factored(columns)
             self.seconds["factorization"] = clock() - start_time
             self._factored = factor, shift
