@@ -176,7 +176,8 @@ def floats(name: str, value: object, shape: tuple[int | None, ...] | None) -> Ar
             result = np.asarray(result, dtype=float)
     if shape is not None:
         _check_shape(name, result, shape)
-    if result.size and not float(np.abs(result).max()) <= LARGEST:  # NaN, too
+    # NaN, too; |result| would be another array as large as the shapes of a model
+    if result.size and not max(float(result.max()), -float(result.min())) <= LARGEST:
         bad = np.count_nonzero(~np.isfinite(result))
         if bad:
             raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
