@@ -399,8 +399,8 @@ TRIM_THRESHOLD, MMAP_THRESHOLD, MMAP_MAX, MAPPINGS = -1, -3, -4, 1 << 16
 #: Bytes from which arrays have pages of their own: glibc's own largest threshold, so that products
 #: take no new pages for their vectors (from 1 MB: 0.1 of the time of a model of 130 000 dofs).
 MAPPED = 1 << 25
-#: The same while a structure and its solver are made: 340 560 dofs on two ranks then take 0.70 GB
-#: for 0.74.
+#: The same while structures, solvers and models are made: 340 560 dofs on two ranks then take 0.70
+#: GB for 0.74.
 MAPPED_IN_SET_UP = 1 << 20
 #: Remedy where a run needs too much.
 MEMORY_REMEDY = "use a coarser mesh or order=1, or free some memory"
