@@ -71,3 +71,44 @@ def test_a_flat_cell_inside_is_refused():
 def test_a_flat_cell_of_a_mesh_file_is_refused():
     with pytest.raises(MeshError, match=r"1 of 1201 cells of column\.msh have no volume"):
         sound(column(flat_at=CUBES), "column.msh", made_here=False)
+
+
+def split(raw: RawMesh, edge: tuple[int, int], share: float) -> RawMesh:
+    """The mesh with a node on an edge, at a share of its length from its first end."""
+    start, end = edge
+    new = len(raw.points)
+    middle = raw.points[start] + share * (raw.points[end] - raw.points[start])
+
+    def halves(rows: np.ndarray) -> np.ndarray:
+        cut = np.isin(rows, edge).sum(axis=1) == 2
+        return np.concatenate([
+            rows[~cut],
+            np.where(rows[cut] == start, new, rows[cut]),
+            np.where(rows[cut] == end, new, rows[cut]),
+        ])  # fmt: skip
+
+    groups = {
+        name: {dim: halves(rows) for dim, rows in parts.items()}
+        for name, parts in raw.groups.items()
+    }
+    points = np.vstack([raw.points, middle])
+    return RawMesh(points, halves(raw.cells), raw.kind, "gmsh", groups)
+
+
+def test_the_ends_of_a_far_too_short_edge_become_one_node():
+    whole = sound(column(flat_at=CUBES), "column.stl", made_here=True)
+    first, second, _ = whole.groups["end"][2][0]
+    edge = int(first), int(second)
+    divided = split(whole, edge, 1e-6)
+    assert len(divided.cells) > len(whole.cells)
+    assert len(divided.groups["end"][2]) > len(whole.groups["end"][2])
+    raw = sound(divided, "column.igs", made_here=True)
+    assert len(raw.points) == len(whole.points)
+    assert len(raw.cells) == len(whole.cells) == len(raw.groups["all"][3])
+    assert volume(raw) == pytest.approx(CUBES, rel=1e-6)
+    assert len(raw.groups["end"][2]) == len(whole.groups["end"][2])
+    assert raw.told == [
+        "column.igs: nodes that a far too short edge joined to another are merged: 1."
+    ]
+    apart = split(whole, edge, 1e-2)
+    assert len(sound(apart, "column.igs", made_here=True).points) == len(apart.points)

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError, UnmeshableError, warn
-from antiosc.fem.mesh.flat_cells import without_flat
+from antiosc.fem.mesh.flat_cells import without_flat, without_short_edges
 from antiosc.fem.platform import agree, compat
 from antiosc.io.neutral import FACETS, CellKind, IntArray, RawMesh
 from antiosc.io.reading import keys, piece_of_cells, pieces_error
@@ -277,6 +277,8 @@ def sound(
         Cells that fold over, lock in bending or overlap, cracks and hanging nodes.
     """
     kind = raw.kind
+    if made_here:
+        raw = without_short_edges(raw, name)
     flat = _collapsed_of(raw)
     if made_here and len(flat):
         raw = without_flat(raw, flat, name)
