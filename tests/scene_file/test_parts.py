@@ -504,7 +504,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     path.write_text(strong + HIT.replace("2e-3", "3e-4") + probe)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
-    assert re.search(r"probe top +acceleration magnitude: largest \S+ m/s² \(\S+ g\)", told)
+    assert re.search(r"probe top +acceleration magnitude: largest \S+ m/s² ± \S+ % \(\S+ g\)", told)
     assert "margin of safety" in told
     found = numbers(tmp_path / "out")
     margin = found["stress"]["von_mises"]["margin"]
