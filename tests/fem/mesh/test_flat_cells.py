@@ -107,7 +107,7 @@ def test_the_ends_of_a_far_too_short_edge_become_one_node():
     assert len(raw.cells) == len(whole.cells) == len(raw.groups["all"][3])
     assert volume(raw) == pytest.approx(CUBES, rel=1e-6)
     assert len(raw.groups["end"][2]) == len(whole.groups["end"][2])
-    assert raw.told == [
+    assert raw.remarks == [
         "column.igs: nodes that a far too short edge joined to another are merged: 1."
     ]
     apart = split(whole, edge, 1e-2)

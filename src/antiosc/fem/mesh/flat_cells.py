@@ -98,8 +98,8 @@ def without_short_edges(raw: RawMesh, name: str) -> RawMesh:
     is_cell = _are_distinct(node[vertices])
     merged = count - len(lowest)
     sentence = f"{name}: nodes that a far too short edge joined to another are merged: {merged}."
-    told = [*raw.told, sentence]
-    return compact(replace(raw, cells=cells[is_cell], groups=groups, told=told))
+    remarks = [*raw.remarks, sentence]
+    return compact(replace(raw, cells=cells[is_cell], groups=groups, remarks=remarks))
 
 
 def _are_distinct(nodes: IntArray) -> BoolArray:
