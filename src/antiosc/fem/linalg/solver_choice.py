@@ -233,25 +233,32 @@ class Substructures(Factorization):
                 self._halves = self._factor = Cholesky(analysis)
                 del analysis
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
-                order, self._L = self._factor.corner(count)
+                order, L = self._factor.corner(count)
                 self._positions = self._to[order]
                 self._met = self._met[order]
-                square = _square(self._L)
-                square -= interface_block[self._met][:, self._met].toarray()
+                square = _square(L)
+                del L  # S and its terms are as large
+                known = interface_block[self._met][:, self._met].tocoo()
+                square[known.row, known.col] -= known.data
         except NotPositiveDefiniteError as caught:
             error = NotConvergedError(SINGULAR.format(caught))
         except Exception as caught:  # the other ranks must not wait for this one
             error = caught
         agree(comm, error)
-        S = interface_block.toarray() if comm.rank == 0 else np.zeros(interface_block.shape)
+        S = np.zeros(interface_block.shape)
         if square is not None:
-            S[np.ix_(self._met, self._met)] += square
+            S[np.ix_(self._met, self._met)] = square
             del square
+        if comm.rank == 0:
+            known = interface_block.tocoo()
+            S[known.row, known.col] += known.data
         comm.Allreduce(MPI.IN_PLACE, S)
         try:
             self._S = scipy.linalg.cholesky(S.T, lower=True, overwrite_a=True) if len(S) else None
         except scipy.linalg.LinAlgError as caught:
             raise NotConvergedError(SINGULAR.format(caught)) from caught
+        if len(self._inner):
+            _, self._L = self._factor.corner(count)
 
     def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
         """A_ΓΓ on every rank, from the rows of the interface Γ that each rank holds."""
@@ -323,7 +330,8 @@ def _square(L: Array) -> Array:
     reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
     upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
     square = np.asarray(upper)[::-1, ::-1]
-    square += np.tril(square, -1).T
+    for j in range(len(square)):  # all at once would take a copy
+        square[j, j + 1 :] = square[j + 1 :, j]
     return square
 
 

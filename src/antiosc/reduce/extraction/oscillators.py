@@ -118,6 +118,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Constraint
         parts.append(
             [*products, _forces_left(structure, static, modes.omega[columns], k_phi, m_phi)]
         )
+        del k_phi, m_phi  # before the next ones are made
     stiffnesses, coupling, masses, residual_forces = (
         np.concatenate(arrays, axis=-1) for arrays in zip(*parts, strict=True)
     )
