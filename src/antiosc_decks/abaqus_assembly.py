@@ -233,14 +233,20 @@ def read(sources: Sources) -> Whole:
     assembled = Whole(Deck(name), account_for(cards, name))
     assembled.deck.remarks += assembled.account.unknown()
     top, parts, instances = _divided(cards, assembled.steps)
+    alone = [] if instances else list(parts.values())  # without instances each part is its own
+    if len(alone) == 1:  # and a single one a flat deck
+        top = alone.pop()[1] + top
     assembled.add(Instance("", np.eye(3), np.zeros(3), assembled, top, mesh_of(top, name)))
     meshes: dict[str, AbaqusMesh] = {}
     used_parts = {card.option("PART").upper() for card, _ in instances}
     for part, (spelled, _) in parts.items():
-        if part not in used_parts:
+        if instances and part not in used_parts:
             assembled.deck.remarks.append(
                 f"the part {spelled!r} of {name} has no instance: left out."
             )
+    for spelled, part_cards in alone:
+        mesh = mesh_of(part_cards, spelled)
+        assembled.add(Instance(spelled, np.eye(3), np.zeros(3), assembled, part_cards, mesh))
     for card, placement_rows in instances:
         assembled.add(_instance_of(assembled, card, placement_rows, parts, meshes))
     for card in sorted(assembled.named(*NOUNS), key=lambda card: not card.within.name):

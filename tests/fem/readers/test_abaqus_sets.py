@@ -172,6 +172,18 @@ tips
 """
 
 
+def test_parts_without_instances_are_their_own(read):
+    """A single part is a flat deck, of whose names and numbers later cards speak."""
+    tail = "*NSET,NSET=Q\nEND,1\n"
+    single = read(PART + tail).deck
+    flat = read(PART.replace("*PART,NAME=P\n", "").replace("*END PART\n", "") + tail).deck
+    assert lists(single.node_sets) == lists(flat.node_sets) == {"end": [4, 9], "Q": [0, 4, 9]}
+    assert (single.points == flat.points).all()
+    assert not single.remarks
+    two = read(PART + PART.replace("=P\n", "=R\n") + "*NSET,NSET=Q,INSTANCE=r\n1\n").deck
+    assert lists(two.node_sets) == {"P.end": [4, 9], "R.end": [14, 19], "Q": [10]}
+
+
 def test_sets_of_an_assembly(read):
     """The node of the assembly has row 0, those of the instances follow."""
     whole = read(PART + TOP)
