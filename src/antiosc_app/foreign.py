@@ -10,6 +10,7 @@ import importlib
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from math import log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
@@ -35,8 +36,11 @@ T = TypeVar("T")
 
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
-#: A file without a unit is in millimetres if its longest side is at least this number.
-LONGEST_IN_METRES = 3.0
+#: Longest side [m] of the likeliest part. A file without a unit has the one that brings it nearest,
+#: in decades: a mesh is in mm from 3.2 on; a surface, which CAD programs write in inches too, in mm
+#: from 20 and in inches from 0.63 on (parts of 2.95 and 1.35 inches were taken as metres).
+LIKELIEST_LENGTH = 0.1
+UNITS_OF_MESHES, UNITS_OF_SURFACES = ("mm", "m"), ("mm", "in", "m")
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
 #: Largest number of cells of a geometry, so that an impact takes about a minute.
@@ -109,7 +113,7 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         file_outline = outline(path)
         length = float(np.ptp(file_outline.points, axis=0).max())
         if unit is None and suffix not in STATES_UNIT:
-            read["unit"] = _unit_of_length(length)
+            read["unit"] = _unit_of_length(length, suffix)
         factor = UnitSystem.of(read.get("unit", "m")).length
         file_outline.points = factor * file_outline.points
         size = float(f"{factor * length / ELEMENTS:.1g}")
@@ -137,7 +141,7 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     if "size" not in read and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if suffix not in STATES_UNIT:
-            read["unit"] = _unit_of_length(length)
+            read["unit"] = _unit_of_length(length, suffix)
             factor = UnitSystem.of(read["unit"]).length
             pieces = [
                 piece._replace(low=factor * piece.low, high=factor * piece.high) for piece in pieces
@@ -153,9 +157,15 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     return ForeignPart(mesh, read, None, [*notes, *_option_notes(read)], pieces)
 
 
-def _unit_of_length(length: float) -> str:
+def _unit_of_length(length: float, suffix: str) -> str:
     """The unit of a file that states none, by the length of its part in this unit."""
-    return "mm" if length >= LONGEST_IN_METRES else "m"
+    from antiosc.io.facets import SURFACES
+    from antiosc.io.neutral import UnitSystem
+
+    def decades(unit: str) -> float:
+        return abs(log10(max(length, 1e-9) * UnitSystem.of(unit).length / LIKELIEST_LENGTH))
+
+    return min(UNITS_OF_SURFACES if suffix in SURFACES else UNITS_OF_MESHES, key=decades)
 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:

@@ -18,6 +18,7 @@ import antiosc as ao
 from antiosc.base.errors import RangeError, SiteError
 from antiosc.fem.mesh.surface import Faces
 from antiosc_app import new, units
+from antiosc_app.foreign import foreign_part
 from antiosc_app.new import inspect_part
 from parts import gmsh_session
 from scene_files import antiosc
@@ -420,6 +421,19 @@ def test_bars_with_nodes_inside_are_straight_between_their_ends(tmp_path):
     scene, told = new.write_scene(tmp_path / "bar.toml", str(part))
     assert tomllib.loads(scene.read_text())["geometry"]["order"] == 1
     assert any("straight" in line for line in told)
+
+
+@pytest.mark.parametrize(
+    ("side", "unit"),
+    [(0.5, "m"), (1.35, "in"), (2.95, "in"), (15.0, "in"), (25.0, "mm"), (3000.0, "mm")],
+)
+def test_the_unit_of_a_surface_is_that_of_a_part_of_a_hand(tmp_path, side, unit):
+    """A mesh is in mm or m."""
+    corners = side * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], dtype=float)
+    sheet = meshio.Mesh(corners, [("triangle", np.array([(0, 1, 2), (0, 2, 3)]))])
+    for name, expected in (("a.stl", unit), ("a.vtu", "mm" if side > 3.2 else "m")):
+        meshio.write(tmp_path / name, sheet)
+        assert foreign_part(tmp_path / name).read["unit"] == expected
 
 
 def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):

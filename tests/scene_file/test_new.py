@@ -173,8 +173,8 @@ def test_a_large_sheet_is_fine_at_its_site_and_its_run_can_be_looked_at(tmp_path
     assert written["simulate"]["duration"] <= 0.15
 
 
-@pytest.mark.parametrize(("side", "unit"), [(60.0, "mm"), (3.0, "mm"), (2.0, "m")])
-def test_a_geometry_of_three_units_or_more_is_taken_in_millimetres(side, unit, tmp_path):
+@pytest.mark.parametrize(("side", "unit"), [(60.0, "mm"), (3.2, "mm"), (2.0, "m")])
+def test_a_geometry_of_more_than_three_units_is_taken_in_millimetres(side, unit, tmp_path):
     script = tmp_path / "block.geo"
     script.write_text(
         f'SetFactory("OpenCASCADE"); Box(1) = {{0, 0, 0, {side}, {side / 2}, {side / 2}}};'
