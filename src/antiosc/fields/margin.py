@@ -197,11 +197,11 @@ def margin_of(
     leave_out = zones.balls
     if len(leave_out):
         in_zones = is_within(points, leave_out)
-        of_points = criterion, values, points, times, places
-        beyond, nearer = (
-            margin_of(*of_points[:2], np.where(judged, strengths, np.nan), *of_points[2:], inner)
-            for judged, inner in ((~in_zones, zones._replace(balls=NOTHING)), (in_zones, NO_ZONES))
-        )
+        outside = np.where(in_zones, np.nan, strengths)
+        inside = np.where(in_zones, strengths, np.nan)
+        no_balls = zones._replace(balls=NOTHING)
+        beyond = margin_of(criterion, values, outside, points, times, places, no_balls)
+        nearer = margin_of(criterion, values, inside, points, times, places, NO_ZONES)
         if beyond is None:
             return nearer
         return replace(beyond, beyond=leave_out, nearer=nearer)
