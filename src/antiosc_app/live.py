@@ -539,7 +539,7 @@ def _judged(peak: PeakField) -> float:
     if peak.exposure is None or peak.margin().criterion != "yield":
         return value
     margin = peak.margin()
-    return value + margin.spread / (margin.strength if peak.quantity == "yield" else 1.0)
+    return margin.exposure if peak.quantity == "yield" else margin.stress
 
 
 def mesh_note(peak: PeakField) -> str:
@@ -562,7 +562,7 @@ def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
         if margin is not None and margin.criterion == "yield":
-            judged: Data = {"stress": margin.value + margin.spread, "strength": margin.strength}
+            judged: Data = {"stress": margin.stress, "strength": margin.strength}
             judged["stress_bar"] = stress_bar(peak)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time

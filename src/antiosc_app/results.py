@@ -522,8 +522,8 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 #: Attributes of a margin among the numbers.
 MARGIN_KEYS = (
-    "criterion", "exposure", "margin", "reached", "contact", "beyond", "spread", "layer",
-    "sentence", "point", "time",
+    "criterion", "exposure", "margin", "reached", "contact", "beyond", "spread",
+    "edge_stress", "layer", "sentence", "point", "time",
 )  # fmt: skip
 
 

@@ -68,6 +68,9 @@ class Margin(ReprMixin):
         contact that yields, in solids.
     spread : error of the value (in its unit) since a patch of another radius than the contact
         spreads its force; it is added to the value in the exposure and in the margin.
+    edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
+        Pa; it counts where the nodes of the mesh are farther away and have lower stresses.
+    mesh_error : estimated error of the value by the mesh, in its unit; 0 without an estimate.
     nearer : the worst point in the balls that are left out; None without balls.
     """
 
@@ -82,11 +85,23 @@ class Margin(ReprMixin):
     beyond: Array = field(default_factory=lambda: np.zeros((0, 4)))
     nearer: Margin | None = None
     spread: float = 0.0
+    edge_stress: float = 0.0
+    mesh_error: float = 0.0
+
+    @property
+    def at_edge(self) -> bool:
+        """Whether the stress at the edge of the balls counts: no node has a larger one."""
+        return self.edge_stress > self.value + self.spread
+
+    @property
+    def stress(self) -> float:
+        """The value with `spread`, or the stress at the edge of the balls if that is larger."""
+        return max(self.value + self.spread, self.edge_stress)
 
     @property
     def exposure(self) -> float:
-        """Stress, with `spread`, over strength: 1 at yield or failure, proportional to the load."""
-        return (self.value + self.spread) / self.strength
+        """`stress` over strength: 1 at yield or failure, proportional to the load."""
+        return self.stress / self.strength
 
     @property
     def margin(self) -> float:
@@ -120,9 +135,15 @@ class Margin(ReprMixin):
         if self.layer is not None:
             place_text = f"in layer {self.layer} ({self.surface}) {place_text}"
         if self.criterion == "yield":
-            largest = f"{engineering(self.value + self.spread, 'Pa')} {place_text}"
-            if self.spread:
-                model = engineering(self.value, "Pa")
+            model = engineering(self.value, "Pa")
+            largest = f"{engineering(self.stress, 'Pa')} {place_text}"
+            if self.at_edge:
+                largest = (
+                    f"{engineering(self.stress, 'Pa')} at this distance by Hertz's pressure on a"
+                    f" half-space (the mesh is too coarse there: its largest is {model}"
+                    f" {place_text})"
+                )
+            elif self.spread:
                 largest += f" ({model}, and what the patch's radius makes uncertain)"
             exposure_text = (
                 f"the largest von Mises stress{there}, {largest}, is "
@@ -144,7 +165,9 @@ class Margin(ReprMixin):
         out.
         """
         noun = CRITERIA[self.criterion][0]
-        if self.reached and self.value < self.strength:
+        is_certain = max(self.value, self.edge_stress) >= self.strength
+        is_possible = self.stress + self.mesh_error >= self.strength
+        if is_possible and not is_certain:
             verdict = f"{noun} may be reached"
         else:
             verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
@@ -175,6 +198,11 @@ class Zones(NamedTuple):
         """Errors (P,) [Pa] of von Mises stresses at points (P, 3)."""
         return sum((zone.spread_error(points) for zone in self.contacts), np.zeros(len(points)))
 
+    @property
+    def edge_stress(self) -> float:
+        """Largest von Mises stress [Pa] at the edges of the balls about contacts."""
+        return max((zone.edge_stress for zone in self.contacts), default=0.0)
+
 
 #: No zones.
 NO_ZONES = Zones()
@@ -204,7 +232,8 @@ def margin_of(
         nearer = margin_of(criterion, values, inside, points, times, places, NO_ZONES)
         if beyond is None:
             return nearer
-        return replace(beyond, beyond=leave_out, nearer=nearer)
+        edge_stress = zones.edge_stress if criterion == "yield" else 0.0
+        return replace(beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress)
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
     if not np.isfinite(exposure).any():

@@ -368,9 +368,10 @@ class PeakField(Completed):
     def largest_mesh_error(self) -> float | None:
         """Estimated mesh error of the largest value; None without an estimate.
 
-        A node of one cell has none: the estimate compares the cells that meet there.
+        A node of one cell has none: the estimate compares the cells that meet there. The stress at
+        the edge of a contact's surroundings (`Margin.at_edge`) is not that of the mesh.
         """
-        if self.mesh_error is None:
+        if self.mesh_error is None or (self._margin is not None and self._margin.at_edge):
             return None
         return float(self.mesh_error[self.judged]) or None
 
@@ -587,7 +588,11 @@ def peak_field(
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
         dented = margin.contact_yields(history)
-        result = replace(result, _margin=replace(result._margin, contact=dented))
+        error = result.largest_mesh_error or 0.0
+        if quantity == "yield":
+            error *= result._margin.strength
+        judged = replace(result._margin, contact=dented, mesh_error=error)
+        result = replace(result, _margin=judged)
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(

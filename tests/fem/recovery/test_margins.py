@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -252,9 +253,10 @@ def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
         k = int(np.argmax(np.where(far, peak.values + spread, 0.0)))
         assert margin.value == pytest.approx(peak.values[k], rel=1e-12)
         assert margin.spread == pytest.approx(spread[k], rel=1e-9)
-        assert margin.exposure == pytest.approx((peak.values + spread)[k] / alu.yield_strength)
+        stress = max((peak.values + spread)[k], hit_zone(hit).edge_stress if yields else 0.0)
+        assert margin.exposure == pytest.approx(stress / alu.yield_strength)
         assert ("yields; outside 3 radii of the contact (" in margin.sentence) == yields
-        assert ("the patch's radius makes uncertain" in margin.sentence) == yields
+        assert ("by Hertz's pressure on" in margin.sentence) == yields == margin.at_edge
         if yields:
             np.testing.assert_allclose(margin.beyond, [[*site, contact]])
             unknown = hit_zone(hit)._replace(push=None).spread_error(peak.points)
@@ -262,6 +264,40 @@ def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
             near = peak.values[~far].max()
             assert margin.nearer.value == pytest.approx(near, rel=1e-12)
             assert ("; nearer, up to" in margin.sentence) == (near > margin.value)
+
+
+def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
+    """Three radii below the contact, where no node is: the closed form on the axis."""
+    alu = ao.material("aluminium 6082-T6")
+    site = np.array([0.05, 0.05, 0.1])
+    block = parts.box((3, 3, 3), (0.1, 0.1, 0.1))
+    part = ao.Structure(block, alu, [ao.Support("-z")])
+    model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=0.034), n=4)
+    ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=1.0)
+    hit = ao.simulate(model, ball, duration=1e-4)
+    zone = hit_zone(hit)
+    z = CONTACT_RADII
+    nu = alu.nu
+    along = -1 / (1 + z**2)
+    across = -(1 + nu) * (1 - z * np.arctan2(1, z)) - along / 2
+    pressure = 1.5 * hit.peak_force / np.pi / zone.radii[0] ** 2
+    assert zone.edge_stress == pytest.approx(pressure * abs(along - across), rel=1e-6)
+    peak = ao.peak_field(part, hit)
+    margin = peak.margin()
+    assert margin.at_edge
+    assert margin.exposure == pytest.approx(zone.edge_stress / alu.yield_strength)
+    assert peak.largest_mesh_error is None
+    assert "at this distance by Hertz's pressure" in margin.sentence
+
+
+def test_a_margin_within_its_error_by_the_mesh_is_undecided():
+    margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0)
+    assert margin.sentence.startswith("yield is not reached")
+    undecided = dataclasses.replace(margin, mesh_error=0.2 * YIELD)
+    assert undecided.sentence.startswith("yield may be reached")
+    assert not undecided.reached
+    certain = dataclasses.replace(undecided, value=1.01 * YIELD)
+    assert certain.sentence.startswith("yield is reached")
 
 
 def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():

@@ -52,6 +52,11 @@ def spread_difference(
     depend on the radius: the von Mises stress is a norm of the deviator.
     """
     one, other = (hertz_stresses(force, radius, nu, r, z) for radius in radii)
-    rr, tt, zz, rz = one - other
+    return von_mises(one - other)
+
+
+def von_mises(stresses: Array) -> Array:
+    """Von Mises stress [Pa] (…) of stresses rr, tt, zz, rz (4, …)."""
+    rr, tt, zz, rz = stresses
     squares = (rr - tt) ** 2 + (tt - zz) ** 2 + (zz - rr) ** 2
     return np.sqrt(squares / 2 + 3 * rz**2)

@@ -13,7 +13,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.dent import rim_radius
-from antiosc.engine.contact.half_space import spread_difference
+from antiosc.engine.contact.half_space import hertz_stresses, spread_difference, von_mises
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.impact.histories.parts import OneContact
@@ -27,7 +27,7 @@ from antiosc.models.body import site_points
 CONTACT_RADII = 3.0
 #: The property in `Choice.unknown` of a contact without a yield strength.
 STRENGTH = "yield_strength"
-#: Depths at which the error of an unknown direction is evaluated.
+#: Directions from a contact into the part in which a stress of unknown direction is evaluated.
 ANGLES = 19
 
 
@@ -86,6 +86,17 @@ class YieldingZone(NamedTuple):
     def ball(self) -> Array:
         """Row x, y, z, radius [m] of what the margin of a solid leaves out."""
         return contact_zone(self.point, self.radii[0])
+
+    @property
+    def edge_stress(self) -> float:
+        """Largest von Mises stress [Pa] on the surface of the ball, by Hertz's pressure on a
+        half-space.
+        """
+        distance = CONTACT_RADII * self.radii[0]
+        angles = np.linspace(0, np.pi / 2, ANGLES)
+        r, z = distance * np.sin(angles), distance * np.cos(angles)
+        stresses = hertz_stresses(self.force, self.radii[0], self.nu, r, z)
+        return float(von_mises(stresses).max())
 
     def spread_error(self, points: Array) -> Array:
         """Errors (P,) [Pa] of the von Mises stress at points (P, 3): the patch spreads the force.
