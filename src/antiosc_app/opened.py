@@ -33,7 +33,7 @@ from antiosc.base.errors import (
     warnings_to,
     without_warnings,
 )
-from antiosc.base.texts import capitalised
+from antiosc.base.texts import capitalised, engineering
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
@@ -83,7 +83,7 @@ STRUCTURES = 2
 FALLS = 10
 #: Number of browser tabs whose latest call is known.
 TABS = 100
-#: Largest number of runs, each twice as long, until striker and part no longer touch at the end.
+#: Largest number of runs, each twice as long, until striker and part have parted.
 LONGER = 5
 #: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
 #: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
@@ -356,14 +356,15 @@ class Opened:
         return modes.model(key, scene.model.arguments["site"].made)
 
     def _struck(self, set_up: SetUp, quickly: bool = False) -> PageImpact:
-        """The impact of a set-up, run until striker and part no longer touch.
+        """The impact of a set-up, run for its duration or until striker and part have parted.
 
         `quickly`: by a model from free modes, if they are known.
         """
         source = self._opened()
         if set_up.striker.kind == FLOOR:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
-        duration = source.look.duration if source.look.family == "Shell" else DURATION
+        chosen = source.look.duration if source.look.family == "Shell" else DURATION
+        duration = set_up.duration or chosen
         for _ in range(LONGER):
             messages: list[str] = []  # of the run that is shown
             with warnings_to(messages.append):
@@ -372,8 +373,7 @@ class Opened:
                 except RangeError as error:
                     set_up = _with_larger_patch(set_up, error)
                     continue
-            contacts = blow.hit.contacts
-            if not contacts or contacts[-1][1] < blow.hit.time[-1]:
+            if set_up.duration or _parted(blow.hit):
                 break
             duration *= 2
         for message in messages:
@@ -538,6 +538,13 @@ def _with_larger_patch(set_up: SetUp, error: RangeError) -> SetUp:
     return replace(set_up, radius=rounded_up(error.radius))
 
 
+def _parted(hit: History) -> bool:
+    """Whether striker and part neither touch nor approach at the end, as far as is known."""
+    contacts = hit.contacts
+    touching = bool(contacts) and contacts[-1][1] >= hit.time[-1]
+    return not touching and (hit.restitution is None or hit.restitution >= 0)
+
+
 def _strengths(blow: PageImpact) -> dict[str, Any]:
     """The stress fields for which strengths are known; {} if the stress is unknown."""
     with contextlib.suppress(AntioscError):
@@ -564,8 +571,8 @@ def _told(blow: PageImpact) -> Data:
         "blow": blow_data,
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
-        "about": headline.about,
-        "caution": headline.caution if blow.settled else "",
+        "about": f"{headline.about} Computed for {engineering(blow_data['duration'], 's')}.",
+        "caution": headline.caution if blow.settled else live.unfinished(blow.hit),
         "verdict": _said(headline, blow.settled),
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},

@@ -144,6 +144,8 @@ class SetUp:
     finer: bool = False
     #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
     yield_strength: float = 0.0
+    #: duration of the impact [s]; None: until striker and part no longer touch nor approach
+    duration: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("point", "direction"):
@@ -151,6 +153,8 @@ class SetUp:
         for name in ("radius", "thickness"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
+        if self.duration is not None:
+            checks.positive("duration", self.duration, "s")
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
         checks.flag("finer", self.finer)

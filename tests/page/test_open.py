@@ -172,6 +172,30 @@ def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
     assert told["place"]["radius"] == setup["striker"]["radius"]  # the tip, not a ball of its mass
 
 
+def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path):
+    from antiosc_app.opened import Opened
+
+    mesh = ao.box_mesh((0.2, 0.02, 0.004), size=0.006)
+    part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("-x")])
+    path = tmp_path / "tongue"
+    path.touch()
+    one = Opened(path, part)
+    try:
+        setup = asked(one, point=[0.195, 0.01, 0.004], direction=[0, 0, -1])
+        setup["striker"] |= {"kind": "mass", "mass": 0.1, "radius": 0.02, "speed": 0.5}
+        short = call(one, "settle", setup | {"duration": 1e-3})
+        assert short["blow"]["computed"]["restitution"] < 0
+        assert short["caution"].startswith("After the last release the bodies still approach")
+        assert short["blow"]["duration"] == 1e-3
+        parted = call(one, "settle", setup)
+        assert parted["blow"]["computed"]["restitution"] > 0
+        assert "approach" not in parted["caution"]
+        told = engineering(parted["blow"]["duration"], "s")
+        assert parted["about"].endswith(f"Computed for {told}.")
+    finally:
+        one.close()
+
+
 def found_in(table, name):
     """The first number of a name in nested tables."""
     for key, value in table.items():

@@ -6,11 +6,11 @@ const FIELDS = {
   striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
     ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
-  "site-fields": [["radius", "patch radius", "mm", 0.1, 100]],
+  "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
     ["yield_strength", "yield strength", "MPa", 50, 3000]],
 };
-const SIZES = { mm: 1e-3, MPa: 1e6 }; // of units of the fields that are not those of the set-up
+const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6 }; // of units of the fields that are not those of the set-up
 const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
@@ -270,7 +270,8 @@ class Bench {
 
   slider(where, name, label, unit, least, most, kinds = null) {
     const of = kinds ? this.setup.striker : this.setup;
-    if (of[name] === null && name === "thickness") return;
+    const open = of[name] === null; // an emptied field leaves the choice to the server
+    if (open && name === "thickness") return;
     const deck = !this.facts.materials.length && this.facts.saves;
     if (name === "yield_strength" && !deck) return; // others have materials with a name
     const row = made("label", find(where), label, { className: "slider" });
@@ -279,16 +280,16 @@ class Bench {
     made("span", row, unit);
     const size = SIZES[unit] || 1;
     const set = (shown, done) => {
-      const values = { [name]: exact(shown * size) };
+      const values = { [name]: open && shown === "" ? null : exact(shown * size) };
       return kinds ? this.striker(values, done) : this.change(values, done);
     };
     const value = () => Number((least ? least * (most / least) ** range.value : range.value * most).toPrecision(3));
     range.oninput = () => set(value(), false);
     range.onchange = () => set(value(), true);
-    number.onchange = () => set(Number(number.value), true);
+    number.onchange = () => set(number.value, true);
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
-      const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (name === "radius" ? STRUCK : [kind]);
+      const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !OPTIONAL.includes(name);
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
@@ -301,6 +302,7 @@ class Bench {
   taken(name) {
     const falls = this.setup.striker.kind === "floor";
     if (name === "radius") return this.site ? this.site.radius : 0;
+    if (name === "duration") return this.lasts || 0;
     return falls || name !== "damping" ? this.facts.fall[name] : 0;
   }
 
@@ -406,7 +408,7 @@ class Bench {
   }
 
   show({ blow, place, about, caution, verdict, settled, python, site }, part) {
-    this.site = site;
+    [this.site, this.lasts] = [site, blow.duration];
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
     if (this.page) this.page.stop();
