@@ -281,6 +281,10 @@ class Inspection:
         ]
         return f"{unit}, not stated there (it would measure {' or '.join(unit_texts)})"
 
+    def density_text(self) -> str:
+        """The density that a deck takes because it states none."""
+        return f"{self.read['density']:g} kg/m³, for the deck has none"
+
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
@@ -292,8 +296,7 @@ class Inspection:
             key = f"{section} size, refine" if finer else f"{section} size"
             rows.append(("elements", f"{self.read['size']:g} m{finer}", key))
         if "density" in self.read:
-            rho = f"{self.read['density']:g} kg/m³, for the deck has none"
-            rows.append(("density", rho, f"{section} density"))
+            rows.append(("density", self.density_text(), f"{section} density"))
         if not self.of_deck:
             rows.append(("material", self.material, "[material] name"))
         if self.family == "Shell" and not self.of_deck:

@@ -144,6 +144,8 @@ class SetUp:
     finer: bool = False
     #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
     yield_strength: float = 0.0
+    #: density of the materials of a deck that state none [kg/m³]; None: as it was read
+    density: float | None = None
     #: duration of the impact [s]; None: until striker and part no longer touch nor approach
     duration: float | None = None
 
@@ -153,8 +155,9 @@ class SetUp:
         for name in ("radius", "thickness"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
-        if self.duration is not None:
-            checks.positive("duration", self.duration, "s")
+        for name, unit in (("duration", "s"), ("density", "kg/m³")):
+            if getattr(self, name) is not None:
+                checks.positive(name, getattr(self, name), unit)
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
         checks.flag("finer", self.finer)
@@ -234,7 +237,8 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
     read = dict(source.look.read)
     if inspection.of_deck:
         strength = {"yield_strength": set_up.yield_strength} if set_up.yield_strength else {}
-        return {"deck": {"path": source.name, **read, **strength}}
+        density = {"density": set_up.density} if set_up.density else {}
+        return {"deck": {"path": source.name, **read, **strength, **density}}
     if set_up.finer and source.geometry:
         read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
     material: Table = {"name": set_up.material}

@@ -196,6 +196,28 @@ def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path
         one.close()
 
 
+@pytest.mark.filterwarnings("ignore")  # a rod that ends without a support across
+def test_a_deck_without_a_density_tells_the_one_that_is_taken(tmp_path):
+    from antiosc_app.opened import Opened
+
+    deck = (ROOT / "demos/scenes/bar.inp").read_text(encoding="utf-8")
+    path = tmp_path / "bar.inp"
+    path.write_text(re.sub(r"\*DENSITY\n.*\n", "", deck), encoding="utf-8")
+    one = Opened(path)
+    try:
+        first = one.calls["look"]({})
+        assert "density 7850 kg/m³, for the deck has none; a field" in first["told"]
+        assert first["density"] == 7850
+        setup = asked(one)
+        masses = [
+            one._struck(set_up.read(setup | {"density": rho})).structure.mass
+            for rho in (None, 15700)
+        ]
+        assert masses[1] == pytest.approx(2 * masses[0])
+    finally:
+        one.close()
+
+
 def found_in(table, name):
     """The first number of a name in nested tables."""
     for key, value in table.items():

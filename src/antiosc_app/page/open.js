@@ -8,7 +8,7 @@ const FIELDS = {
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
-    ["yield_strength", "yield strength", "MPa", 50, 3000]],
+    ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000]],
 };
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6 }; // of units of the fields that are not those of the set-up
 const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
@@ -274,6 +274,7 @@ class Bench {
     if (open && name === "thickness") return;
     const deck = !this.facts.materials.length && this.facts.saves;
     if (name === "yield_strength" && !deck) return; // others have materials with a name
+    if (name === "density" && !this.facts.density) return; // only of decks that state none
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
@@ -303,6 +304,7 @@ class Bench {
     const falls = this.setup.striker.kind === "floor";
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
+    if (name === "density") return this.facts.density;
     return falls || name !== "damping" ? this.facts.fall[name] : 0;
   }
 
