@@ -498,12 +498,13 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             if "Written" in browser.run(READ)["written"]:
                 break
             time.sleep(0.1)
+        dimmed = "return [document.body.classList.contains('outdated'), save.disabled]"
         browser.run("document.getElementById('undo').click()")
         assert browser.run(READ)["written"] == ""  # what was written is another set-up
         reached(browser, "complete", 7)
-        dimmed = "return [document.body.classList.contains('outdated'), save.disabled]"
         assert browser.run(dimmed) == [False, False]
-        browser.run("bench.change({point: [9, 9, 9]})")  # no place of the part
+        change = "bench.change({point: [9, 9, 9]});"  # no place of the part
+        assert browser.run(change + dimmed) == [True, True]  # at once
         for _ in range(600):
             if browser.run("return 'failed' in document.documentElement.dataset"):
                 break

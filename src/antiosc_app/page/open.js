@@ -18,7 +18,7 @@ const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups tha
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
-const LASTS = 2; // s from which on a stage tells its time, and older numbers are dimmed
+const LASTS = 2; // s from which on a stage tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
@@ -110,7 +110,6 @@ class Bench {
 
   // Whether the numbers shown are of an earlier set-up, because the present one has no answer, or none yet.
   outdated(are) {
-    clearTimeout(this.dimming);
     document.body.classList.toggle("outdated", are);
     find("save").disabled = are;
   }
@@ -354,8 +353,7 @@ class Bench {
   async strike() {
     const turn = ++this.turn;
     clearTimeout(this.later);
-    clearTimeout(this.dimming);
-    this.dimming = setTimeout(() => this.outdated(true), 1e3 * LASTS);
+    this.outdated(true);
     delete document.documentElement.dataset.failed;
     this.warned = [];
     this.wrong("", false);
