@@ -184,9 +184,8 @@ class Page {
   }
 
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
-  plain(name, value, unit) {
+  plain(name, value, unit, unknown) {
     if (name === "contacts") return String(value);
-    const { unknown } = this.blow.law.yields || {};
     if (name === "dent" && !(value > 0) && unknown) return unknown;
     return engineering(value, unit);
   }
@@ -199,16 +198,18 @@ class Page {
       input.setAttribute("aria-valuetext", output.value);
     }
     const computed = this.sites ? this.computed_here() : this.compared();
+    const { unknown = "" } = this.blow.law.yields || { unknown: "unknown" };
+    hit.unknown = unknown;
     for (const [name, label, unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
-      const plain = this.plain(name, value, unit);
+      const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       now.textContent = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : plain;
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
-      before.textContent = known === null ? "" : this.plain(name, known, unit);
+      before.textContent = known === null ? "" : this.plain(name, known, unit, computed.unknown ?? unknown);
     }
     this.say(hit);
     const notes = [];
