@@ -18,6 +18,7 @@ from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.outline import Outline
 from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES
@@ -265,6 +266,14 @@ def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, caps
     ):
         assert antiosc("check", written(tmp_path, text.replace(old, new, 1))) == found
         assert ("outside the box of bracket" in capsys.readouterr().err) == bool(found)
+
+
+def test_names_that_differ_in_their_number_are_told_by_the_first_and_the_last():
+    groups = [*(f"face {k}" for k in range(1, 113)), "hole 6 mm (1)", "hole 6 mm (2)", "side4"]
+    outline = Outline("a", groups, np.zeros(3), np.ones(3), 0.0)
+    told = outline.text().partition("; ")[2]
+    assert told == "groups: face 1 … face 112 (112), hole 6 mm (1), hole 6 mm (2), side4"
+    assert outline.text(1).endswith("face 112 (112) and 3 more, which the scene lists")
 
 
 def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,6 +48,9 @@ POINTS = ("sites", "probes", "accelerometers", "sensors")
 KEYS = ("point", "at", "where")
 #: Digits of a box.
 DIGITS = 4
+#: The number at the end of a name, such as "face 12" or "hole 6 mm (1)"; names of one run that
+#: differ in it alone are shortened if there are more than this many.
+NUMBER, MOST_OF_RUN = re.compile(r"\d+(?=\)?$)"), 3
 
 
 @dataclass(frozen=True)
@@ -68,8 +73,9 @@ class Outline:
 
     def text(self, most: int | None = None) -> str:
         """The box and the groups in words; `most`: number of groups that are named."""
-        groups = ", ".join(self.groups[:most]) or "none"
-        hidden = 0 if most is None else len(self.groups) - most
+        runs = [list(run) for _, run in itertools.groupby(self.groups, partial(NUMBER.sub, ""))]
+        groups = ", ".join(map(_brief, runs[:most])) or "none"
+        hidden = 0 if most is None else sum(map(len, runs[most:]))
         return (
             f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
             f" groups: {groups}"
@@ -89,6 +95,13 @@ class Outline:
         corners = np.array(list(itertools.product(*zip(self.low, self.high, strict=True))))
         x = at.placed(corners)
         return replace(self, low=x.min(axis=0), high=x.max(axis=0))
+
+
+def _brief(names: list[str]) -> str:
+    """Names that differ in their last number alone, the first and the last of many."""
+    if len(names) > MOST_OF_RUN:
+        return f"{names[0]} … {names[-1]} ({len(names)})"
+    return ", ".join(names)
 
 
 def check(compiled: CompiledScene) -> list[str]:
