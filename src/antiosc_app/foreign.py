@@ -69,6 +69,7 @@ class ForeignPart:
     structure : structure of a deck with a model.
     notes : decisions that were made, one sentence each.
     pieces : if the mesh is in several pieces, these, the largest first.
+    modulus : Young's modulus in the unit of a deck, if this unit is inferred from it.
     """
 
     mesh: Mesh
@@ -76,6 +77,7 @@ class ForeignPart:
     structure: Structure | None = None
     notes: list[str] = field(default_factory=list)
     pieces: Sequence[Piece] = ()
+    modulus: float | None = None
 
 
 def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> ForeignPart:
@@ -249,7 +251,8 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
     from antiosc_decks.from_deck import materials_of_deck
 
     unit, ((families, extent), read, _) = _first_unit(materials_of_deck, path, free, units)
-    best = unit_of(families, extent, unit, units, "density" in read)
+    best, modulus = unit_of(families, extent, unit, units, "density" in read)
+    inferred = len(units) > 1
     units = list(dict.fromkeys([best, *units]))
     _, (structure, read, pieces) = _first_unit(antiosc.read_model, path, free, units)
     members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
@@ -259,7 +262,7 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
         *_option_notes(read),
         *structure.plausibility.get("doubts", ()),
     ]
-    return ForeignPart(mesh, read, structure, notes, pieces)
+    return ForeignPart(mesh, read, structure, notes, pieces, modulus if inferred else None)
 
 
 def _first_unit(

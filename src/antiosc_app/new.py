@@ -173,6 +173,7 @@ class Inspection:
     flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
     pieces : if the part is in several pieces, these, the largest first.
     structure : that of a deck as it was read.
+    modulus : Young's modulus in the unit of a deck, if this unit is inferred from it.
     """
 
     family: str
@@ -198,6 +199,7 @@ class Inspection:
     others: Sequence[tuple[list[float], list[float], float | None, float]] = ()
     pieces: Sequence[Piece] = ()
     structure: Structure | None = field(default=None, repr=False)
+    modulus: float | None = None
     cell: float | None = None
     material: str = MATERIAL
     bars: bool = True
@@ -256,7 +258,7 @@ class Inspection:
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """Text lines for the terminal; without the impact if the part is dropped."""
         sides = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
-        kind = "as its deck says" if self.of_deck else f"taken as {self.family}"
+        kind = "materials are those of its deck" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
         sentences = [f"{name}: {self.cells}, {sides} mm; {kind}."]
         sentences += [
@@ -267,19 +269,24 @@ class Inspection:
         return [*sentences, *aligned(self.taken(drop))]
 
     def unit_text(self) -> str:
-        """The unit of the file; for a mesh, which states none, with its size in other units."""
+        """The unit of the file and why it is taken, with the part's size in other units."""
         from antiosc.io.neutral import UnitSystem
 
         unit = str(self.read["unit"])
-        if self.of_deck:
+        if self.of_deck and self.modulus is None:
             return unit
-        longest = float((self.high - self.low).max()) / UnitSystem.of(unit).length
-        unit_texts = [
-            f"{engineering(longest * UnitSystem.of(other).length, 'm')} in {other}"
-            for other in ("mm", "in", "m")
-            if other != unit
+        others = [other for other in ("mm", "in", "m") if other != unit]
+        systems = {name: UnitSystem.of(name) for name in (unit, *others)}
+        longest = self.length / systems[unit].length
+        sizes = {name: engineering(longest * systems[name].length, "m") for name in systems}
+        if self.modulus is None:
+            size_texts = [f"{sizes[name]} in {name}" for name in others]
+            return f"{unit}, not stated there (it would measure {' or '.join(size_texts)})"
+        texts = [
+            f"{name}: {sizes[name]}, E = {engineering(self.modulus * system.stress, 'Pa')}"
+            for name, system in systems.items()
         ]
-        return f"{unit}, not stated there (it would measure {' or '.join(unit_texts)})"
+        return f"{unit}, inferred from its materials ({'; '.join(texts)})"
 
     def density_text(self) -> str:
         """The density that a deck takes because it states none."""
@@ -355,7 +362,13 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
     part = foreign_part(path, free, unit)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure)
     notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
-    return replace(inspection, notes=notes, pieces=part.pieces, structure=part.structure)
+    return replace(
+        inspection,
+        notes=notes,
+        pieces=part.pieces,
+        structure=part.structure,
+        modulus=part.modulus,
+    )
 
 
 def inspect_structure(part: Structure) -> Inspection:

@@ -30,8 +30,9 @@ OF_SANDWICHES = (
 #: A decade of a modulus counts as this many of a density.
 DECADES_OF_MODULUS = 5.0
 #: A density that is further off than this many decades is no real one (of 87 decks by others 5
-#: state 1.0, or 1e-4, as a density).
-DUMMY = 2.0
+#: state 1.0, or 1e-4, as a density), and neither is this number: with it steel in inches (3e7)
+#: was a plastic in feet.
+DUMMY, PLACEHOLDER = 2.0, 1.0
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.
 EQUAL = 0.5
@@ -39,8 +40,8 @@ EQUAL = 0.5
 
 def unit_of(
     families: Sequence[Any], extent: float, unit: str, units: Sequence[str], density_given: bool
-) -> str:
-    """The likeliest of some units of a deck that was read in `unit`.
+) -> tuple[str, float]:
+    """(the likeliest of some units of a deck that was read in `unit`, its median modulus there).
 
     `families`, `extent` [m]: of its elements; `density_given`: densities are not those of the deck.
     """
@@ -48,7 +49,9 @@ def unit_of(
     if density_given:
         materials[:, 1] = np.nan
     read = UnitSystem.of(unit)
-    return likeliest(materials / [read.stress, read.density], extent / read.length, units)
+    materials /= [read.stress, read.density]
+    best = likeliest(materials, extent / read.length, units)
+    return best, float(np.quantile(materials[:, 0], 0.5, method="lower"))
 
 
 def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> str:
@@ -56,6 +59,8 @@ def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> 
 
     `materials` : (n, 2) Young's moduli and densities as the deck has them; NaN: not known.
     """
+    E, rho = np.transpose(materials)
+    materials = np.stack([E, np.where(np.isclose(rho, PLACEHOLDER), np.nan, rho)], axis=1)
     decades = {name: _decades_of_unit(materials, extent, name) for name in units}
     smallest = min(decades.values())
     return next(name for name in units if decades[name] <= smallest + EQUAL)

@@ -103,6 +103,16 @@ def test_the_largest_piece_of_a_deck_that_falls_apart_is_taken(tmp_path):
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
 
 
+def test_the_unit_of_a_deck_is_told_as_inferred_unless_given(tmp_path):
+    path = deck(tmp_path / "a.inp", "in", rho=False)
+    text = inspect_part(path).unit_text()
+    assert text == (
+        "in, inferred from its materials (in: 300 mm, E = 210 GPa; mm: 11.8 mm, E = 30.5 TPa; "
+        "m: 11.8 m, E = 30.5 MPa)"
+    )
+    assert inspect_part(path, unit="in").unit_text() == "in"
+
+
 def test_a_deck_of_a_mesh_alone_is_a_mesh_with_a_material_to_give(tmp_path):
     found = inspect_part(deck(tmp_path / "a.inp", "mm", model=False))
     assert (found.of_deck, found.read["unit"]) == (False, "mm")
@@ -462,6 +472,7 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
         (((1.44e9, 5.37),), "ft"),  # aluminium, lbf/ft² and slug/ft³
         (((29e6, 0.29),), "in"),  # steel, whose density is a weight
         (((1e7, 1.0),), "in"),  # aluminium with a density that is none
+        (((3e7, 1.0),), "in"),  # and steel
         (((70e6, 52.0),), "m"),  # foam
         (((210e3, 7.85e-9), (210e8, 1e-12)), "mm"),  # steel, and a body that is nearly rigid
     ],
