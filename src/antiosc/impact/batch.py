@@ -376,7 +376,7 @@ def simulate_many(
                 rows[i] = row
             report(min(count * chunk, len(open_scenes)))
     _raise(rows)
-    warn_batch([r.result for r in rows])
+    warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
     hits = [i for i, row in enumerate(rows) if row.impulse > 0]
     rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
     sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in hits]
@@ -479,6 +479,11 @@ class _Row:
     error: AntioscError | None = None
     rotation: tuple[str, float] = ("", 0.0)
     told: str = ""
+
+    @property
+    def needed_radius(self) -> float:
+        """Radius [m] of the patch that its force needs, if the force exceeds its law; else 0."""
+        return getattr(self.error, "radius", None) or 0.0
 
 
 def _solve_chunk(
@@ -647,14 +652,17 @@ def _row(hit: History, check: CheckResult) -> _Row:
 
 
 def _raise(rows: list[_Row]) -> None:
-    """Raise the first InputError among the rows, or the first error if every scene failed."""
+    """Raise the first InputError among the rows, or, if every scene failed, the error of the one
+    that needs the largest patch, else of the first.
+    """
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
             raise type(row.error)(f"scene {i}: {row.error}") from row.error
     if all(row.error is not None for row in rows):
-        error = rows[0].error
+        i = max(range(len(rows)), key=lambda k: rows[k].needed_radius)
+        error = rows[i].error
         assert error is not None
-        raise type(error)(f"scene 0: {error}") from error
+        raise type(error)(f"scene {i}: {error}") from error
 
 
 def _batch_of(rows: list[_Row]) -> Batch:

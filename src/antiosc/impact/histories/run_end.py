@@ -177,8 +177,11 @@ def _without_rounding(beta: Array, modal: Array) -> Array:
     return np.where(abs(product) > ROUNDING * (abs(beta) @ abs(modal)), product, 0.0)
 
 
-def warn_batch(results: Sequence[CheckResult]) -> None:
-    """Warn once of each kind of failure in a batch, with the scenes in which it occurred."""
+def warn_batch(results: Sequence[CheckResult], needed_radii: Sequence[float]) -> None:
+    """Warn once of each kind of failure in a batch, with the scenes in which it occurred.
+
+    Its message is that of the scene that needs the largest patch [m]; it suffices for all.
+    """
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, result in enumerate(results):
         if result.status or result.unusual:
@@ -187,8 +190,9 @@ def warn_batch(results: Sequence[CheckResult]) -> None:
         scene_numbers = ", ".join(map(str, scenes[:_NAMED])) + (
             ", ..." if len(scenes) > _NAMED else ""
         )
+        worst = max(scenes, key=needed_radii.__getitem__)
         errors.warn(
-            f"{len(scenes)} of {len(results)} scenes ({scene_numbers}), as scene {scenes[0]}:"
-            f" {results[scenes[0]].message}",
+            f"{len(scenes)} of {len(results)} scenes ({scene_numbers}), as scene {worst}:"
+            f" {results[worst].message}",
             errors.AccuracyWarning if status else errors.AntioscWarning,
         )
