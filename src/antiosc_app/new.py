@@ -885,6 +885,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         Path(__file__).with_name("page") / "scene.toml",
         name=name,
         source=json.dumps(source, ensure_ascii=False),
+        part=Path(source).name,
         deck=deck,
         closed=ending == ".stl",
         look=inspection,
