@@ -162,7 +162,8 @@ def test_gaps_of_a_tube(cell):
 def test_plane_parts_have_no_half_space():
     part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")])
     model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
-    assert set(model.info["patch"]) == {"faces"}
+    assert set(model.info["patch"]) == {"faces", "cut"}
+    assert model.info["patch"]["cut"] == 0
     assert model.info["patch"]["faces"] == pytest.approx(0.025)
 
 
