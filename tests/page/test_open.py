@@ -152,6 +152,8 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
 
 def test_the_stress_has_its_error_by_the_mesh(opened):
     setup = asked(opened)
+    # The contact stays elastic: near one that yields Hertz's stress counts.
+    setup["striker"]["speed"] = 1e-3
     found = call(opened, "verdict", setup)
     blow = opened._struck(set_up.read(setup))
     peak = ao.peak_field(blow.structure, blow.hit)
@@ -489,7 +491,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
         )
         at_edge = reached(browser, "complete", 6)
-        assert "±" in at_edge["stress"]
+        assert at_edge["stress"].endswith("MPa")
         assert "edge cuts the patch" in at_edge["wrong"]
         browser.run("document.getElementById('save').click()")
         time.sleep(1)
@@ -531,7 +533,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
 def test_a_structure_is_struck_where_its_supports_leave_it_free():
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
-    look = new.new.inspect_structure(part)
+    look = new.inspect_structure(part)
     assert look.point[2] < 0.01
     assert look.radius is not None
 
