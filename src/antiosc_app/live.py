@@ -598,6 +598,9 @@ def has_bars(structure: Structure) -> bool:
 
 def without_bars(structure: Structure) -> str:
     """Sentence why `extract(…, error="estimate")` refuses a structure; "" if it accepts it."""
+    matrices = structure.matrices
+    if not (matrices.meshed or matrices.assembled):
+        return "matrices have no mesh"
     from antiosc.extension import ModelErrors, refuse_dampers
 
     try:
