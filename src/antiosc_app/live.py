@@ -539,7 +539,7 @@ def stress_bar(peak: PeakField) -> float | None:
 
 
 def _judged(peak: PeakField) -> float:
-    """The judged stress, with what the radius of the patch makes uncertain, in its unit."""
+    """The judged stress, as `Margin.stress` where there is a strength, in its unit."""
     value = float(peak.values[peak.judged])
     if peak.exposure is None or peak.margin().criterion != "yield":
         return value

@@ -83,6 +83,42 @@ class CellGeometry:
         return origin, np.swapaxes(axes, 1, 2)
 
 
+class CellEntities:
+    """Entities of one dimension of cells.
+
+    A point of an entity has coordinates ξ in the reference entity, and X = origin + axes ξ in the
+    reference cell.
+
+    Parameters
+    ----------
+    geometry : of the cells
+    cells : (n,) the cell of each entity
+    origin, axes : (n, tdim) and (n, tdim, dim) of each entity in the reference cell
+    """
+
+    def __init__(self, geometry: CellGeometry, cells: IntArray, origin: Array, axes: Array) -> None:
+        dim = axes.shape[2]
+        self.geometry = geometry
+        self.cells = cells
+        self._origin = origin
+        self._axes = axes
+        self.simplex = geometry.simplex or dim < 2
+        self.affine = geometry.affine
+        self.middle = np.full((len(cells), dim), 1 / (dim + 1) if self.simplex else 0.5)
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def reference(self, entity: IntArray, xi: Array) -> Array:
+        """Reference coordinates (k, tdim) in the cells, of points ξ (k, dim) on entities (k,)."""
+        return np.asarray(self._origin[entity] + np.einsum("ntd,nd->nt", self._axes[entity], xi))
+
+    def at(self, entity: IntArray, xi: Array) -> tuple[Array, Array]:
+        """(points (k, 3) [m], derivatives (k, 3, dim)) at ξ (k, dim) on entities (k,)."""
+        x, J = self.geometry.at(self.cells[entity], self.reference(entity, xi))
+        return x, np.einsum("nxt,ntd->nxd", J, self._axes[entity])
+
+
 #: Largest distance of a facet from a side of the bounding box on which it lies, over the extent.
 ON_SIDE = 1e-6
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, IntArray
-from antiosc.fem.mesh import CellGeometry, Mesh
+from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.platform import compat
 
 #: Most Gauss–Newton steps onto a curved cell.
@@ -247,15 +247,10 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     for dim in range(1, mesh.tdim + 1):
         origin, axes = geometry.entities(dim)
         cell = np.repeat(near_cells, len(origin))
-        X = _feet(
-            geometry,
-            cell,
-            np.tile(origin, (len(near_cells), 1)),
-            np.tile(axes, (len(near_cells), 1, 1)),
-            point,
-        )
+        of_cells = np.tile(np.arange(len(origin)), len(near_cells))
+        entities = CellEntities(geometry, cell, origin[of_cells], axes[of_cells])
         cells.append(cell)
-        feet.append(X)
+        feet.append(_feet(entities, point))
     cell = np.concatenate(cells)
     X = np.concatenate(feet)
     x = geometry.at(cell, X)[0]
@@ -264,23 +259,10 @@ def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     return ClosestPoint(mesh.comm.rank, int(cell[i]), X[i], x[i], float(distance[i]))
 
 
-def _feet(
-    geometry: CellGeometry, cell: IntArray, origin: Array, axes: Array, point: Array
-) -> Array:
-    """Reference coordinates (n, tdim) in cells (n,) of the feet of perpendiculars from `point` on
-    their entities X = origin (n, tdim) + axes (n, tdim, dim) ξ, moved onto the entities.
+def _feet(entities: CellEntities, point: Array) -> Array:
+    """Reference coordinates (n, tdim) in the cells of the feet of perpendiculars from `point` on
+    entities, moved onto the entities.
     """
-    dim = axes.shape[2]
-    simplex = geometry.simplex or dim == 1
-
-    def reference(k: IntArray, xi: Array) -> Array:
-        return origin[k] + np.einsum("ntd,nd->nt", axes[k], xi)
-
-    def at(k: IntArray, xi: Array) -> tuple[Array, Array]:
-        x, J = geometry.at(cell[k], reference(k, xi))
-        return x, np.einsum("nxt,ntd->nxd", J, axes[k])
-
-    middle = np.full((len(cell), dim), 1 / (dim + 1) if simplex else 0.5)
-    points = np.broadcast_to(point, (len(cell), 3))
-    xi = projected(at, points, middle, affine=geometry.affine)
-    return reference(np.arange(len(cell)), clamped(xi, simplex))
+    points = np.broadcast_to(point, (len(entities), 3))
+    xi = projected(entities.at, points, entities.middle, affine=entities.affine)
+    return entities.reference(np.arange(len(entities)), clamped(xi, entities.simplex))

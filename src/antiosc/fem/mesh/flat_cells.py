@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from antiosc.base._types import BoolArray
+from antiosc.base._types import Array, BoolArray
 from antiosc.io.neutral import FACETS, IntArray, RawMesh
 from antiosc.io.reading import compact, keys
 
@@ -24,7 +24,7 @@ from antiosc.io.reading import compact, keys
 MOST = 1e-3
 #: An edge is short below this share of the mean length of the mesh's edges. surf114.igs of
 #: pythonocc-demos has seven at 3e-6 to 8e-6, with which its stiffness matrix cannot be factored,
-#: then none below 9e-3.
+#: then none below 8e-3.
 SHORT = 1e-4
 
 
@@ -75,18 +75,18 @@ def _hand_on(groups: dict[str, dict[int, IntArray]], outer: IntArray, inner: Int
 
 def without_short_edges(raw: RawMesh, name: str) -> RawMesh:
     """The mesh of simplices whose short edges are one node each, and a note of their number."""
-    vertices = raw.cells[:, : raw.kind.vertices]
     if raw.kind.vertices != raw.kind.dim + 1:
         return raw
-    first, second = np.triu_indices(raw.cells.shape[1], 1)
-    pairs = raw.cells[:, first], raw.cells[:, second]
-    length = np.linalg.norm(raw.points[pairs[0]] - raw.points[pairs[1]], axis=2)
-    short = length < SHORT * length.mean()
-    if not short.any():
+    vertices = raw.cells[:, : raw.kind.vertices]
+    length = _lengths(raw.points, vertices)
+    limit = SHORT * length.mean()
+    beside = raw.cells[(length < limit).any(axis=1)]
+    if not len(beside):
         return raw
-    ends = pairs[0][short], pairs[1][short]
+    short = _lengths(raw.points, beside) < limit
+    ends = [beside[:, k][short] for k in np.triu_indices(beside.shape[1], 1)]
     count = len(raw.points)
-    joined = coo_matrix((np.ones(len(ends[0])), ends), shape=(count, count))
+    joined = coo_matrix((np.ones(len(ends[0])), tuple(ends)), shape=(count, count))
     component = connected_components(joined, directed=False)[1]
     lowest = np.unique(component, return_index=True)[1]
     node = lowest[component]
@@ -100,6 +100,15 @@ def without_short_edges(raw: RawMesh, name: str) -> RawMesh:
     sentence = f"{name}: nodes that a far too short edge joined to another are merged: {merged}."
     remarks = [*raw.remarks, sentence]
     return compact(replace(raw, cells=cells[is_cell], groups=groups, remarks=remarks))
+
+
+def _lengths(points: Array, nodes: IntArray) -> Array:
+    """Distances (n, k(k − 1)/2) [m] between all nodes of each row (n, k)."""
+    pairs = zip(*np.triu_indices(nodes.shape[1], 1), strict=True)
+    return np.stack(
+        [np.linalg.norm(points[nodes[:, i]] - points[nodes[:, j]], axis=1) for i, j in pairs],
+        axis=1,
+    )
 
 
 def _are_distinct(nodes: IntArray) -> BoolArray:

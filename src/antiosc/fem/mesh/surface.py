@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.fem.mesh import Mesh
+from antiosc.fem.mesh import CellEntities, Mesh
 from antiosc.fem.mesh.closest import clamped, excess, pairs_within, projected
 from antiosc.fem.platform import compat
 from antiosc.io.cad import FACE
@@ -90,11 +90,8 @@ def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
     return origin[number], axes[number]
 
 
-class Entities:
+class Entities(CellEntities):
     """F entities of one dimension of a mesh.
-
-    A point of an entity has coordinates ξ in the reference entity, and X = origin + axes ξ in the
-    reference cell.
 
     Attributes
     ----------
@@ -105,18 +102,12 @@ class Entities:
     """
 
     def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
+        cells, number = cells_at(mesh, dim, entities)
+        super().__init__(mesh.geometry, cells, *frames(mesh, dim, number))
         self.mesh = mesh
         self.dim = dim
-        self.cells, number = cells_at(mesh, dim, entities)
-        self._origin, self._axes = frames(mesh, dim, number)
         self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[entities]
         self.corners = mesh.dolfinx.geometry.x[self.vertices]
-        self.simplex = self.corners.shape[1] == dim + 1
-        self.affine = mesh.geometry.affine
-        self.middle = np.full((len(self), dim), 1 / (dim + 1) if self.simplex else 0.5)
-
-    def __len__(self) -> int:
-        return len(self.cells)
 
     @cached_property
     def centres(self) -> Array:
@@ -128,17 +119,6 @@ class Entities:
         """Radius (F,) [m] of a ball around the middle that contains the entity."""
         gap = np.linalg.norm(self.corners - self.centres[:, None], axis=2)
         return np.asarray(gap.max(axis=1, initial=0.0) * (1.0 if self.affine else 1.3))
-
-    def reference(self, face: IntArray, xi: Array) -> Array:
-        """Reference coordinates (n, tdim) in the cells, of points ξ (n, dim) on entities `face`
-        (n,).
-        """
-        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
-
-    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, dim)) at ξ (n, dim) on entities `face` (n,)."""
-        x, J = self.mesh.geometry.at(self.cells[face], self.reference(face, xi))
-        return x, np.einsum("nxt,ntd->nxd", J, self._axes[face])
 
 
 def shape(mesh: Mesh, dim: int) -> str:
