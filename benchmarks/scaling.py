@@ -13,6 +13,7 @@ that the ranks share once.
 from __future__ import annotations
 
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -92,7 +93,9 @@ def run(cells: tuple[int, ...], ranks: int) -> dict[str, float]:
     """The line of a run of its own."""
     command = ["mpirun", "--allow-run-as-root", "--bind-to", "core", "-n", f"{ranks}"]
     command += [sys.executable, __file__, *map(str, cells)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    # without the variables of MPI that this process has set in C, which stop a further mpirun
+    environment = dict(os.environ)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
