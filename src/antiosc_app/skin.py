@@ -25,7 +25,8 @@ class PageSkin(NamedTuple):
 
     Attributes
     ----------
-    data : data for the page; `tags` (T,) number the faces from 1, 0 for none.
+    data : data for the page; `tags` (T,) number the faces from 1, 0 for none; `sets` are the
+        triangles of each name of `faces`, which may be those of another name too.
     faces : name -> support that fixes it; groups of edges and points have no triangles.
     held : names of the faces that a new scene fixes.
     """
@@ -45,16 +46,24 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         used_points, faces = np.unique(page_surface.faces, return_inverse=True)
         shape = geometry(page_surface.points[used_points], faces.reshape(-1, 3))
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
-        return PageSkin(shape, *_with_usual(_groups(mesh), look))
+        all_faces, held_first = _with_usual(_groups(mesh), look)
+        shape["sets"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
+        return PageSkin(shape, all_faces, held_first)
     outer = Faces(mesh, mesh.tdim < 3)
     groups = _groups(mesh)
     owner = np.zeros(len(outer), dtype=int)
-    for number, name in enumerate(groups, start=1):
-        owner[np.isin(outer.facets, mesh.groups[name].get(outer.dim, []))] = number
+    masks = {
+        name: np.isin(outer.facets, mesh.groups[name].get(outer.dim, [])) for name in groups
+    }
+    for number, mask in enumerate(masks.values(), start=1):
+        owner[mask] = number
     if not outer.sheet:
-        groups |= _flat_sides(mesh, outer, owner, len(groups))
+        sides = _flat_sides(mesh, outer, owner, len(groups))
+        masks |= {name: owner == k for k, name in enumerate(sides, start=len(groups) + 1)}
+        groups |= sides
     corners = outer.vertices
-    if corners.shape[1] == 4:  # in tensor order: 0 1 / 2 3
+    doubled = corners.shape[1] == 4
+    if doubled:  # in tensor order: 0 1 / 2 3
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
         owner = np.tile(owner, 2)
     used_points, faces = np.unique(corners, return_inverse=True)
@@ -67,7 +76,15 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     all_faces, held_first = (
         _with_usual(groups, look) if has_others or not names else (groups, names)
     )
-    return PageSkin({**shape, "tags": owner.astype(np.uint32)}, all_faces, held_first)
+    masks[PLANE] = np.isin(np.arange(len(outer)), on_plane)
+    shape["tags"] = owner.astype(np.uint32)
+    shape["sets"] = [_triangles(masks[name], doubled) for name in all_faces]
+    return PageSkin(shape, all_faces, held_first)
+
+
+def _triangles(mask: BoolArray, doubled: bool) -> IntArray:
+    """Numbers of the triangles of the faces in a mask; quadrilaterals are two each."""
+    return np.flatnonzero(np.tile(mask, 2) if doubled else mask).astype(np.uint32)
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:

@@ -108,6 +108,11 @@ def test_a_part_shows_its_faces_and_what_holds_it(opened):
     points = first["skin"]["points"].reshape(-1, 3)
     low = points[first["skin"]["faces"].reshape(-1, 3)[tags == held[0]]]
     assert (low[:, :, 2] == points[:, 2].min()).all()  # the face below
+    hole = first["skin"]["sets"][first["faces"].index("hole 10 mm (1)")]  # "face 7" beside
+    step = first["skin"]["half"] / 32767
+    corners = points[first["skin"]["faces"].reshape(-1, 3)[hole]] * step + first["skin"]["middle"]
+    away = np.hypot(corners[..., 0] - 0.04, corners[..., 1] - 0.02)
+    assert away == pytest.approx(0.005, abs=2 * step)
 
 
 @pytest.mark.slow
@@ -560,3 +565,59 @@ def test_the_size_at_a_point_is_that_of_the_facets_under_its_patch():
         at = np.array([x]), np.array([[0.0, 0.0, -1.0]]), np.array([set_up.RESOLVED * size])
         assert located(on_mesh(part), *at).size[0] == pytest.approx(size)
         assert size < 0.03 < source.size_at((x[0], 0.0, 0.05))
+
+
+WHERE = "const {x, y, width, height} = view.getBoundingClientRect(); return [x, y, width, height]"
+RED = """
+const {gl, canvas} = bench.view, seen = new Uint8Array(4 * canvas.width * canvas.height);
+gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, seen);
+let count = 0;
+for (let i = 0; i < seen.length; i += 4) count += seen[i] > 1.4 * seen[i + 2];
+return count;
+"""
+NAME = "[...document.querySelectorAll('#hold button')].find((one) => one.textContent === arguments[0])"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+@pytest.mark.parametrize("width", [1300, 390])
+def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, width):
+    with Browser() as browser:
+        browser.address(command, width)
+        for _ in range(300):
+            if browser.run("return !document.getElementById('live').hidden"):
+                break
+            time.sleep(0.1)
+        places = [browser.run(WHERE)]
+        first = reached(browser, "complete", 1)
+        places.append(browser.run(WHERE))
+        browser.run("bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 4e-3})")
+        browser.run(  # the longest that a line may have, with the button of long work
+            "bench.busy(1); bench.tell_progress('x '.repeat(200));"
+            "document.getElementById('stop').hidden = false"
+        )
+        places.append(browser.run(WHERE))
+        browser.run("bench.busy(-1)")
+        changed = reached(browser, "complete", 2)
+        assert "edge cuts the patch" in changed["wrong"]
+        places.append(browser.run(WHERE))
+        assert places == [places[0]] * len(places)
+
+        name = next(name for name in browser.run("return bench.facts.faces") if "hole" in name)
+        plain = browser.run(RED)
+        for begins, ends in (("mouseenter", "mouseleave"), ("focus", "blur")):
+            browser.run(f"{NAME}.dispatchEvent(new Event(arguments[1]))", name, begins)
+            assert browser.run(RED) > plain + 50
+            browser.run(f"{NAME}.dispatchEvent(new Event(arguments[1]))", name, ends)
+            assert browser.run(RED) == plain
+        browser.run(f"{NAME}.click()", name)
+        held = reached(browser, "complete", 3)
+        assert held["setup"]["held"] == [*first["setup"]["held"], name]
+
+        browser.address(command, width)
+        again = reached(browser, "complete", 1)
+        assert again["setup"] == held["setup"]
+        assert "before the page was loaded again" in again["written"]
+        browser.run("undo.click()")
+        assert reached(browser, "complete", 2)["setup"] == changed["setup"]
+        assert browser.said() == []

@@ -22,6 +22,9 @@ const LASTS = 2; // s from which on a stage tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const GRIP = 22; // pixels around the tail of the arrow that drag it
+const SEE_THROUGH = 0.6; // cover of a face that stands out
+// What a tab keeps over a reload; nothing where the browser forbids it.
+const STORAGE = (() => { try { return sessionStorage; } catch { return { getItem: () => null, setItem() {} }; } })();
 
 class Bench {
   constructor() {
@@ -133,6 +136,9 @@ class Bench {
       return;
     }
     this.divide();
+    const kept = JSON.parse(STORAGE.getItem(this.token));
+    Object.assign(this, kept);
+    find("sliders").before(find("notices")); // they change their height, which moves no picture there
     find("live").hidden = find("setup").hidden = false;
     if (this.view) {
       this.view.put("part", this.rest, this.shade(), this.skin.faces);
@@ -144,6 +150,13 @@ class Bench {
     }
     this.make_fields();
     this.strike();
+    if (this.past.length) this.wrote("The set-up is that of before the page was loaded again; Undo goes back step by step.");
+  }
+
+  // The set-up, and those of Undo and Redo, for a reload of the page.
+  keep() {
+    const { setup, past, future, face } = this;
+    STORAGE.setItem(this.token, JSON.stringify({ setup, past, future, face }));
   }
 
   // Each triangle of the skin gets points of its own, so that faces end sharply.
@@ -156,11 +169,30 @@ class Bench {
 
   // Colours of the points of the skin: dark where a face is held.
   shade() {
-    const { tags, faces } = this.skin, values = new Float32Array(this.rest.length / 3).fill(PLAIN);
-    tags.forEach((tag, f) => {
-      if (tag && this.setup.held.includes(this.facts.faces[tag - 1])) for (let k = 0; k < 3; k++) values[faces[3 * f + k]] = DARK;
-    });
+    const values = new Float32Array(this.rest.length / 3).fill(PLAIN);
+    for (const name of this.setup.held) for (const corner of this.corners(name)) values[corner] = DARK;
     return values;
+  }
+
+  // The points of the triangles of a face; none of a name that is no face.
+  corners(name) {
+    const triangles = this.skin.sets[this.facts.faces.indexOf(name)] || [];
+    return Array.from(triangles).flatMap((f) => [3 * f, 3 * f + 1, 3 * f + 2]);
+  }
+
+  // A face stands out while the pointer or the focus is on its name, also behind others; "" ends it.
+  preview(name) {
+    if (!this.view) return;
+    const shown = new Float32Array(this.rest.length / 3).fill(MARK), corners = this.corners(name);
+    this.view.put("face", this.rest, shown, Uint32Array.from(corners), SEE_THROUGH);
+    this.view.draw();
+  }
+
+  // A button with the name of a face.
+  face_button(where, name, text, title) {
+    const [on, off] = [() => this.preview(name), () => this.preview("")];
+    return made("button", where, text, { type: "button", title, onclick: () => this.toggle(name),
+      onmouseenter: on, onfocus: on, onmouseleave: off, onblur: off });
   }
 
   // What is seen at a place of the canvas: point, outward normal, name of its face; or null.
@@ -215,9 +247,8 @@ class Bench {
     const { facts } = this, of_file = facts.faces.length > 0;
     find("file").textContent = facts.told;
     for (const one of document.querySelectorAll(".of-file")) one.hidden = !of_file;
-    for (const name of facts.faces) made("option", find("hold"), name, { value: name });
-    find("hold").onchange = () => { if (find("hold").value) this.toggle(find("hold").value); find("hold").value = ""; };
-    this.shown = [];
+    const names = facts.faces.map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
+    this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.change({ material }));
     this.choice(find("striker"), "kind", facts.strikers, () => this.setup.striker.kind, (kind) => this.striker({ kind }), KINDS_OF_STRIKER);
     this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
@@ -268,8 +299,7 @@ class Bench {
   }
 
   slider(where, name, label, unit, least, most, kinds = null) {
-    const of = kinds ? this.setup.striker : this.setup;
-    const open = of[name] === null; // an emptied field leaves the choice to the server
+    const { setup } = this.facts, open = (kinds ? setup.striker : setup)[name] === null; // an emptied field leaves the choice to the server
     if (open && name === "thickness") return;
     const deck = !this.facts.materials.length && this.facts.saves;
     if (name === "yield_strength" && !deck) return; // others have materials with a name
@@ -314,9 +344,8 @@ class Bench {
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
-    for (const name of this.setup.held) {
-      made("button", find("held-list"), `held: ${name} ×`, { type: "button", title: "free it", onclick: () => this.toggle(name) });
-    }
+    this.preview("");
+    for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), "free: no face is held");
     find("finer").setAttribute("aria-pressed", this.setup.finer);
     find("finer").textContent = this.setup.finer ? "Coarser mesh here" : "Finer mesh here";
@@ -353,6 +382,7 @@ class Bench {
   async strike() {
     const turn = ++this.turn;
     clearTimeout(this.later);
+    if (!this.moving) this.keep();
     this.outdated(true);
     delete document.documentElement.dataset.failed;
     this.warned = [];

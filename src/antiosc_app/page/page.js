@@ -222,7 +222,7 @@ class Page {
     if (this.blow.law.limit && hit.peak_force > this.blow.law.limit) notes.push("The force exceeds the range of the contact law.");
     find("notes").textContent = notes.join(" ");
     find("back").disabled = this.at_start();
-    find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
+    if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
       + (bars.peak_force ? "; the band: the error bar" : "") + ".";

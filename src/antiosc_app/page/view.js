@@ -158,6 +158,7 @@ class View {
       else gl.disable(gl.BLEND);
       gl.depthMask(mesh.cover === 1);
       gl.uniform1f(cover, mesh.cover);
+      gl.depthFunc(name === "face" ? gl.ALWAYS : gl.LESS); // it is seen through the part
       if (name === "skin") gl.enable(gl.POLYGON_OFFSET_FILL); // it lies behind the map on it
       else gl.disable(gl.POLYGON_OFFSET_FILL);
       gl.bindVertexArray(mesh.array);
