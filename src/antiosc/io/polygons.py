@@ -36,6 +36,8 @@ PLY_TYPES = {
 PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 SIZE = "number of corners"
 CORNERS = "corners"
+#: Areas below this share of a polygon's are rounding errors.
+ROUNDING = 1e-9
 
 
 def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
@@ -58,30 +60,80 @@ def triangles_of(content: bytes, name: str) -> tuple[Array, IntArray] | None:
 
 
 def _of_obj(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
-    """Triangles of an OBJ file; polygons are divided from their first corner."""
+    """Triangles of an OBJ file; a line that ends with a backslash continues on the next one."""
     points: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
+    faces: list[list[int]] = []
+    start = ""
     for number, line in enumerate(lines, 1):
-        words = line.split("#")[0].split()
+        text = start + line.split("#")[0].rstrip()
+        start = f"{text[:-1]} " if text.endswith("\\") else ""
+        words = [] if start else text.split()
         place = DeckPlace(name, number)
         if words[:1] == ["v"]:
             place.needs(len(words) > 3, "a point (v) needs three coordinates.")
             points.append([real_number(word, place) for word in words[1:4]])
         elif words[:1] == ["f"]:
             numbers = [whole_number(word.split("/")[0], place) for word in words[1:]]
-            corners = [c - 1 if c > 0 else len(points) + c for c in numbers]
-            faces += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
-    return _checked(points, faces, name)
+            faces.append([c - 1 if c > 0 else len(points) + c for c in numbers])
+    return _divided(points, faces, name)
+
+
+def _divided(
+    points: Sequence[Sequence[float]], polygons: Sequence[Sequence[int]], name: str
+) -> tuple[Array, IntArray]:
+    """Points and triangles as arrays; polygons are divided from their first corner if they are
+    convex there, else by ears.
+    """
+    fans = [[(p[0], b, c) for b, c in pairwise(p[1:])] for p in polygons]
+    owner = np.repeat(np.arange(len(fans)), [len(fan) for fan in fans])
+    x, triangles = _checked(points, [corners for fan in fans for corners in fan], name)
+    a, b, c = x[triangles].transpose(1, 0, 2)
+    area = np.cross(b - a, c - a)
+    normal = np.stack([np.bincount(owner, part, len(fans)) for part in area.T], axis=1)
+    reversed_triangles = np.einsum("ni,ni->n", area, normal[owner]) < 0
+    for k in np.unique(owner[reversed_triangles]):
+        triangles[owner == k] = _ears(x, polygons[k], normal[k])
+    return x, triangles
+
+
+def _ears(x: Array, polygon: Sequence[int], normal: Array) -> list[list[int]]:
+    """Triangles of a polygon with re-entrant corners: corners are cut off one by one.
+
+    A corner is cut off if its triangle has an area along `normal` and no other corner in it.
+    """
+    rest = list(polygon)
+    ears = []
+    while len(rest) > 3:
+        turns = [rest[k:] + rest[:k] for k in range(len(rest))]
+        first = next((turn for turn in turns if _is_ear(x[turn], normal)), rest)
+        ears.append(first[:3])
+        rest = [first[0], *first[2:]]
+    return [*ears, rest]
+
+
+def _is_ear(x: Array, normal: Array) -> bool:
+    """Whether the first three of the corners x (n, 3) of a polygon are a triangle without others.
+
+    A corner on a side of the triangle counts, one at the place of its corners does not.
+    """
+    a, b, c = x[:3]
+    least = ROUNDING * (normal @ normal)
+    if np.cross(b - a, c - a) @ normal <= least:
+        return False
+    others = x[3:][(x[3:, None] != x[:3]).any(axis=2).all(axis=1)]
+    sides = ((a, b), (b, c), (c, a))
+    heights = [np.cross(end - start, others - start) @ normal for start, end in sides]
+    return not (np.array(heights) >= -least).all(axis=0).any()
 
 
 def _checked(
-    points: list[list[float]] | Array, faces: list[tuple[int, int, int]] | IntArray, name: str
+    points: Sequence[Sequence[float]] | Array, faces: Sequence[Sequence[int]] | IntArray, name: str
 ) -> tuple[Array, IntArray]:
     """Points and triangles as arrays; MeshError for corners without a point."""
     table = np.array(faces, dtype=np.int64).reshape(-1, 3)
     if len(table) and not 0 <= table.min() <= table.max() < len(points):
         raise MeshError(f"{name} has faces on points that it does not hold.")
-    return np.array(points).reshape(-1, 3), table
+    return np.array(points, dtype=float).reshape(-1, 3), table
 
 
 def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
@@ -98,9 +150,8 @@ def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
     points = [[real_number(word, place) for word in words[:3]] for words, place in rows[1:][:count]]
     table = []
     for words, place in rows[1 + count :][:faces]:
-        corners = [whole_number(word, place) for word in words[1 : 1 + int(words[0])]]
-        table += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
-    return _checked(points, table, name)
+        table.append([whole_number(word, place) for word in words[1 : 1 + int(words[0])]])
+    return _divided(points, table, name)
 
 
 def _of_stl(content: bytes, name: str) -> tuple[Array, IntArray]:
@@ -162,13 +213,12 @@ def _of_ply_text(
     for words, place in rows[count : count + faces]:
         size = whole_number(words[0], place)
         place.needs(2 < size < len(words), f"a face of {size} corners has {len(words) - 1}.")
-        corners = [whole_number(word, place) for word in words[1 : 1 + size]]
-        table += [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        table.append([whole_number(word, place) for word in words[1 : 1 + size]])
     if len(rows) < count + faces:
         raise MeshError(
             f"{name} has {len(rows)} lines of {count} points and {faces} faces: cut off."
         )
-    return _checked(points, table, name)
+    return _divided(points, table, name)
 
 
 def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dtype[np.void]]]:

@@ -166,6 +166,27 @@ def test_a_side_of_one_triangle_is_cut_to_the_size_of_the_elements(tmp_path):
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6 / 6, rel=1e-6)
 
 
+#: A prism 1 high over an L of three unit squares, of which the corner 4 is re-entrant; its faces
+#: start at different corners, and one continues on the next line.
+L_PRISM = """\
+v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0
+v 0 0 1\nv 2 0 1\nv 2 1 1\nv 1 1 1\nv 1 2 1\nv 0 2 1
+f 2 1 6 5 \\\n4 3
+f 9 10 11\\\n12 7 8
+f 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12
+"""
+
+
+def test_polygons_with_re_entrant_corners_and_lines_that_continue(tmp_path):
+    path = tmp_path / "l.obj"
+    path.write_text(L_PRISM)
+    points, triangles = triangles_of(path.read_bytes(), "l.obj")
+    assert areas(points, triangles).sum() == pytest.approx(3 + 3 + 8)
+    assert volumes(points, triangles).sum() == pytest.approx(3.0)
+    mesh = ao.read_mesh(path, size=0.5, solid=True)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850.0 * 3, rel=1e-6)
+
+
 #: A cube of quadrilaterals whose corners have textures of their own.
 OBJ = """\
 # a cube
