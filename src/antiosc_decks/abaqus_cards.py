@@ -241,6 +241,7 @@ def _outside_quotes(text: str) -> list[str]:
 READ = {
     "NODE": "NSET INPUT SYSTEM",
     "ELEMENT": "TYPE ELSET INPUT",
+    "SYSTEM": "",
     "NGEN": "NSET LINE",
     "NFILL": "NSET BIAS SINGULAR",
     "ELGEN": "ELSET",
@@ -300,7 +301,7 @@ IN_STEPS = (
     *("KINEMATIC", "DISTRIBUTING", "KINEMATICCOUPLING"),
 )
 #: Cards that generate nodes and elements and are not supported, of meshes neither.
-GENERATORS = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
+GENERATORS = ("NCOPY", "ELCOPY", "NMAP")
 
 _HARMLESS = """
 HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP OUTPUT

@@ -21,6 +21,7 @@ from antiosc.io.deck import (
 )
 from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
+from antiosc_decks.properties import axes_of
 
 Role = Literal["solid", "shell", "beam", "plane stress", "plane strain", "rod", "other"]
 
@@ -226,9 +227,11 @@ def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
 
 
 def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
-    """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL."""
+    """Fill `mesh` with the nodes of *NODE, *NGEN and *NFILL, by the *SYSTEM before them."""
     labels: list[int] = []
     points: list[list[float]] = []
+    origin = np.zeros(3)
+    axes = np.eye(3)
     created: dict[str, list[int]] = {}
     makers = {"NGEN": generated, "NFILL": filled}
     for card in cards:
@@ -240,14 +243,11 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
                 labels.append(label)
                 points.append(x)
         elif card.keyword == "NODE" and "PRINT" not in card.options:
-            system = card.option("SYSTEM")
-            card.needs(
-                system.upper() in ("R", ""),
-                f"*NODE, SYSTEM={system} is not read here; give rectangular coordinates.",
-            )
-            for row in card.rows():
-                labels.append(whole_number(row.word(0), row.place))
-                points.append([row.real(1), row.real(2), row.real(3)])
+            rows = card.rows()
+            labels += [whole_number(row.word(0), row.place) for row in rows]
+            points += (origin + _rectangular(card, rows) @ axes).tolist()
+        elif card.keyword == "SYSTEM":
+            origin, axes = _local_system(card)
         else:
             continue
         if name:
@@ -266,6 +266,37 @@ def _read_nodes(mesh: AbaqusMesh, cards: list[Card]) -> None:
         message = f"the node {numbers[redefined][0]} is defined at several places ({count} such"
         mesh.remarks.append(f"{message} lines): the last one is taken.")
     mesh.sets = [(kind, name, mesh.nodes.rows(members)) for kind, name, members in mesh.sets]
+
+
+def _rectangular(card: Card, rows: Sequence[Row]) -> Array:
+    """The coordinates (n, 3) of *NODE; cylindrical ones are radius, angle in degrees, height."""
+    system = card.option("SYSTEM", "R").upper()
+    card.needs(
+        system in ("R", "C"),
+        f"*NODE, SYSTEM={system} is not read here; give rectangular or cylindrical coordinates.",
+    )
+    x = np.array([[row.real(k) for k in (1, 2, 3)] for row in rows]).reshape(-1, 3)
+    if system == "C":
+        angle = np.radians(x[:, 1])
+        x[:, :2] = x[:, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return x
+
+
+def _local_system(card: Card) -> tuple[Array, Array]:
+    """(origin, axes as rows) of *SYSTEM: the origin, a point on x, a point on the side of y.
+
+    Without the third point z remains that of the part; without the second all axes remain.
+    """
+    origin, x = np.reshape(card.first().reals(6), (2, 3))
+    if len(card.first().fields) < 4:
+        return origin, np.eye(3)
+    rows = card.rows()[1:]
+    second = rows[0].reals(3) - origin if rows else np.cross([0.0, 0.0, 1.0], x - origin)
+    axes = axes_of(x - origin, second)
+    card.needs(axes.any(axis=1).all(), "the points of *SYSTEM give no axes.")
+    flat = rows or x[2] == origin[2]
+    card.needs(flat, "*SYSTEM out of the plane x, y needs a third point.")
+    return origin, axes
 
 
 def _read_elements(mesh: AbaqusMesh, cards: list[Card], name: str) -> None:

@@ -16,6 +16,7 @@ from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
 from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
+from antiosc_decks.properties import axes_of
 
 #: Cards with the values of elements that are not cells -> what they give, types of the elements.
 POINT_ELEMENTS = {
@@ -108,9 +109,8 @@ def _transform(builder: ModelBuilder, card: Card) -> None:
                 f"*TRANSFORM ({card.place}), one across it is taken"
             )
     else:
-        z = np.cross(a, b) if kind == "R" else np.zeros(3)
-        x, z = (v / max(np.linalg.norm(v), np.finfo(float).tiny) for v in (a, z))
-        frames = np.broadcast_to(np.array([x, np.cross(z, x), z]), (len(nodes), 3, 3))
+        axes = axes_of(a, b if kind == "R" else a)
+        frames = np.broadcast_to(axes, (len(nodes), 3, 3))
     sound = np.linalg.norm(frames, axis=2).min(initial=1.0) >= 0.5
     card.needs(sound, "*TRANSFORM gives no axes.")
     builder.joints.frames.update(zip(nodes.tolist(), frames, strict=True))

@@ -114,14 +114,13 @@ class Orientations:
         by_points = rectangular and "DEFINITION" not in card.options
         card.needs(by_points, "*ORIENTATION is read as RECTANGULAR or CYLINDRICAL, by points.")
         a, b, origin = np.reshape(first.reals(9), (3, 3)) @ scope.turn.T
-        normal = np.cross(a - origin, b - origin)
-        card.needs(normal.any(), "the two points of *ORIENTATION give no plane.")
-        first_axis, z = (v / np.linalg.norm(v) for v in (a - origin, normal))
+        axes = geometry.axes_of(a - origin, b - origin)
+        card.needs(axes[2].any(), "the two points of *ORIENTATION give no plane.")
         if degrees := self.degrees(name, by):
             row = card.rows()[1]
             row.needs(row.word(0) == "3", "*ORIENTATION is read with a rotation about 3 only.")
-            first_axis = geometry.rotated(first_axis, z, degrees)
-        return np.broadcast_to(np.stack([first_axis, np.cross(z, first_axis), z]), (len(x), 3, 3))
+            axes[:2] = geometry.rotated(axes[:2], axes[2], degrees)
+        return np.broadcast_to(axes, (len(x), 3, 3))
 
     def degrees(self, name: str, by: Card) -> float:
         """Angle in the second line in degrees: about direction 3, for shells the normal."""

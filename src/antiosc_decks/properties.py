@@ -233,6 +233,14 @@ def unit(v: Array) -> Array:
     return np.asarray(v / np.where(length > 0, length, 1.0))
 
 
+def axes_of(first: Array, second: Array) -> Array:
+    """Unit vectors (3, 3) as rows: along `first`, towards `second`, normal to both; the last two
+    are 0 if these are parallel.
+    """
+    x, z = unit(np.stack([first, np.cross(first, second)]))
+    return np.stack([x, np.cross(z, x), z])
+
+
 def rotated(v: Array, axis: Array, degrees: float) -> Array:
     """Vectors perpendicular to the unit vectors `axis`, rotated about these."""
     angle = math.radians(degrees)

@@ -236,6 +236,16 @@ def test_cards_in_files_and_over_lines(read):
     assert deck.blocks[0].corners.tolist() == [[0, 1, 6, 5]]
 
 
+def test_nodes_in_a_system_of_their_own(read):
+    """x of the system is y of the deck, y is -x; 2, 90° is 2 along its y."""
+    text = "*SYSTEM\n10,0,5,10,3,5\n4,7,5\n*NODE\n1,1,2,3\n*NODE,SYSTEM=C\n2,2,90,3\n"
+    text += "*SYSTEM\n10,0,5,10,3,5\n*NODE\n3,1,2,3\n*SYSTEM\n1,1,1\n*NODE\n4,1,2,3\n"
+    points = read(f"{text}*SYSTEM\n*NODE\n5,1,2,3\n*ELEMENT,TYPE=S3\n1,1,2,5\n").deck.points
+    assert points == pytest.approx(
+        np.array([[8, 1, 8], [8, 0, 8], [8, 1, 8], [2, 3, 4], [1, 2, 3]])
+    )
+
+
 def nested(depth: int) -> dict[str, str]:
     files = {f"f{k}": f"*INCLUDE,INPUT=f{k + 1}.inp\n" for k in range(depth)}
     return {**files, f"f{depth}": SHEET}
@@ -255,7 +265,9 @@ WRONG = {
     SHEET + "*ELEMENT,TYPE=S3\n50,1,3,5\n51,1\n": (19, "program"),
     SHEET + "*NSET,NSET=A,GENERATE\n1,9,0\n": (18, "selects"),
     "*NODE\n*INCLUDE,INPUT=" + 300 * "x" + "\n": (2, "beside"),
-    "*NODE,SYSTEM=C\n1,2,3\n": (1, "rectangular"),
+    "*NODE,SYSTEM=S\n1,2,3\n": (1, "rectangular"),
+    "*SYSTEM\n1,2,3,1,2,3\n" + SHEET: (1, "no axes"),
+    "*SYSTEM\n1,2,3,1,3,4\n" + SHEET: (1, "third point"),
     SHEET + "*ELGEN\n10,2,2,10\n": (None, "defines"),
     SHEET + "*ELGEN\n10\n": (18, "numbers"),
     SHEET + "*ELGEN\n10,2,2,1,2,500,7\n": (18, "*ELGEN"),
