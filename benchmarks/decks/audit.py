@@ -106,6 +106,7 @@ def tried(path: Path) -> dict[str, Any]:
         nastran_mesh as mesh,
         nastran_model,
     )
+    from antiosc_decks.builder import Unstated
     from antiosc_decks.sources import Sources
 
     seen: set[int] = set()
@@ -137,7 +138,7 @@ def tried(path: Path) -> dict[str, Any]:
         differ = {n: (own[n], counted[n]) for n in names if own[n] != counted[n]}
         result["differ"] = differ
         model_of = abaqus_model.model_of if flat else nastran_model.model_of
-        model_of(found, UnitSystem.of("m"), collection.DENSITY)
+        model_of(found, UnitSystem.of("m"), Unstated(collection.DENSITY))
         entries = found.cards if flat else found.bulk.entries
         kinds = dict((name, fate.kind) for name, _, fate in found.account.cards)
         star = "*" if flat else ""

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import importlib
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import log10
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
@@ -25,7 +25,14 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc_app.scene_file.outline import GEOMETRIES
-from antiosc_app.units import UNITS, unit_of
+from antiosc_app.units import (
+    UNITS,
+    UNITS_OF_MESHES,
+    UNITS_OF_SURFACES,
+    density_like,
+    unit_of,
+    unit_of_length,
+)
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -36,11 +43,6 @@ T = TypeVar("T")
 
 #: Arguments of `read_mesh` or `read_model` besides the file.
 Read: TypeAlias = dict[str, Any]
-#: Longest side [m] of the likeliest part. A file without a unit has the one that brings it nearest,
-#: in decades: a mesh is in mm from 3.2 on; a surface, which CAD programs write in inches too, in mm
-#: from 20 and in inches from 0.63 on (parts of 2.95 and 1.35 inches were taken as metres).
-LIKELIEST_LENGTH = 0.1
-UNITS_OF_MESHES, UNITS_OF_SURFACES = ("mm", "m"), ("mm", "in", "m")
 #: Elements along the longest side of a geometry that is meshed.
 ELEMENTS = 20
 #: Largest number of cells of a geometry, so that an impact takes about a minute.
@@ -51,6 +53,8 @@ MERGE_DISTANCE = 1e-6
 MOST_SOLIDS = 40
 #: Default material of the part and of the ball.
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+#: Words of the error of a deck that does not state a property -> the key of its guess.
+UNSTATED = {"no density": "density", "no constants of elasticity": "modulus"}
 #: Endings of decks, which contain materials and supports.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb"}
 #: Cards of decks that give elements a material.
@@ -69,7 +73,8 @@ class ForeignPart:
     structure : structure of a deck with a model.
     notes : decisions that were made, one sentence each.
     pieces : if the mesh is in several pieces, these, the largest first.
-    modulus : Young's modulus in the unit of a deck, if this unit is inferred from it.
+    inferred : whether the unit of a deck is inferred; modulus : from this Young's modulus in it, or
+        from its size and densities (None).
     """
 
     mesh: Mesh
@@ -77,6 +82,7 @@ class ForeignPart:
     structure: Structure | None = None
     notes: list[str] = field(default_factory=list)
     pieces: Sequence[Piece] = ()
+    inferred: bool = False
     modulus: float | None = None
 
 
@@ -115,7 +121,8 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
         file_outline = outline(path)
         length = float(np.ptp(file_outline.points, axis=0).max())
         if unit is None and suffix not in STATES_UNIT:
-            read["unit"] = _unit_of_length(length, suffix)
+            choices = UNITS_OF_SURFACES if suffix in SURFACES else UNITS_OF_MESHES
+            read["unit"] = unit_of_length(length, choices)
         factor = UnitSystem.of(read.get("unit", "m")).length
         file_outline.points = factor * file_outline.points
         size = float(f"{factor * length / ELEMENTS:.1g}")
@@ -143,7 +150,7 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     if "size" not in read and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if suffix not in STATES_UNIT:
-            read["unit"] = _unit_of_length(length, suffix)
+            read["unit"] = unit_of_length(length, UNITS_OF_MESHES)
             factor = UnitSystem.of(read["unit"]).length
             pieces = [
                 piece._replace(low=factor * piece.low, high=factor * piece.high) for piece in pieces
@@ -157,17 +164,6 @@ def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
     if file_outline is not None and suffix in GEOMETRIES:
         pieces = _solids(file_outline)
     return ForeignPart(mesh, read, None, [*notes, *_option_notes(read)], pieces)
-
-
-def _unit_of_length(length: float, suffix: str) -> str:
-    """The unit of a file that states none, by the length of its part in this unit."""
-    from antiosc.io.facets import SURFACES
-    from antiosc.io.neutral import UnitSystem
-
-    def decades(unit: str) -> float:
-        return abs(log10(max(length, 1e-9) * UnitSystem.of(unit).length / LIKELIEST_LENGTH))
-
-    return min(UNITS_OF_SURFACES if suffix in SURFACES else UNITS_OF_MESHES, key=decades)
 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
@@ -248,13 +244,20 @@ def _option_notes(read: Read) -> list[str]:
 def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
     """The model of a deck in the unit in which its materials are the most realistic."""
     from antiosc.extension import with_parts
+    from antiosc.io.neutral import UnitSystem
     from antiosc_decks.from_deck import materials_of_deck
 
-    unit, ((families, extent), read, _) = _first_unit(materials_of_deck, path, free, units)
-    best, modulus = unit_of(families, extent, unit, units, "density" in read)
+    guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
+    read: Read = {"free": True} if free else {}
+    unit, (families, extent), pieces = _first_unit(materials_of_deck, path, units, read, guesses)
+    best, modulus = unit_of(families, extent, unit, units, read)
     inferred = len(units) > 1
+    if modulus is not None:
+        guesses["density"] = density_like(modulus * UnitSystem.of(best).stress)
     units = list(dict.fromkeys([best, *units]))
-    _, (structure, read, pieces) = _first_unit(antiosc.read_model, path, free, units)
+    unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses)
+    read = {"unit": unit, **read}
+    pieces = pieces or more
     members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
     notes = [
@@ -262,20 +265,24 @@ def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
         *_option_notes(read),
         *structure.plausibility.get("doubts", ()),
     ]
-    return ForeignPart(mesh, read, structure, notes, pieces, modulus if inferred else None)
+    return ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus)
 
 
 def _first_unit(
-    reader: Callable[..., T], path: Path, free: bool, units: Sequence[str]
-) -> tuple[str, tuple[T, Read, Sequence[Piece]]]:
-    """(unit, what `reader` makes of a deck) in the first unit in which the deck is not refused.
+    reader: Callable[..., T],
+    path: Path,
+    units: Sequence[str],
+    read: Read,
+    guesses: Mapping[str, float],
+) -> tuple[str, T, Sequence[Piece]]:
+    """(unit, what `reader` makes of a deck, pieces) in the first unit in which it is not refused.
 
     Raises the first InputError; a reason that is the same in two units does not depend on the unit.
     """
     reasons: list[InputError] = []
     for unit in units:
         try:
-            return unit, _read_deck(reader, path, unit, free)
+            return unit, *_read_deck(partial(reader, str(path), unit), read, guesses)
         except InputError as error:
             reasons.append(error)
             if len(reasons) > 1 and str(error) == str(reasons[-2]):
@@ -284,23 +291,24 @@ def _first_unit(
 
 
 def _read_deck(
-    reader: Callable[..., T], path: Path, unit: str, free: bool
-) -> tuple[T, Read, Sequence[Piece]]:
-    """(what `reader` makes of a deck, options of reading, pieces); density or piece are set if
-    needed.
+    reader: Callable[..., T], read: Read, guesses: Mapping[str, float]
+) -> tuple[T, Sequence[Piece]]:
+    """(what `reader` makes of a deck, pieces); adds to the options `read` the piece and the guesses
+    that are needed.
     """
     pieces: Sequence[Piece] = ()
-    read: Read = {"unit": unit, **({"free": True} if free else {})}
     while True:
         try:
             with warnings_to(list[str]().append):
-                return reader(str(path), **read), read, pieces
+                return reader(**read), pieces
         except PiecesError as error:
             if "piece" in read:
                 raise
             read["piece"] = 1
             pieces = error.pieces
         except InputError as error:
-            if "no density" not in str(error) or "density" in read:
+            unstated = (key for words, key in UNSTATED.items() if words in str(error))
+            key = next(unstated, None)
+            if key is None or key in read:
                 raise
-            read["density"] = STEEL["rho"]
+            read[key] = guesses[key]

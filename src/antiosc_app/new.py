@@ -173,7 +173,7 @@ class Inspection:
     flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
     pieces : if the part is in several pieces, these, the largest first.
     structure : that of a deck as it was read.
-    modulus : Young's modulus in the unit of a deck, if this unit is inferred from it.
+    inferred, modulus : as of a `ForeignPart`.
     """
 
     family: str
@@ -199,6 +199,7 @@ class Inspection:
     others: Sequence[tuple[list[float], list[float], float | None, float]] = ()
     pieces: Sequence[Piece] = ()
     structure: Structure | None = field(default=None, repr=False)
+    inferred: bool = False
     modulus: float | None = None
     cell: float | None = None
     material: str = MATERIAL
@@ -273,7 +274,7 @@ class Inspection:
         from antiosc.io.neutral import UnitSystem
 
         unit = str(self.read["unit"])
-        if self.of_deck and self.modulus is None:
+        if self.of_deck and not self.inferred:
             return unit
         others = [other for other in ("mm", "in", "m") if other != unit]
         systems = {name: UnitSystem.of(name) for name in (unit, *others)}
@@ -288,9 +289,14 @@ class Inspection:
         ]
         return f"{unit}, inferred from its materials ({'; '.join(texts)})"
 
-    def density_text(self) -> str:
-        """The density that a deck takes because it states none."""
-        return f"{self.read['density']:g} kg/m³, for the deck has none"
+    def unstated(self) -> dict[str, str]:
+        """Key -> what is taken for it because the deck does not state it."""
+        units = {"density": "kg/m³", "modulus": "Pa"}
+        return {
+            key: f"{self.read[key]:g} {unit}, for the deck has none"
+            for key, unit in units.items()
+            if key in self.read
+        }
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
@@ -302,8 +308,7 @@ class Inspection:
             finer = f", {self.finest:g} m at the site" if self.finest and not drop else ""
             key = f"{section} size, refine" if finer else f"{section} size"
             rows.append(("elements", f"{self.read['size']:g} m{finer}", key))
-        if "density" in self.read:
-            rows.append(("density", self.density_text(), f"{section} density"))
+        rows += [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
         if not self.of_deck:
             rows.append(("material", self.material, "[material] name"))
         if self.family == "Shell" and not self.of_deck:
@@ -367,6 +372,7 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
         notes=notes,
         pieces=part.pieces,
         structure=part.structure,
+        inferred=part.inferred,
         modulus=part.modulus,
     )
 
@@ -875,6 +881,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         "gdim",
         "merge",
         "density",
+        "modulus",
         "piece",
         "fragments",
         "solid",

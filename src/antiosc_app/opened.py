@@ -303,7 +303,7 @@ class Opened:
             "floors": FLOORS,
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
             "geometry": geometry,
-            "density": inspection.read.get("density"),
+            "unstated": {key: inspection.read[key] for key in inspection.unstated()},
             "saves": self._given is None,
             "engine": live.engine(),
             "setup": asdict(replace(set_up, held=tuple(faces_held))),
@@ -509,8 +509,8 @@ def _told_of_file(look: new.Inspection) -> str:
     choices = ""
     if "unit" in look.read:
         choices = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
-    if "density" in look.read:
-        choices += f"; density {look.density_text()}; a field changes it"
+    for key, taken in look.unstated().items():
+        choices += f"; {key} {taken}; a field changes it"
     return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes)])
 
 

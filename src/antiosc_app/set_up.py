@@ -146,6 +146,8 @@ class SetUp:
     yield_strength: float = 0.0
     #: density of the materials of a deck that state none [kg/m³]; None: as it was read
     density: float | None = None
+    #: Young's modulus of the materials of a deck that state no elasticity [Pa]; None: as density
+    modulus: float | None = None
     #: duration of the impact [s]; None: until striker and part no longer touch nor approach
     duration: float | None = None
 
@@ -155,7 +157,7 @@ class SetUp:
         for name in ("radius", "thickness"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
-        for name, unit in (("duration", "s"), ("density", "kg/m³")):
+        for name, unit in (("duration", "s"), ("density", "kg/m³"), ("modulus", "Pa")):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
         if self.damping is not None:
@@ -236,9 +238,9 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
     inspection = source.look
     read = dict(source.look.read)
     if inspection.of_deck:
-        strength = {"yield_strength": set_up.yield_strength} if set_up.yield_strength else {}
-        density = {"density": set_up.density} if set_up.density else {}
-        return {"deck": {"path": source.name, **read, **strength, **density}}
+        names = ("yield_strength", "density", "modulus")
+        given = {name: value for name in names if (value := getattr(set_up, name))}
+        return {"deck": {"path": source.name, **read, **given}}
     if set_up.finer and source.geometry:
         read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
     material: Table = {"name": set_up.material}

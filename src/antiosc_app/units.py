@@ -1,8 +1,8 @@
-"""The unit of a deck, which no deck states: that of the most likely materials."""
+"""The unit of a deck, which no deck states: that of the most likely materials; else of its size."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from math import isclose, log10
 from typing import Any
@@ -17,6 +17,16 @@ from antiosc.models.body import GRAVITY
 
 #: The units that are tried, the most frequent first.
 UNITS = ("mm", "m", "in", "mm-kg", "ft")
+#: Longest side [m] of the likeliest part. A file without a unit has the one that brings it nearest,
+#: in decades: a mesh is in mm from 3.2 on; a surface, which CAD programs write in inches too, in mm
+#: from 20 and in inches from 0.63 on (parts of 2.95 and 1.35 inches were taken as metres).
+LIKELIEST_LENGTH = 0.1
+UNITS_OF_MESHES, UNITS_OF_SURFACES = ("mm", "m"), ("mm", "in", "m")
+#: Materials of which a deck without densities may be.
+COMMON = (
+    *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
+    *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
+)
 #: Those in which densities are often stated as weights, lbf/in³ or lbf/ft³.
 OF_POUNDS = ("in", "ft")
 #: Lengths [m] of parts of machines and buildings.
@@ -38,20 +48,47 @@ DUMMY, PLACEHOLDER = 2.0, 1.0
 EQUAL = 0.5
 
 
+def density_like(modulus: float) -> float:
+    """Density [kg/m³] of the common material whose Young's modulus is nearest to this one [Pa]."""
+    common = [record(name) for name in COMMON]
+    nearest = min(common, key=lambda material: abs(log10(np.max(material.E) / modulus)))
+    return float(nearest.rho)
+
+
+def unit_of_length(length: float, units: Sequence[str]) -> str:
+    """The unit of a file that states none, by the length of its part in this unit."""
+
+    def decades(unit: str) -> float:
+        return abs(log10(max(length, 1e-9) * UnitSystem.of(unit).length / LIKELIEST_LENGTH))
+
+    return min(units, key=decades)
+
+
 def unit_of(
-    families: Sequence[Any], extent: float, unit: str, units: Sequence[str], density_given: bool
-) -> tuple[str, float]:
+    families: Sequence[Any],
+    extent: float,
+    unit: str,
+    units: Sequence[str],
+    guessed: Mapping[str, float],
+) -> tuple[str, float | None]:
     """(the likeliest of some units of a deck that was read in `unit`, its median modulus there).
 
-    `families`, `extent` [m]: of its elements; `density_given`: densities are not those of the deck.
+    `families`, `extent` [m]: of its elements; `guessed`: "density" and "modulus" of materials that
+    state none. The median is None if all moduli are guessed.
     """
     materials = np.array([_modulus_and_density(family) for family in families])
-    if density_given:
-        materials[:, 1] = np.nan
+    for values, key in zip(materials.T, ("modulus", "density"), strict=True):
+        values[np.isclose(values, guessed.get(key, np.nan))] = np.nan
+    materials = materials[np.isfinite(materials).any(axis=1)]
     read = UnitSystem.of(unit)
+    length = extent / read.length
+    if not len(materials):
+        known = [name for name in units if name in UNITS_OF_MESHES]
+        return unit_of_length(length, known or units), None
     materials /= [read.stress, read.density]
-    best = likeliest(materials, extent / read.length, units)
-    return best, float(np.quantile(materials[:, 0], 0.5, method="lower"))
+    moduli = materials[np.isfinite(materials[:, 0]), 0]
+    median = float(np.quantile(moduli, 0.5, method="lower")) if len(moduli) else None
+    return likeliest(materials, length, units), median
 
 
 def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> str:

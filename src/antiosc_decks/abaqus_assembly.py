@@ -257,7 +257,7 @@ def read(sources: Sources) -> Whole:
         if len(cells) or not len(rows):
             sets_by_keyword[keyword][assembled.spelling[label]] = cells
     if not len(assembled.deck.points):
-        raise MeshError(f"{name} defines no nodes (*NODE).")
+        raise MeshError(f"{name} defines no nodes (*NODE): give the deck that includes this file.")
     return assembled
 
 

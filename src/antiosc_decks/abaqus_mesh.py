@@ -31,13 +31,13 @@ VOLUMES = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra", 1
 VOLUMES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
 LINES = {2: "line", 3: "line"}
 #: Pattern of a type's name (its group is the number of nodes), role, shapes by number of nodes.
-#: "other" are cells that no family here carries: rigid, membranes, heat, surfaces.
+#: Elements of heat transfer (DC3D, DS) are taken as stress elements of the same nodes. "other" are
+#: cells that no family here carries: rigid, membranes, fluids, surfaces.
 TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
-    (r"C3D(\d+)[A-Z]*", "solid", VOLUMES),
-    (r"(?:DC|AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
+    (r"D?C3D(\d+)[A-Z]*", "solid", VOLUMES),
+    (r"(?:AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
     (r"SC(6|8)[A-Z]*", "other", VOLUMES),
-    (r"(?:S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SHEETS),
-    (r"DS([34689]|65)(?:R5|R?S?W?T?)", "other", SHEETS),
+    (r"(?:D?S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SHEETS),
     (r"CPS([3468])[A-Z]*", "plane stress", SHEETS),
     (r"CPE([3468])[A-Z]*", "plane strain", SHEETS),
     (r"(?:CPEG|CAX|CGAX|DC2D|DCAX|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),

@@ -13,7 +13,7 @@ from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
-from antiosc_decks.builder import UNITS, ModelBuilder, add_mass, add_total
+from antiosc_decks.builder import UNITS, ModelBuilder, Unstated, add_mass, add_total
 from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import axes_of
@@ -32,13 +32,13 @@ NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
 NAMED |= {"XASYMM": (1, 2, 3), "YASYMM": (0, 2, 4), "ZASYMM": (0, 1, 5)}
 
 
-def model_of(assembled: Whole, units: UnitSystem, density: float | None) -> Model:
+def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
     assembled.deck.remarks += assembled.account.unknown(options=True)
-    builder = ModelBuilder(assembled.deck, units, density, lumped=bool(assembled.named("MASS")))
+    builder = ModelBuilder(assembled.deck, units, unstated, bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
     for card in assembled.named("NONSTRUCTURALMASS"):
         _nonstructural(builder, card)

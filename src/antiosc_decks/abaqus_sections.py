@@ -8,11 +8,13 @@ from typing import NoReturn
 
 import numpy as np
 
+from antiosc.base.plausible import MASSLESS_WAVE
 from antiosc.io.deck import Array, Block, DeckPlace, IntArray, real_number
 from antiosc.io.neutral import Json
 from antiosc_decks import properties as geometry
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
+from antiosc_decks.abaqus_hyperelastic import initial_moduli
 from antiosc_decks.builder import GroupSection, ModelBuilder
 from antiosc_decks.properties import Material, Profile, constants_of_stiffness, symmetric
 
@@ -39,8 +41,15 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
             kind = _elastic(current, card)
             if kind == "ISO" and len(card.lines) > 1:
                 builder.tell_once(f"*ELASTIC of other temperatures ({card.place})")
+        elif current is not None and card.keyword in ("HYPERELASTIC", "HYPERFOAM"):
+            if moduli := initial_moduli(card):
+                current.set_isotropic(*moduli)
+                message = f"the large strains of *{card.keyword} ({card.place}), its"
+                builder.tell_once(f"{message} initial moduli are taken")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
+    for material in materials.values():
+        builder.complete(material)
     return materials
 
 
@@ -221,6 +230,8 @@ class Sections:
             return  # of springs, masses, or of a set that is empty
         blocks = [block for block, _ in self.whole.deck.blocks_of(elements)]
         roles = {block.role for block in blocks}
+        for kind in sorted({block.type for block in blocks if block.type.startswith("D")}):
+            self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
         if card.keyword in OF_SHELLS and roles == {"shell"}:
@@ -268,9 +279,8 @@ class Sections:
         axisymmetric = any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types)
         card.needs(
             not axisymmetric,
-            f"the elements {kinds} are axisymmetric, which is not supported; "
-            "model the part, or a sector between planes of symmetry, by "
-            "solids.",
+            f"the elements {kinds} are axisymmetric, which is not supported; revolve their mesh "
+            "about its axis to solids (C3D8, C3D20).",
         )
         card.needs(
             len(roles) <= 1,
@@ -366,7 +376,9 @@ class Sections:
         shear = (A[0, 0] + A[1, 1]) / 6 + A[2, 2] / 3
         t = math.sqrt(12 * np.trace(D) / np.trace(A)) * units.length
         per_area = card.option("DENSITY")
-        density = self.builder.density
+        density = self.builder.unstated.density
+        if density is None and self.builder.unstated.massless:
+            density = A[0, 0] * units.length / t * units.stress / MASSLESS_WAVE**2
         card.needs(
             per_area or density,
             "*SHELL GENERAL SECTION has no density (DENSITY=, per area), without which nothing can"

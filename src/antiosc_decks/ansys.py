@@ -20,7 +20,7 @@ from antiosc.io.conversion import as_mesh
 from antiosc.io.deck import Block, Deck, DeckPlace, Numbering, real_number, whole_number
 from antiosc.io.neutral import CORNERS, EDGES, FileMesh, UnitSystem
 from antiosc.io.request import FileReader, Request
-from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
+from antiosc_decks.builder import MOTIONS, POISSON, GroupSection, ModelBuilder, Unstated
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import Material
 
@@ -86,7 +86,7 @@ def read(ask: Request) -> FileMesh:
         deck.wanted = ask.model.get("parts")
         deck.piece = ask.model.get("piece")
         deck.free = ask.model.get("free", False)
-        builder = ModelBuilder(deck, UnitSystem(*ask.unit), ask.model.get("density"))
+        builder = ModelBuilder(deck, UnitSystem(*ask.unit), Unstated(*ask.model["unstated"]))
         _model(archive, deck, owners, builder)
         deck.model = finished(builder)
     return as_mesh(deck)
@@ -294,7 +294,9 @@ def _model(
             groups.setdefault((block.role, material, t), []).append(row)
     for (role, number, t), members in groups.items():
         place = owners[members[0]][3]
-        values = builder.isotropic(_material(archive, number, place), f"{role}s")
+        material = _material(archive, number, place)
+        builder.complete(material)
+        values = builder.isotropic(material, f"{role}s")
         if role == "shell":
             values["thickness"] = t * builder.units.length
         family = GroupSection("Shell" if role == "shell" else "Solid", values, place)
@@ -316,14 +318,15 @@ def _model(
 def _material(archive: Archive, number: int, place: DeckPlace) -> Material:
     """The isotropic material of this number; MeshError if it is orthotropic."""
     constants = archive.materials.get(number, {})
-    place.needs("EX" in constants, f"the material {number} has no EX (MP, MPDATA).")
     directional = {"EY", "EZ", "GXY"} & constants.keys()
-    isotropic = all(constants[key] == constants["EX"] for key in directional - {"GXY"})
+    isotropic = all(constants[key] == constants.get("EX") for key in directional - {"GXY"})
     place.needs(
         isotropic, f"the material {number} is orthotropic ({', '.join(sorted(directional))})."
     )
     material = Material(str(number), place)
-    material.set_isotropic(constants["EX"], constants.get("PRXY", constants.get("NUXY", 0.3)))
+    if "EX" in constants:
+        nu = constants.get("PRXY", constants.get("NUXY", POISSON))
+        material.set_isotropic(constants["EX"], nu)
     material.density = constants.get("DENS")
     return material
 

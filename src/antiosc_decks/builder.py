@@ -42,6 +42,8 @@ def chosen_elements(deck: Deck) -> BoolArray:
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Poisson's ratio of a material that has the modulus of the caller.
+POISSON = 0.3
 #: Direction cosines below this are rounding errors.
 LEAST_TERM = 1e-12
 
@@ -60,21 +62,35 @@ class GroupSection(NamedTuple):
     place: DeckPlace
 
 
+class Unstated(NamedTuple):
+    """What the materials get that a deck does not state."""
+
+    #: kg/m³
+    density: float | None = None
+    #: Young's modulus, Pa
+    modulus: float | None = None
+    #: whether they may have no mass
+    massless: bool = False
+
+
 class ModelBuilder:
     """Collects a model in SI units; `antiosc_decks.finished.finished` returns it."""
 
     def __init__(
-        self, deck: Deck, units: UnitSystem, density: float | None = None, lumped: bool = False
+        self,
+        deck: Deck,
+        units: UnitSystem,
+        unstated: Unstated,
+        lumped: bool = False,
     ) -> None:
         #: (node of a repeated element, original node that it follows)
         self.copies = separate_copies(deck)
         nodes = len(deck.points)
-        #: density: kg/m³, for materials without one; lumped: the deck gives masses at nodes, so
-        #: that materials may have no density
+        #: lumped: the deck gives masses at nodes, so that materials may have no density
         self.deck = deck
         self.units = units
-        self.density = density
-        self.lumped = lumped
+        self.unstated = unstated
+        self.lumped = lumped or unstated.massless
         #: sections; the group name of each; index of the section of each element (-1: none)
         self.families: list[GroupSection] = []
         self.names: list[str] = []
@@ -110,12 +126,18 @@ class ModelBuilder:
                 self.has_rotations[members.nodes] = True
         self.gone = is_used & ~self.used
 
+    def complete(self, material: Material) -> None:
+        """Give a material without elasticity the modulus that the caller gave for such ones."""
+        given = (material.constants, material.stiffness, material.plane)
+        if self.unstated.modulus is not None and all(numbers is None for numbers in given):
+            material.set_isotropic(self.unstated.modulus / self.units.stress, POISSON)
+
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
         if material.density:
             return material.density * self.units.density
-        if self.density is not None:
-            return self.density
+        if self.unstated.density is not None:
+            return self.unstated.density
         material.needs(
             self.lumped,
             f"the material {material.name!r} has no density, without which "

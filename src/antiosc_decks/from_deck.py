@@ -158,6 +158,7 @@ def read_model(
     supports: Sequence[Support] = (),
     attached: Sequence[Attachment] = (),
     density: float | None = None,
+    modulus: float | None = None,
     yield_strength: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
@@ -184,6 +185,9 @@ def read_model(
         Added to those of the deck.
     density
         Density in kg/m³ of materials that state none.
+    modulus
+        Young's modulus in Pa of materials that state no elasticity, as those of thermal analyses;
+        their Poisson's ratio is 0.3.
     yield_strength
         Yield strength in Pa of the isotropic materials, which decks do not state; margins and
         contacts that yield need it.
@@ -238,6 +242,7 @@ def read_model(
         file,
         unit,
         density=density,
+        modulus=modulus,
         merge=merge,
         parts=parts,
         piece=piece,
@@ -276,7 +281,17 @@ def outline_of_deck(
     Nothing is assembled. `options` are those of `read_model`; the ones that reading does not need
     are ignored.
     """
-    option_names = ("density", "merge", "parts", "piece", "free", "elements", "root", "timeout")
+    option_names = (
+        "density",
+        "modulus",
+        "merge",
+        "parts",
+        "piece",
+        "free",
+        "elements",
+        "root",
+        "timeout",
+    )
     given_options = {name: options[name] for name in option_names if name in options}
     raws = _reader(checked_path("path", path), unit, **given_options)()
     names = dict.fromkeys(group for raw in raws.values() for group in raw.groups)
@@ -291,9 +306,10 @@ def materials_of_deck(
 ) -> tuple[list[Family], float]:
     """(families of a deck, length [m] of the longest side of its largest part).
 
-    Nothing is assembled. `options` are those of `read_model` for its reader.
+    Nothing is assembled. Materials without a density are massless. `options` are those of
+    `read_model` for its reader.
     """
-    raws = _reader(checked_path("path", path), unit, **options)()
+    raws = _reader(checked_path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, None).values()]
     return families, max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
 
@@ -313,6 +329,7 @@ def _reader(
     unit: str | float,
     *,
     density: float | None = None,
+    modulus: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -320,12 +337,14 @@ def _reader(
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
     timeout: float | None = None,
+    massless: bool = False,
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
     for name, value, unit_name in (
         ("merge", merge, "m"),
         ("density", density, "kg/m³"),
+        ("modulus", modulus, "Pa"),
         ("timeout", timeout, "s"),
     ):
         if value is not None:
@@ -348,7 +367,8 @@ def _reader(
         root = str(folder)
 
     def work() -> dict[str, RawMesh]:
-        options = {"density": density, "parts": parts, "piece": piece, "root": root, "free": free}
+        unstated = (density, modulus, massless)
+        options = {"unstated": unstated, "parts": parts, "piece": piece, "root": root, "free": free}
         meshes: dict[str, RawMesh] = {}
         by_shape = read_parts(
             file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered

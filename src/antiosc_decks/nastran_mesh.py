@@ -398,7 +398,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     """The deck with its nodes."""
     grids = [entry for entry in bulk.entries if entry.name == "GRID"]
     if not grids:
-        raise MeshError(f"{name} defines no nodes (GRID).")
+        raise MeshError(f"{name} defines no nodes (GRID): give the deck that includes this file.")
     grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.number(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)

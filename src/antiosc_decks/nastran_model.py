@@ -10,7 +10,7 @@ from antiosc.base._types import BoolArray
 from antiosc.io.deck import Array, DeckPlace, real_number, whole_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks import nastran_beams as beams
-from antiosc_decks.builder import ModelBuilder, add_mass, add_total
+from antiosc_decks.builder import ModelBuilder, Unstated, add_mass, add_total
 from antiosc_decks.constraints import axis_terms, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
@@ -415,14 +415,14 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
     return tuple(motions)
 
 
-def model_of(deck: NastranDeck, units: UnitSystem, density: float | None) -> Model:
+def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     deck.account.refuse()
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0
     ends = beams.divide(deck)
-    builder = ModelBuilder(deck.deck, units, density, lumped=bool(deck.named(*MASSES)))
+    builder = ModelBuilder(deck.deck, units, unstated, lumped=bool(deck.named(*MASSES)))
     deck.set_groups()
     Properties(deck, builder, factor).read()
     builder.find_nodes()

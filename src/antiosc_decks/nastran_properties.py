@@ -85,8 +85,9 @@ class Properties:
         material.density = density * self.factor if density else None
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
-            material.set_isotropic(E, nu)
-            if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
+            if E:
+                material.set_isotropic(E, nu)
+            if E and G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 material.of_lines = E, G
                 message = f"G of MAT1 {number}, which does not follow from E and NU"
                 self.builder.tell_once(f"{message}, of solids and shells")
@@ -107,6 +108,7 @@ class Properties:
                 self.builder.tell_once(message)
             nan = np.nan
             material.constants = np.array([E1, E2, nan, n12, nan, nan, G12, G13, G23])
+        self.builder.complete(material)
         return material
 
     def _material(self, entry: Entry, k: int) -> Material:
@@ -429,13 +431,12 @@ OF_PROPERTY = {
 
 
 def _moduli(entry: Entry) -> tuple[float, float | None, float]:
-    """(E, G as given, nu) of MAT1; one of the three may be blank."""
+    """(E, G as given, nu) of MAT1; one of the three may be blank. E is 0 if it is not known."""
     E, G, nu = (entry.real(k) if entry.text(k) else None for k in (1, 2, 3))
     if E is None and G is not None and nu is not None:
         E = 2 * G * (1 + nu)
     if nu is None and E and G:
         nu = E / (2 * G) - 1
-    entry.needs(E, "MAT1 needs E, or G and NU, above 0.")
     return E or 0.0, G, nu or 0.0
 
 

@@ -37,7 +37,9 @@ class Material(Placed):
         """The nine constants; MeshError if there are none."""
         constants = self.constants
         self.needs(
-            constants is not None, f"the material {self.name!r} has no constants of elasticity."
+            constants is not None,
+            f"the material {self.name!r} has no constants of elasticity, without which nothing can "
+            "be struck; add them to the deck, or give modulus in Pa.",
         )
         return np.asarray(constants)
 

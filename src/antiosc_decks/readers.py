@@ -14,13 +14,14 @@ from antiosc.io.neutral import FileMesh, Model, UnitSystem
 from antiosc.io.request import FileReader, Request
 from antiosc.io.table import FIRST_BYTES
 from antiosc_decks import abaqus_assembly, abaqus_model, ansys, nastran_mesh, nastran_model
+from antiosc_decks.builder import Unstated
 from antiosc_decks.sources import BULK as _BULK, Sources
 
 F = TypeVar("F", abaqus_assembly.Whole, nastran_mesh.NastranDeck)
 
 
 def _reader(
-    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, float | None], Model]
+    read: Callable[[Sources], F], model_of: Callable[[F, UnitSystem, Unstated], Model]
 ) -> Callable[[Request], FileMesh]:
     """A file reader from the functions that read a dialect's mesh and its model."""
 
@@ -36,7 +37,8 @@ def _reader(
             deck.wanted = options.get("parts")
             deck.piece = options.get("piece")
             deck.free = options.get("free", False)
-            deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), options.get("density"))
+            unstated = Unstated(*options["unstated"])
+            deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
         if not deck.n_elements:
             remarks = f": it has {listed(deck.left)}" if deck.left else ""
             raise MeshError(

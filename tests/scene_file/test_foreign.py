@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from functools import wraps
 from pathlib import Path
@@ -95,6 +96,26 @@ def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     scene = tomllib.loads(new.text("a.toml", "a.inp", found))
     assert scene["deck"] == {"path": "a.inp", "unit": "mm", "density": 7850.0}
     assert any("density" in what and "[deck]" in key for what, _, key in found.taken(False))
+
+
+def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm", rho=False)
+    text = re.sub(r"\*ELASTIC\n.*\n", "*CONDUCTIVITY\n50.\n", path.read_text())
+    path.write_text(text)
+    scene, _ = new.write_scene(tmp_path / "a.toml", str(path))
+    section = tomllib.loads(scene.read_text())["deck"]
+    assert section == {"path": "a.inp", "unit": "mm", "density": 7850.0, "modulus": 210e9}
+    found = inspect_part(path)
+    assert ("modulus", "[deck] modulus") in [(what, key) for what, _, key in found.taken(False)]
+    assert found.unit_text().startswith("mm, not stated there")
+    assert antiosc("run", scene, "--out", tmp_path / "out") == 0
+
+
+@pytest.mark.parametrize(("E", "rho"), [(70e9, 2700.0), (2e6, 1100.0), (205e9, 7850.0)])
+def test_a_deck_without_a_density_has_that_of_a_material_of_its_modulus(tmp_path, E, rho):
+    path = deck(tmp_path / "a.inp", "m", rho=False)
+    path.write_text(path.read_text().replace("210000000000.0, 0.3", f"{E}, 0.3"))
+    assert inspect_part(path, unit="m").read["density"] == rho
 
 
 def test_the_largest_piece_of_a_deck_that_falls_apart_is_taken(tmp_path):

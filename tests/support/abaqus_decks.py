@@ -14,6 +14,7 @@ import pytest
 from antiosc.io.deck import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import abaqus_assembly, abaqus_model
+from antiosc_decks.builder import Unstated
 from antiosc_decks.sources import Sources
 
 NODES = """\
@@ -39,14 +40,18 @@ E, NU, RHO = 2e11, 0.3, 8e3
 
 
 def read(
-    folder: Path, text: str, density: float | None = None, parts: list[str] | None = None
+    folder: Path,
+    text: str,
+    density: float | None = None,
+    parts: list[str] | None = None,
+    modulus: float | None = None,
 ) -> tuple[dict[str, Any], Deck]:
     """(the model of a deck as the process that reads it returns it, its nodes and sets)."""
     path = folder / "part.inp"
     path.write_text(text)
     whole = abaqus_assembly.read(Sources(path, path.name))
     whole.deck.wanted = parts
-    model = abaqus_model.model_of(whole, UnitSystem.of("mm"), density)
+    model = abaqus_model.model_of(whole, UnitSystem.of("mm"), Unstated(density, modulus))
     return json.loads(json.dumps(model)), whole.deck
 
 

@@ -160,7 +160,9 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
             )
     triangles = triangles[sound & is_first]
     if not len(triangles):
-        raise MeshError(f"{name} holds no triangles with an area.")
+        raise MeshError(
+            f"{name} holds no triangles with an area: write the surface of the part into it."
+        )
     triangles, piece = oriented(points, triangles)
     points, more, holes = _caps(points, triangles, SMALL_HOLE * size)
     if holes:
@@ -261,7 +263,7 @@ def skin_of(ask: Request) -> FacetSkin:
     path = Path(ask.path)
     points, triangles = triangles_of(path.read_bytes(), ask.name) or _by_meshio(path, ask.name)
     if not len(triangles):
-        raise MeshError(f"{ask.name} holds no triangles.")
+        raise MeshError(f"{ask.name} holds no triangles: write the surface of the part into it.")
     if not np.isfinite(points[triangles]).all():
         raise MeshError(f"{ask.name} has corners whose coordinates are not finite.")
     return cleaned(points, triangles, ask.name)

@@ -31,7 +31,8 @@ GRADING = (0.35, 2.0)
 WAITING = 20.0
 #: How the kernel ends a reader that takes too long.
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
-#: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
+#: "unstated": what materials get that the deck does not state: density [kg/m³], modulus [Pa] (None:
+#: nothing) and whether they may have no mass; "parts": names of parts, "piece": rank of a piece by
 #: its size, None: all; "root": folder of included files, None: the reader chooses
 ModelOptions = Json
 

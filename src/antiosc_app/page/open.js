@@ -8,9 +8,11 @@ const FIELDS = {
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
-    ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000]],
+    ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000],
+    ["modulus", "Young's modulus", "GPa", 0.001, 1000]],
 };
-const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6 }; // of units of the fields that are not those of the set-up
+const UNSTATED = ["density", "modulus"]; // of decks that do not state them
+const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
 const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
@@ -303,7 +305,7 @@ class Bench {
     if (open && name === "thickness") return;
     const deck = !this.facts.materials.length && this.facts.saves;
     if (name === "yield_strength" && !deck) return; // others have materials with a name
-    if (name === "density" && !this.facts.density) return; // only of decks that state none
+    if (UNSTATED.includes(name) && !this.facts.unstated[name]) return;
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
@@ -333,7 +335,7 @@ class Bench {
     const falls = this.setup.striker.kind === "floor";
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
-    if (name === "density") return this.facts.density;
+    if (UNSTATED.includes(name)) return this.facts.unstated[name];
     return falls || name !== "damping" ? this.facts.fall[name] : 0;
   }
 

@@ -317,7 +317,7 @@ CHECKS: dict[str, Check] = {
     ),
     "read_frf.unit": checks.positive,
     "until": _check_named("antiosc_studies.drops.drop:end_of"),
-    "read_model.yield_strength": _in_unit("Pa"),
+    **dict.fromkeys(("read_model.yield_strength", "read_model.modulus"), _in_unit("Pa")),
     "Sphere.radius": _in_unit("m"),
     "Support.fix": lambda _, value: [
         checks.choice("fix", component, COMPONENTS) for component in np.ravel(value).tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -90,6 +91,103 @@ def test_a_density_for_materials_without_one(tmp_path):
     alike(model["families"][0][2], {"E": E, "nu": NU, "rho": 5.0})
     with pytest.raises(MeshError, match=rf"^{line(text, '*ELASTIC')}: the material 'M' has no den"):
         read(tmp_path, text)
+
+
+def test_a_modulus_for_materials_without_elasticity_and_elements_of_heat_transfer(tmp_path):
+    text = CUBE + SOLID + STEEL.replace("*ELASTIC\n2E5,.3\n", "*CONDUCTIVITY\n50.\n")
+    text = text.replace("TYPE=C3D8", "TYPE=DC3D8")
+    model, _ = read(tmp_path, text, modulus=E)
+    alike(model["families"][0][2], {"E": E, "nu": NU, "rho": RHO})
+    assert "the heat transfer of DC3D8, which carry forces here" in model["ignored"]
+    with pytest.raises(MeshError, match="give modulus in Pa"):
+        read(tmp_path, text)
+    model, _ = read(tmp_path, CUBE + SOLID + STEEL, modulus=5 * E)
+    assert model["families"][0][2]["E"] == pytest.approx(E)
+
+
+Energy = Callable[[np.ndarray], float]
+
+
+def polynomial(terms: dict[tuple[int, int], float], D: float) -> Energy:
+    """Σ C_ij (I1 − 3)^i (I2 − 3)^j + (J − 1)²/D by isochoric invariants."""
+
+    def energy(stretches: np.ndarray) -> float:
+        J = np.prod(stretches)
+        squares = (stretches / J ** (1 / 3)) ** 2
+        I1, I2 = squares.sum() - 3, (1 / squares).sum() - 3
+        return sum(C * I1**i * I2**j for (i, j), C in terms.items()) + (J - 1) ** 2 / D
+
+    return energy
+
+
+def ogden(terms: list[tuple[float, float]], D: float) -> Energy:
+    """Σ 2 μ/α² (λ1^α + λ2^α + λ3^α − 3) + (J − 1)²/D by isochoric stretches."""
+
+    def energy(stretches: np.ndarray) -> float:
+        J = np.prod(stretches)
+        lengths = stretches / J ** (1 / 3)
+        return sum(2 * m / a**2 * ((lengths**a).sum() - 3) for m, a in terms) + (J - 1) ** 2 / D
+
+    return energy
+
+
+def arruda_boyce(mu: float, locking: float, D: float) -> Energy:
+    """μ Σ C_i λ^(2 − 2 i) (I1^i − 3^i) + (J² − 1)/2 D − ln(J)/D."""
+    C = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
+    def energy(stretches: np.ndarray) -> float:
+        J = np.prod(stretches)
+        I1 = ((stretches / J ** (1 / 3)) ** 2).sum()
+        chain = sum(c * (I1**i - 3**i) / locking ** (2 * i - 2) for i, c in enumerate(C, 1))
+        return mu * chain + ((J**2 - 1) / 2 - np.log(J)) / D
+
+    return energy
+
+
+def foam(terms: list[tuple[float, float, float]]) -> Energy:
+    """Σ 2 μ/α² (λ1^α + λ2^α + λ3^α − 3 + (J^(−α β) − 1)/β), β = ν/(1 − 2 ν)."""
+
+    def energy(stretches: np.ndarray) -> float:
+        J = np.prod(stretches)
+        total = 0.0
+        for m, a, nu in terms:
+            beta = nu / (1 - 2 * nu)
+            total += 2 * m / a**2 * ((stretches**a).sum() - 3 + (J ** (-a * beta) - 1) / beta)
+        return total
+
+    return energy
+
+
+#: Card of a hyperelastic material, stresses in MPa -> its strain energy by the stretches.
+HYPERELASTIC = {
+    "*HYPERELASTIC,NEO HOOKE\n2.,.02\n": polynomial({(1, 0): 2.0}, 0.02),
+    "*HYPERELASTIC,MOONEY-RIVLIN\n2.,.7,.02\n": polynomial({(1, 0): 2.0, (0, 1): 0.7}, 0.02),
+    "*HYPERELASTIC,YEOH\n2.,.1,.3,.02\n": polynomial({(1, 0): 2.0, (2, 0): 0.1, (3, 0): 0.3}, 0.02),
+    "*HYPERELASTIC,N=2,POLYNOMIAL\n2.,.7,.1,.2,.3,.02,.5\n": polynomial(
+        {(1, 0): 2.0, (0, 1): 0.7, (2, 0): 0.1, (1, 1): 0.2, (0, 2): 0.3}, 0.02
+    ),
+    "*HYPERELASTIC,N=2,OGDEN\n160.,2.,40.,-2.,.001\n": ogden([(160, 2), (40, -2)], 0.001),
+    "*HYPERELASTIC,ARRUDA-BOYCE\n3.,2.,.02\n": arruda_boyce(3.0, 2.0, 0.02),
+    "*HYPERFOAM,N=2\n.16,8.8,.3,-4.8,.1,.2\n": foam([(0.16, 8.8, 0.1), (0.3, -4.8, 0.2)]),
+}
+
+
+@pytest.mark.parametrize("card", HYPERELASTIC)
+def test_hyperelastic_materials_have_the_stiffness_of_their_energy_at_small_strains(tmp_path, card):
+    """Without change of volume W'' = 3 G of a stretch, and with equal stretches W'' = 9 K."""
+    model, _ = read(tmp_path, CUBE + SOLID + STEEL.replace("*ELASTIC\n2E5,.3\n", card))
+    found = model["families"][0][2]
+    energy, h = HYPERELASTIC[card], 1e-3
+
+    def second(stretches: Callable[[float], np.ndarray]) -> float:
+        ahead, at, behind = (energy(stretches(1 + k * h)) for k in (1, 0, -1))
+        return float(ahead - 2 * at + behind) / h**2
+
+    shear = second(lambda x: np.array([x, x**-0.5, x**-0.5])) / 3
+    bulk = second(lambda x: np.full(3, x)) / 9
+    assert found["E"] / (2 + 2 * found["nu"]) == pytest.approx(1e6 * shear, rel=1e-4)
+    assert found["E"] / (3 - 6 * found["nu"]) == pytest.approx(1e6 * bulk, rel=1e-4)
+    assert any("large strains" in text for text in model["ignored"])
 
 
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"

@@ -102,7 +102,7 @@ def test_an_input_of_workbench_is_read_as_an_archive(tmp_path):
 
 REFUSED = {
     "contact": (HEAD.format(element=174), MATERIAL, "no elements"),
-    "no modulus": (HEAD.format(element=186), "", "no EX"),
+    "no modulus": (HEAD.format(element=186), "", "no constants of elasticity"),
     "orthotropic": (HEAD.format(element=186), MATERIAL + "MP,EY,1,1e5\n", "orthotropic"),
 }
 

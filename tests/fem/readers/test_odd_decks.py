@@ -27,6 +27,7 @@ from antiosc_decks import (
     nastran_mesh as nastran,
     nastran_model,
 )
+from antiosc_decks.builder import Unstated
 from antiosc_decks.constraints import one_piece
 from antiosc_decks.sources import Sources
 from paths import DECKS
@@ -59,7 +60,7 @@ def read(folder, name: str, text: str | bytes):
         else (nastran, nastran_model.model_of)
     )
     found = reader.read(Sources(path, path.name))
-    return model_of(found, UnitSystem.of("mm"), None), found.deck
+    return model_of(found, UnitSystem.of("mm"), Unstated()), found.deck
 
 
 def otherwise(text: str, *changes: tuple[str, str]) -> str:
@@ -348,7 +349,7 @@ def read_in(path: Path, text: str, units: UnitSystem) -> tuple[dict[str, Any], D
     path.write_text(text, encoding="latin-1")
     reader, model = PAIRS[path.name]
     found = reader.read(Sources(path, path.name))
-    return model.model_of(found, units, None), found.deck
+    return model.model_of(found, units, Unstated()), found.deck
 
 
 @pytest.mark.parametrize("unit", ["mm", "in"])
