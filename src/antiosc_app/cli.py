@@ -122,6 +122,8 @@ def _parser() -> argparse.ArgumentParser:
         if name in ("new", "open"):
             about_unit = "of the file, as mm, in or m (default: what its size and materials tell)"
             command.add_argument("--unit", metavar="UNIT", help=about_unit)
+            about_time = "limit of reading and meshing the file (default: by its kind and size)"
+            command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
         if name == "export":
             ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
             command.add_argument("out", metavar="OUT", help=ends)

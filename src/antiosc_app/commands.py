@@ -57,7 +57,12 @@ def _new(options: Namespace) -> int:
     if part is None and file is not None and Path(file).suffix.lower() != ".toml":
         file, part = f"{checks.new_file('the part', file).stem}.toml", file  # the part alone
     path, sentences = new.write_scene(
-        file or "scene.toml", part, options.drop, options.material, options.unit
+        file or "scene.toml",
+        part,
+        options.drop,
+        options.material,
+        options.unit,
+        options.timeout,
     )
     for sentence in sentences:
         print_text(sentence)
@@ -69,7 +74,9 @@ def _open(options: Namespace) -> int:
     """Run `antiosc open`; returns the exit code."""
     from antiosc_app import view
 
-    view.until_interrupted(options.part, options.unit, browser=not options.no_browser)
+    view.until_interrupted(
+        options.part, options.unit, options.timeout, browser=not options.no_browser
+    )
     return 0
 
 

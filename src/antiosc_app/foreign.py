@@ -86,8 +86,12 @@ class ForeignPart:
     modulus: float | None = None
 
 
-def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> ForeignPart:
+def foreign_part(
+    path: Path, free: bool = False, unit: str | None = None, timeout: float | None = None
+) -> ForeignPart:
     """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
+
+    `timeout` [s]: limit of each reading; None: by kind and size of the file.
 
     Raises
     ------
@@ -96,29 +100,31 @@ def foreign_part(path: Path, free: bool = False, unit: str | None = None) -> For
     """
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
+    limit: Read = {} if timeout is None else {"timeout": timeout}
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        return _of_deck(path, free, UNITS if unit is None else (unit,))
+        options = limit | ({"free": True} if free else {})
+        return _of_deck(path, options, UNITS if unit is None else (unit,))
     with without_warnings():
-        return _of_mesh(path, unit)
+        return _of_mesh(path, unit, limit)
 
 
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(path: Path, unit: str | None) -> ForeignPart:
-    """Read a mesh, or mesh a geometry."""
+def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
+    """Read a mesh, or mesh a geometry; `limit`: the timeout, if one is given."""
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
     from antiosc.io.reading import outline
 
     suffix = path.suffix.lower()
-    read: Read = {} if unit is None else {"unit": unit}
+    read: Read = limit | ({} if unit is None else {"unit": unit})
     notes: list[str] = []
     ways: list[Read] = [{}]
     file_outline = None
     if suffix in GEOMETRIES or suffix in SURFACES:
-        file_outline = outline(path)
+        file_outline = outline(path, **limit)
         length = float(np.ptp(file_outline.points, axis=0).max())
         if unit is None and suffix not in STATES_UNIT:
             choices = UNITS_OF_SURFACES if suffix in SURFACES else UNITS_OF_MESHES
@@ -241,14 +247,17 @@ def _option_notes(read: Read) -> list[str]:
 # --- Decks ----------------------------------------------------------------------------------------
 
 
-def _of_deck(path: Path, free: bool, units: Sequence[str]) -> ForeignPart:
-    """The model of a deck in the unit in which its materials are the most realistic."""
+def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
+    """The model of a deck in the unit in which its materials are the most realistic.
+
+    `options`: those of reading besides the unit.
+    """
     from antiosc.extension import with_parts
     from antiosc.io.neutral import UnitSystem
     from antiosc_decks.from_deck import materials_of_deck
 
     guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
-    read: Read = {"free": True} if free else {}
+    read = dict(options)
     unit, (families, extent), pieces = _first_unit(materials_of_deck, path, units, read, guesses)
     best, modulus = unit_of(families, extent, unit, units, read)
     inferred = len(units) > 1

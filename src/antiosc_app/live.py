@@ -321,7 +321,7 @@ REMEDIES = {
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
-    "stretch": "extract with a larger number of motions (stretch=)",
+    "stretch": "extract with a larger number of motions (stretch)",
     "law": "give the yield strength of your own material and its range (in a scene: yield_range)",
 }
 #: Number of a striker in a headline -> (its unit, the preposition).

@@ -353,10 +353,13 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
     return [f"  {a:<{first}}  {b:<{second}}  {c}" for a, b, c in rows]
 
 
-def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Inspection:
+def inspect_part(
+    path: Path, free: bool = False, unit: str | None = None, timeout: float | None = None
+) -> Inspection:
     """Read or mesh the file of a part and inspect it.
 
-    `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known.
+    `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known;
+    `timeout` [s]: limit of each reading; None: by kind and size of the file.
 
     Raises
     ------
@@ -364,7 +367,7 @@ def inspect_part(path: Path, free: bool = False, unit: str | None = None) -> Ins
         It cannot be read or meshed, or is too large to be looked at.
     """
     check_size(path)
-    part = foreign_part(path, free, unit)
+    part = foreign_part(path, free, unit, timeout)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure)
     notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
     return replace(
@@ -887,6 +890,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         "solid",
         "cells",
         "order",
+        "timeout",
     )
     return rendered(
         Path(__file__).with_name("page") / "scene.toml",
@@ -949,10 +953,12 @@ def write_scene(
     drop: bool = False,
     material: str | None = None,
     unit: str | None = None,
+    timeout: float | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
-    `material`: name of the material of a part that is no deck; `unit`: unit of the file.
+    `material`: name of the material of a part that is no deck; `unit`: unit of the file;
+    `timeout` [s]: limit of each reading of the file.
 
     Raises
     ------
@@ -980,7 +986,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            inspection = inspect_part(source, drop, unit)
+            inspection = inspect_part(source, drop, unit, timeout)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:

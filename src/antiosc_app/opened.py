@@ -141,14 +141,20 @@ class Opened:
     path : path of its file; results are saved beside it.
     structure : instead of a file, with its material and supports; nothing is saved.
     unit : unit of the file; None: it is guessed.
+    timeout : limit [s] of reading the file; None: by its kind and size.
     """
 
     def __init__(
-        self, path: Path, structure: Structure | None = None, unit: str | None = None
+        self,
+        path: Path,
+        structure: Structure | None = None,
+        unit: str | None = None,
+        timeout: float | None = None,
     ) -> None:
         self._path = path
         self._given = structure
         self._unit = unit
+        self._timeout = timeout
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._waiting = 0
         self._lock = threading.Lock()
@@ -315,7 +321,7 @@ class Opened:
         if self._given is not None:
             return new.inspect_structure(self._given)
         with progress.doing(f"looking at {self._path.name}"):
-            return new.inspect_part(self._path, unit=self._unit)
+            return new.inspect_part(self._path, unit=self._unit, timeout=self._timeout)
 
     # -- a set-up as a scene, and its objects
 

@@ -469,7 +469,7 @@ NOT_CONVERGED = (
 )
 OF_ACCELERATIONS = (
     "; that of an acceleration consists of the highest frequencies of the mesh and may never"
-    " converge: judge its shock spectrum (ao.srs of the velocity), or filter it (ao.cfc_filter)"
+    " converge: judge its shock spectrum (srs of the velocity), or filter it (cfc_filter)"
 )
 
 

@@ -52,9 +52,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     outer = Faces(mesh, mesh.tdim < 3)
     groups = _groups(mesh)
     owner = np.zeros(len(outer), dtype=int)
-    masks = {
-        name: np.isin(outer.facets, mesh.groups[name].get(outer.dim, [])) for name in groups
-    }
+    masks = {name: np.isin(outer.facets, mesh.groups[name].get(outer.dim, [])) for name in groups}
     for number, mask in enumerate(masks.values(), start=1):
         owner[mask] = number
     if not outer.sheet:

@@ -104,9 +104,11 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
     return _open_page(_file(part), None, NOTEBOOKS)
 
 
-def until_interrupted(path: str, unit: str | None, browser: bool) -> None:
-    """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known."""
-    page = _open_page(_file(path), None, NOBODY, unit)
+def until_interrupted(path: str, unit: str | None, timeout: float | None, browser: bool) -> None:
+    """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known; `timeout` [s]:
+    limit of reading it.
+    """
+    page = _open_page(_file(path), None, NOBODY, unit, timeout)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
         webbrowser.open(page.address)
@@ -128,11 +130,15 @@ def _file(part: str | os.PathLike[str]) -> Path:
 
 
 def _open_page(
-    path: Path, structure: Structure | None, frames: str, unit: str | None = None
+    path: Path,
+    structure: Structure | None,
+    frames: str,
+    unit: str | None = None,
+    timeout: float | None = None,
 ) -> View:
     """The page of a file or of a structure."""
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure, unit), title, frames)
+    return View(Opened(path, structure, unit, timeout), title, frames)

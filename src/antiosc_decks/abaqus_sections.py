@@ -382,7 +382,7 @@ class Sections:
         card.needs(
             per_area or density,
             "*SHELL GENERAL SECTION has no density (DENSITY=, per area), without which nothing can"
-            " be struck; give it, or density= in kg/m³.",
+            " be struck; give it, or a density in kg/m³.",
         )
         mass = (density or 0.0) * t
         if per_area:

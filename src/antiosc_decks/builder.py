@@ -141,7 +141,7 @@ class ModelBuilder:
         material.needs(
             self.lumped,
             f"the material {material.name!r} has no density, without which "
-            "nothing can be struck; add it to the deck, or give density= in "
+            "nothing can be struck; add it to the deck, or give a density in "
             "kg/m³.",
         )
         self.tell_once(f"the mass of {material.name}, whose density is 0")

@@ -381,7 +381,7 @@ def _reader(
                     flat,
                     f"{file.name} falls into {model['pieces']} pieces that nothing joins, and "
                     "supports do not hold each",
-                    "join or hold them (nodes that coincide: merge=1e-6) or read one of them "
+                    "join or hold them (nodes that coincide: merge) or read one of them "
                     f"({_choices(flat)}).",
                 )
             pieces = model["joined"] or model["held"]
@@ -397,7 +397,7 @@ def _choices(raw: RawMesh) -> str:
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
     sets_text = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
-    return f"piece=1 is the largest{sets_text * bool(names)}"
+    return f"piece 1 is the largest{sets_text * bool(names)}"
 
 
 def _model(raw: RawMesh) -> Model:

@@ -91,8 +91,7 @@ class Sources:
         at.needs(
             below_root,
             f"{named[:80]!r} lies outside the folder {folder!r}, from which "
-            f"{self.name} may include files; name the folder that holds them all by "
-            "root=.",
+            f"{self.name} may include files; name the folder that holds them all (root).",
         )
         at.needs(
             exists,
@@ -187,7 +186,7 @@ class Account:
             remark = f" is {fate.what}, which" if fate.what else ""
             message = f"{place}: {name}{remark} is not supported here and would change the result;"
             if name in between:
-                raise PiecesError(f"{message} remove it, or read one piece of the part (piece=1).")
+                raise PiecesError(f"{message} remove it, or read one piece of the part (piece 1).")
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
 
     def ignored(self) -> list[str]:

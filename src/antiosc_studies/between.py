@@ -63,7 +63,7 @@ def contact_between(
         )
     elif surface.kind in SHARP:
         point = checks.point_text(np.asarray(getattr(at, "point", at)))
-        raise InputError(f"the part has a sharp {surface.kind} at {point}: give radius=.")
+        raise InputError(f"the part has a sharp {surface.kind} at {point}: give a radius.")
     if not isinstance(other, Floor):
         return choose(surface, _other(other, at)).law
     if other.law is not None:

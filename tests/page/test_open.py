@@ -29,6 +29,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
 from paths import ROOT
 from webdriver import MISSING, Browser
+from words import python_in
 
 pytestmark = pytest.mark.fem
 CLICK = """
@@ -95,7 +96,9 @@ def asked(opened, **changed):
 
 
 def call(opened, name, setup, turn=1, **more):
-    return opened.calls[name]({"tab": "one", "turn": turn, "setup": setup, **more})
+    found = opened.calls[name]({"tab": "one", "turn": turn, "setup": setup, **more})
+    assert python_in(found) == []
+    return found
 
 
 def test_a_part_shows_its_faces_and_what_holds_it(opened):
@@ -402,6 +405,7 @@ def test_a_wrong_set_up_is_refused_in_one_sentence(opened, wrong):
     with pytest.raises(InputError) as error:
         call(opened, "settle", asked(opened, **wrong))
     assert ".toml" not in str(error.value)
+    assert python_in(str(error.value)) == []
 
 
 def test_what_is_written_is_toml():
@@ -575,7 +579,9 @@ let count = 0;
 for (let i = 0; i < seen.length; i += 4) count += seen[i] > 1.4 * seen[i + 2];
 return count;
 """
-NAME = "[...document.querySelectorAll('#hold button')].find((one) => one.textContent === arguments[0])"
+NAME = (
+    "[...document.querySelectorAll('#hold button')].find((one) => one.textContent === arguments[0])"
+)
 
 
 @pytest.mark.slow
@@ -591,7 +597,9 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         places = [browser.run(WHERE)]
         first = reached(browser, "complete", 1)
         places.append(browser.run(WHERE))
-        browser.run("bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 4e-3})")
+        browser.run(
+            "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 4e-3})"
+        )
         browser.run(  # the longest that a line may have, with the button of long work
             "bench.busy(1); bench.tell_progress('x '.repeat(200));"
             "document.getElementById('stop').hidden = false"

@@ -152,7 +152,7 @@ def test_every_solve_ivp_method_agrees(method):
 
 def test_leapfrog_says_when_it_needs_too_many_steps():
     model = ao.AntiOscillators(m0=1e-12, **MODEL)
-    with pytest.raises(ao.InputError, match=r"leapfrog needs steps of .* use method='exact'"):
+    with pytest.raises(ao.InputError, match=r"leapfrog needs steps of .* use the method 'exact'"):
         ao.simulate(model, STRIKER, LAWS["hertz"], 1e-2, "leapfrog")
 
 

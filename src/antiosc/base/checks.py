@@ -265,7 +265,7 @@ def read_only(values: NDArray[S]) -> NDArray[S]:
 def flag(name: str, value: object) -> bool:
     """`value` as a bool, or InputError."""
     if not isinstance(value, _TRUTH):
-        raise InputError(f"{name} must be True or False; got {shown(value)}.")
+        raise InputError(f"{name} must be true or false; got {shown(value)}.")
     return bool(value)
 
 

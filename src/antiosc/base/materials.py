@@ -76,7 +76,7 @@ def record(name: object) -> MaterialRecord:
     fault = "is the name of several materials" if matches else "is not in the table of materials"
     raise InputError(
         f"{wanted!r} {fault}: did you mean {proposed}? `antiosc materials` lists all; others are "
-        "given by their constants, Solid(E, nu, rho, yield_strength=…)."
+        "given by their constants E, nu, rho and yield_strength."
     )
 
 

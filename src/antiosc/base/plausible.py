@@ -115,7 +115,7 @@ def _likely_units(E: float | None, rho: float | None) -> str:
             MODULI[0] <= of_E * E <= MODULI[1] and DENSITIES[0] <= of_rho * rho <= DENSITIES[1]
         )
         if is_real and 10 * SLOWEST_WAVE <= sqrt(of_E * E / (of_rho * rho)) <= FASTEST_WAVE:
-            return f"; {words} is probably meant: E={of_E * E:g}, rho={of_rho * rho:g}"
+            return f"; {words} is probably meant: E {of_E * E:g}, rho {of_rho * rho:g}"
     return ""
 
 
@@ -129,12 +129,12 @@ def size_doubt(extent: float, stated: bool = False, lines: bool = False) -> str:
     if extent > longest and not stated:
         return (
             f"the part is {extent:.4g} m long, more than {longest:g} m: units are SI; a mesh "
-            'in millimetres is read with unit="mm", a mesh that is so long with unit="m".'
+            'in millimetres is read with the unit "mm", a mesh that is so long with "m".'
         )
     if extent < SHORTEST_PART:
         return (
             f"the part is {extent:.4g} m long, less than {SHORTEST_PART:g} m: units are SI; a mesh "
-            "in metres is read without unit=."
+            'in metres has the unit "m".'
         )
     return ""
 
@@ -144,8 +144,8 @@ def refuse_size(size: float, points: ArrayLike, name: str) -> None:
     longest = float(np.ptp(points, axis=0).max())
     if size > longest * (1 + LENGTH_ROUNDING):
         raise MeshError(
-            f"size={size:g} m is larger than {name}, which measures {longest:.3g} m: lengths are "
-            f"in metres; size={1e-3 * size:g} is probably meant ({size:g} mm)."
+            f"the size {size:g} m is larger than {name}, which measures {longest:.3g} m: lengths "
+            f"are in metres; {1e-3 * size:g} m is probably meant ({size:g} mm)."
         )
 
 
@@ -160,7 +160,7 @@ def patch_doubt(radius: float, extent: float) -> str:
         return (
             f"the radius {radius:g} m of the site is less than {SMALLEST_PATCH:g} of the part, "
             f"which measures {extent:.3g} m: lengths are in metres; a mesh in millimetres is read "
-            'with unit="mm".'
+            'with the unit "mm".'
         )
     return ""
 

@@ -403,7 +403,7 @@ MAPPED = 1 << 25
 #: GB for 0.74.
 MAPPED_IN_SET_UP = 1 << 20
 #: Remedy where a run needs too much.
-MEMORY_REMEDY = "use a coarser mesh or order=1, or free some memory"
+MEMORY_REMEDY = "use a coarser mesh or elements of order 1, or free some memory"
 
 
 def free_memory() -> float:

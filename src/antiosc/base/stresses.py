@@ -277,7 +277,7 @@ def exposure(criterion: str, strengths: Strengths, s: Array) -> Array:
     shear = s[..., 5]
     if criterion == "delamination":
         if strengths.interlaminar is None:
-            raise InputError("delamination needs Strengths(…, interlaminar=…), in Pa.")
+            raise InputError("delamination needs the interlaminar strength, in Pa.")
         return np.asarray(np.hypot(s[..., 4], s[..., 3]) / strengths.interlaminar)
     if criterion == "tsai_hill":
         X = (strengths.X_t, strengths.X_c)

@@ -190,7 +190,7 @@ def _unstable(system: System, stiffness: Array, step: float, t: float, grew: boo
     if not grew and margin(*modes, stiffness, step) == np.inf:
         return ""  # the halvings resolve it
     clear = clear_step(*modes, stiffness, step)
-    remedy = f"step={clear:.6g}" if clear < step else "a smaller step"
+    remedy = f"a step of {clear:.6g} s" if clear < step else "a smaller step"
     excites = "contact excites" if p == 1 else "contacts excite"
     return (
         f"exact gained energy by {t:g} s: at a step of {step:g} s the {excites} the modes"

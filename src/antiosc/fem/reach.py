@@ -28,7 +28,7 @@ class Reach:
 
     what: str
     snap: float | None = None
-    remedy: str = "give a point on it, or the length that it may be moved as snap="
+    remedy: str = "give a point on it, or the length that it may be moved (snap)"
 
     def check(
         self, point: Array, nearest: Array, size: float, element: Callable[[], float]

@@ -263,10 +263,10 @@ PLY_SURFACES = {
 }
 #: Criterion -> strength that a material must have for it.
 STRENGTH_OF = {
-    "yield": "a yield_strength, as Solid(…, yield_strength=250e6)",
-    "tsai_hill": "layers that have a strength: Layer(…, strength=Strengths(…))",
-    "tsai_wu": "layers that have a strength: Layer(…, strength=Strengths(…))",
-    "delamination": "layers that have Layer(…, strength=Strengths(…, interlaminar=…))",
+    "yield": "a yield_strength, as 250e6 Pa",
+    "tsai_hill": "layers that have Strengths",
+    "tsai_wu": "layers that have Strengths",
+    "delamination": "layers that have an interlaminar strength",
 }
 #: Function (components (S, c, B), scalar) -> (largest values (S,), their times, error bound).
 Search = Callable[[Array, Callable[[Array], Array]], tuple[Array, Array, float | None]]

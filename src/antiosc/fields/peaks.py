@@ -331,9 +331,8 @@ class PeakField(Completed):
         """
         if self._margin is None:
             raise InputError(
-                f"no margin for {self.quantity}: the material has no strength; give it one, as in "
-                "Solid(…, yield_strength=250e6) for 'von_mises', or Layer(…, strength=…) for "
-                "'tsai_wu'."
+                f"no margin for {self.quantity}: the material has no strength; give it a "
+                "yield_strength for 'von_mises', or its layers a strength for 'tsai_wu'."
             )
         return self._margin
 

@@ -88,8 +88,7 @@ class SavedFields(ReprMixin):
         t = checks.number("time", time, "s")
         if not self.time[0] <= t <= self.time[-1]:
             raise InputError(
-                f"the fields are known from {self.time[0]:g} s to {self.time[-1]:g} s; got "
-                f"time={t:g}."
+                f"the fields are known from {self.time[0]:g} s to {self.time[-1]:g} s; got {t:g} s."
             )
         k = int(np.clip(np.searchsorted(self.time, t) - 1, 0, max(len(self.time) - 2, 0)))
         first = self.factors[k]

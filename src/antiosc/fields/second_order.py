@@ -65,8 +65,8 @@ def with_pairs(
     linear = at(np.column_stack([shapes, sums]), False)
     if linear.shape[-1] != shapes.shape[1] + pairs:
         raise InputError(
-            "stresses of materials with branches (prony=) are not recovered of a part that"
-            " stretches: leave prony= out, or extract it with stretch=False."
+            "stresses of materials with branches (prony) are not recovered of a part that"
+            " stretches: leave prony out, or extract it without stretch."
         )
     square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
     squares = square[..., i == j]

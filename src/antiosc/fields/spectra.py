@@ -240,7 +240,7 @@ def _warn_if_rough(t: Array, a: Array) -> None:
         warn(
             "the accelerations change from one sample to the next as much as they are large "
             f"(rms {roughness:.2g} of the signal's): their samples do not resolve them, and the "
-            'spectrum may be wrong at all frequencies. Give velocities with signal="velocity", at '
+            'spectrum may be wrong at all frequencies. Give velocities (signal "velocity") at '
             "20 or more equal steps a period of the highest frequency.",
             AccuracyWarning,
         )

@@ -89,8 +89,8 @@ class RigidMass(Checked, Body):
         """
         if self.tip_radius is None or self.E is None or self.nu is None:
             raise InputError(
-                "Hertz's law of a rigid mass needs its tip: RigidMass(mass, tip_radius=…, E=…, "
-                "nu=…); or give the law itself."
+                "Hertz's law of a rigid mass needs its tip: give tip_radius, E and nu, or the law "
+                "itself."
             )
         return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
 
@@ -141,9 +141,9 @@ class Sphere(FieldsRepr, Body):
         if material is not None and rho is None and mass is None:
             rho = density_of(material)
         if (rho is None) == (mass is None):
-            raise InputError("a Sphere needs rho or mass, one of them, or material=.")
+            raise InputError("a Sphere needs rho or mass, one of them, or a material.")
         if material is None and (E is None or nu is None):
-            raise InputError("a Sphere needs E and nu, or material=, the name of one.")
+            raise InputError("a Sphere needs E and nu, or the name of a material.")
         radius = checks.positive("radius", radius, "m")
         if mass is not None:
             rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
@@ -401,11 +401,11 @@ def named_impactor(
     impactor = IMPACTORS[checks.choice("name", name, tuple(IMPACTORS))]
     if velocity is None:
         if impactor.speed is None:
-            raise InputError(f"a {name} has no velocity of its own: give velocity=… in m/s.")
+            raise InputError(f"a {name} has no velocity of its own: give a velocity in m/s.")
         velocity = impactor.speed
     if impactor.mass is None:
         if diameter is None:
-            raise InputError(f"a {name} has no size of its own: give diameter=… in m.")
+            raise InputError(f"a {name} has no size of its own: give a diameter in m.")
         radius = checks.positive("diameter", diameter, "m") / 2
         if impactor.steel:
             return Sphere(radius, **STEEL, rho=STEEL_DENSITY, velocity=velocity)
@@ -724,8 +724,8 @@ def _initial_velocities(placed: SceneBody, motion: Motion | float) -> Array:
         one_coordinate = placed.directions is None or placed.inertia is None  # the speed along it
         if not one_coordinate or placed.B.shape[1] != 1:
             raise InputError(
-                f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
-                f" spin=(...)), not as the number {motion!r}."
+                f"body {placed.name!r} moves in space: give its start as a Motion of velocity"
+                f" and spin, not as the number {motion!r}."
             )
         motion = checks.number(f"motion of {placed.name!r}", motion, "m/s")
     return placed.modes.rigid_motion(motion)

@@ -297,7 +297,8 @@ STRETCH_SAFETY = 3.0
 STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 NOT_ESTIMATED = (
-    'Mesh and truncation are not in these bars: extract(…, stretch=…, error="estimate") has them.'
+    "Mesh and truncation are not in these bars: extract with stretch and the error 'estimate' has"
+    " them."
 )
 
 

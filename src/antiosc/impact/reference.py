@@ -317,13 +317,15 @@ class ConservingScene(SceneStep):
         R = system.R
         if np.any(R - np.diag(R.diagonal())) or np.any(R[p:, p:]):
             raise InputError(
-                "method='conserving' does not support a residual compliance that couples contacts,"
-                " whose potential is no sum over them; use method='exact' or 'newmark'."
+                "the method 'conserving' does not support a residual compliance that couples "
+                "contacts,"
+                " whose potential is no sum over them; use the method 'exact' or 'newmark'."
             )
         if any(law.rate_dependent and R[c, c] > 0 for c, law in enumerate(laws)):
             raise InputError(
-                "method='conserving' does not support a rate-dependent law at a massless contact"
-                " point (m0 = 0), which has no potential; use method='exact'."
+                "the method 'conserving' does not support a rate-dependent law at a massless "
+                "contact"
+                " point (m0 = 0), which has no potential; use the method 'exact'."
             )
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:
@@ -464,7 +466,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
     if system.first is not None:
         raise InputError(
             f"{method} knows damping of each mode alone, not one that couples them (a "
-            "DampingMatrix, dampers): use method='exact' or 'DOP853'."
+            "DampingMatrix, dampers): use the method 'exact' or 'DOP853'."
         )
     kind = SCENE_STEPS[method]
 
@@ -479,7 +481,7 @@ def integrate_reference(assembly: Assembly, duration: float, settings: Settings)
         raise InputError(
             f"{method} {'has' if step else 'needs'} steps of {first:.3g} s, {count:.3g} of them in "
             f"one contact, more than max_steps = {step_limit}; "
-            f"{'take a longer step, or ' if step else ''}use method='exact'."
+            f"{'take a longer step, or ' if step else ''}use the method 'exact'."
         )
     if step is not None:
         return Converged(run_with(step), step, 0.0, 0.0, duration)

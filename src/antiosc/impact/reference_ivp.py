@@ -141,7 +141,7 @@ class JointContacts:
                 return F
         raise NotConvergedError(
             f"the forces of {len(active)} contacts have not converged after {MOST_SWEEPS} sweeps;"
-            f" use method='exact' or a smaller step."
+            f" use the method 'exact' or a smaller step."
         )
 
     def _normal(self, c: int, free: Array, A: Array, rate: Array, A_rate: Array, F: Array) -> float:
@@ -379,12 +379,12 @@ class SceneIVP(SceneMethod):
         if any(law.rate_dependent and rubs[c] for c, law in enumerate(laws)):
             raise InputError(
                 f"{method} does not support friction beside a rate-dependent law; use"
-                " method='newmark' or 'exact'."
+                " the method 'newmark' or 'exact'."
             )
         if any(law.rate_dependent and system.R[c, c] > 0 for c, law in enumerate(laws)):
             raise InputError(
                 f"{method} does not support a rate-dependent law at a massless contact point"
-                " (m0 = 0), where the force depends on its own derivative; use method='exact'."
+                " (m0 = 0), where the force depends on its own derivative; use the method 'exact'."
             )
         super().__init__(system, laws, max_step, driven)
         self.name = method
@@ -466,7 +466,7 @@ class SceneIVP(SceneMethod):
                     raise
         raise NotConvergedError(
             f"{self.name} does not pass an event of a contact at {span[0]:.4g} s or later; use"
-            " method='exact'."
+            " the method 'exact'."
         )
 
     def on_touch(self, c: int, free: Array, rate: Array, force: Array) -> None:

@@ -177,8 +177,8 @@ def integrate(
         return linear, check
     if settings.method != "exact" or settings.step is not None or assembly.scene.preload:
         raise InputError(
-            'a body that stretches takes method="exact" without step= and without preload; extract'
-            " it with stretch=False for others."
+            'a body that stretches takes the method "exact" without a step and without preload;'
+            " extract it without stretch for others."
         )
     run_checks = {id(linear.run): check}
 

@@ -474,7 +474,7 @@ def tangential_rows(
     if direction is None or any(body.directions is None for body, _ in movable_ends):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
-            f" surface too: a RigidBody, or a model with Site(..., tangential=True)."
+            f" surface too: a RigidBody, or a model with a tangential site."
         )
     across: list[Array] = []
     for body, site in movable_ends:
@@ -490,7 +490,7 @@ def tangential_rows(
     if not rows:
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
-            f" directions: extract it with Site(..., tangential=True)."
+            f" directions: extract it with a tangential site."
         )
     return rows
 
@@ -585,7 +585,7 @@ def _check_ground_direction(body: SceneBody, ground_motion: Array) -> None:
         raise InputError(
             f"the ground moves with {transverse:.3g} m/s² across the direction of the site of "
             f"{body.name!r}, and its model knows the mass that moves along this direction alone: "
-            "name the site, extract(part, {'tip': Site(…)}), which gives a model that knows all "
+            "extract it with a site that has a name, which gives a model that knows all "
             "directions, or give base along the site's direction."
         )
 
@@ -609,7 +609,7 @@ def _unit_loads(body: SceneBody, vector: bool) -> Array:
     if body.weight is None:
         raise InputError(
             f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
-            f" extract the model anew, give participation= or inertia="
+            f" extract the model anew, give its participation or inertia"
             + (", or a vector where the body moves in space." if body.inertia is not None else ".")
         )
     if not vector:

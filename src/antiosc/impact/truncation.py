@@ -174,8 +174,8 @@ def truncation_warning(model: object, assembly: Assembly, contact: int = 0, begi
     return (
         f"The model's {model.n} anti-oscillators are too few for this contact: what they leave out"
         f" may change the force by {percent(share)} (above {percent(WARN_SHARE)} neither peak force"
-        " nor contact time is known);"
-        " extract(…, band=ao.impact_band(impactor, contact)) takes as many as the contact needs."
+        " nor contact time is known); extract more, or as many as the band of the contact needs"
+        " (impact_band)."
     )
 
 

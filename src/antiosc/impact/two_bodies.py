@@ -233,7 +233,7 @@ def _gravity_load(name: str, body: ModalBody, gravity: float) -> Array | None:
     if body.weight is None:
         raise InputError(
             f"gravity on the {name} with a rigid-body mode needs the model's participation;"
-            f" extract the model anew, give participation=, or set gravity=0."
+            f" extract the model anew, give its participation, or leave out gravity."
         )
     return _free_body_load(body, gravity * body.weight)
 

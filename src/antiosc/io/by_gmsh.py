@@ -107,7 +107,7 @@ def expected_cells(gmsh: ModuleType, ask: Request, dim: int, size: float, scale:
             return count
     raise MeshError(
         f"{ask.name} would need about {count:.1e} {('', 'lines', 'faces', 'cells')[dim]} at "
-        f"size={size * scale:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
+        f"a size of {size * scale:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
     )
 
 

@@ -167,7 +167,7 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
     """Cut the solids at each other; returns the names of the pieces."""
     solids = gmsh.model.getEntities(3)
     if len(solids) < 2:
-        raise MeshError(f"fragments=True joins solids; {name} has {len(solids)} of them.")
+        raise MeshError(f"fragments joins solids; {name} has {len(solids)} of them.")
     _, pieces = gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
     gmsh.model.occ.synchronize()
     cut: Names = {}

@@ -327,8 +327,8 @@ def fill(
     if not skin.closed:
         raise MeshError(
             f"{ask.name} is not closed: {skin.open_edges} of its edges do not belong to two "
-            "triangles; repair the surface (holes, facets twice), or read it as a sheet without "
-            "solid=True."
+            "triangles; repair the surface (holes, facets twice), or read it as a sheet, without "
+            "solid."
         )
     bodies = _bodies(skin, ask.name, alone=ask.piece is not None)
     if ask.piece is not None:
@@ -452,7 +452,7 @@ def _bodies(skin: FacetSkin, name: str, alone: bool = False) -> list[list[int]]:
     if ((contains > 0) & (contains < 1)).any() and not alone:
         raise PiecesError(
             f"the closed surfaces of {name} pierce each other: unite its bodies in the program "
-            "that wrote it, or read one of them (piece=1 is the largest)."
+            "that wrote it, or read one of them (piece 1 is the largest)."
         )
     contains = contains == 1
     depth = contains.sum(axis=1)

@@ -213,5 +213,5 @@ def _refusal(name: str, token: Token, what: str) -> MeshError:
     return MeshError(
         f"{name} is refused for line {token.line} ({quoted}): a geometry may run no program and "
         "read no other file but CAD and scripts beside it; if you know who wrote it, read it with "
-        "trust=True."
+        "trust (in Python alone)."
     )

@@ -115,8 +115,9 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
     if -code in OVERTIME:
         error_class = UnmeshableError if again else MeshError
         return error_class(
-            f"reading {name} took longer than a file of its kind and size may take: it needs a "
-            "longer timeout=" + (", or a larger element size." if geometry else ".")
+            f"reading {name} took longer than a file of its kind and size may take: give a "
+            "longer timeout in s (--timeout of `antiosc new` and `antiosc open`)"
+            + (", or a larger element size." if geometry else ".")
         )
     if code < 0:
         kind = UnmeshableError if geometry else MeshError

@@ -98,7 +98,9 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
         if not rows:
-            raise InputError(f"{name} contains no cells of dimension {wanted} for cells={wanted}.")
+            raise InputError(
+                f"{name} contains no cells of dimension {wanted}, which cells asks for."
+            )
         return rows
     names = [wanted] if isinstance(wanted, str) else list(wanted or ())
     for group in names:
@@ -108,9 +110,7 @@ def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
                 n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)
             ]
             names_text = ", ".join(map(repr, sorted(group_names)[:20])) or "none"
-            raise InputError(
-                f"{name} has no group of cells {group!r} (cells=); it has: {names_text}."
-            )
+            raise InputError(f"{name} has no group of cells {group!r}; it has: {names_text}.")
     return _joined([mesh.groups[group] for group in names])
 
 
@@ -165,8 +165,9 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
             f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
-            f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
-            'cells="group".'
+            f"one kind of cells, so say which are meant by cells, as {raw.kind.dim} (their "
+            "dimension) or "
+            "the name of their group."
         )
     if lost:
         raw.remarks = [
@@ -262,7 +263,7 @@ def compact(raw: RawMesh) -> RawMesh:
     if raw.kind in SERENDIPITY.values():
         raise MeshError(
             f"second-order {raw.kind.shape} cells of {raw.kind.nodes} nodes (serendipity) have no "
-            "counterpart here: write the mesh with all mid-face nodes, or read it with order=1 "
+            "counterpart here: write the mesh with all mid-face nodes, or read it with order 1 "
             "(straight edges)."
         )
     used_nodes = np.unique(raw.cells)
@@ -327,7 +328,7 @@ def read(
                 raise
             raise MeshError(  # of the joined nodes, which no other attempt avoids
                 f"{str(error).rstrip('.')}; its nodes are joined up to {merge:g} m: take a smaller "
-                "merge=, or piece=1, the largest piece alone."
+                "merge, or piece 1, the largest piece alone."
             ) from None
 
     geometry = path.suffix.lower() in GEOMETRY
@@ -471,13 +472,15 @@ def _piece_names(raw: RawMesh, label: IntArray) -> dict[int, str]:
 # --- Contents -------------------------------------------------------------------------------------
 
 
-def outline(path: Path, unit: UnitSystem | None = None, **options: Any) -> FileMesh:
+def outline(
+    path: Path, unit: UnitSystem | None = None, timeout: float | None = None, **options: Any
+) -> FileMesh:
     """The box and the groups of a geometry without meshing it: a line between the box's corners
     [m].
 
     `options`: "solid", "fragments" and "piece" of a `Request`.
     """
-    return _content(path, None, unit, None, outline=True, **options)
+    return _content(path, timeout, unit, None, outline=True, **options)
 
 
 def read_parts(
@@ -523,27 +526,26 @@ def _content(
     geometry = suffix in GEOMETRY or solid
     if solid and suffix not in SURFACES:
         raise MeshError(
-            f"solid=True fills the closed surface of a file of triangles ({', '.join(SURFACES)}); "
+            f"solid fills the closed surface of a file of triangles ({', '.join(SURFACES)}); "
             f"got {path.name}."
         )
     if options.get("fragments") and suffix not in CAD:
         raise MeshError(
-            f"fragments=True joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
+            f"fragments joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
         )
     if geometry and size is None and suffix not in SCRIPTS and not options.get("outline"):
         raise MeshError(
-            f"{path.name} is a geometry, not a mesh: give the element size in metres, "
-            "as in read_mesh(path, size=5e-3)."
+            f"{path.name} is a geometry, not a mesh: give the element size in metres, as 5e-3."
         )
     if not geometry and (size is not None or options.get("refine")):
         raise MeshError(
-            f"{path.name} is a finished mesh: size= and refine= apply to geometry files only "
+            f"{path.name} is a finished mesh: size and refine apply to geometry files only "
             f"({', '.join(GEOMETRY)})."
         )
     if unit is not None and suffix in STATES_UNIT:
-        raise MeshError(f"{path.name} states its own unit of length: leave unit= out.")
+        raise MeshError(f"{path.name} states its own unit of length: leave unit out.")
     if merge is not None and geometry and suffix not in CAD:
-        raise MeshError(f"{path.name} is a geometry: merge= applies to finished meshes and decks.")
+        raise MeshError(f"{path.name} is a geometry: merge applies to finished meshes and decks.")
     unit = unit or UnitSystem()
     if options.get("model") is not None and not is_deck(path):
         raise MeshError(
@@ -556,7 +558,7 @@ def _content(
     for group in options.get("elements") or {}:
         if group not in content.groups:
             raise MeshError(
-                f"the elements of {path.name} have no numbers here, so that elements= names none "
+                f"the elements of {path.name} have no numbers here, so that elements names none "
                 f"for {group!r}; decks, universal files and Exodus files have them."
             )
     farthest = float(np.abs(content.points).max(initial=0.0))

@@ -190,8 +190,8 @@ class AntiOscillators(ReprMixin, Parameters):
         damping = self.damping
         if self.stretch is not None:
             raise InputError(
-                "a model that stretches keeps its anti-oscillators: extract it with fewer, or with"
-                " stretch=False."
+                "a model that stretches keeps its anti-oscillators: extract it with fewer, or"
+                " without stretch."
             )
         if isinstance(damping, DampingMatrix):
             remaining = np.delete(np.arange(damping.n), left_out)

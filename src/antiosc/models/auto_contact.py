@@ -75,14 +75,15 @@ def _surface(body: object, site: str) -> Surface:
         reason = info_of(linear_body).unknown_surface(site)
         if reason:
             raise InputError(
-                'contact="auto" finds no law, give one as Hertz(stiffness): nothing is known of '
+                'the contact "auto" finds no law, give one, such as Hertz: nothing is known of '
                 f"the surface of the {type(body).__name__}, for {reason}"
             )
         raise InputError(
-            f'contact="auto" needs the material and the curvature of both surfaces, and those of '
-            f"the {type(body).__name__} are not known: extract it from a mesh, take "
-            "model.with_surface(material), give the striker material= and tip_radius=, or give the "
-            "law, as Hertz(stiffness)."
+            f'the contact "auto" needs the material and the curvature of both surfaces, and '
+            "those of "
+            f"the {type(body).__name__} are not known: extract it from a mesh, give "
+            "the model its material (with_surface), the striker a material and a tip_radius, or "
+            "give the law, such as Hertz."
         )
     return surface
 

@@ -280,7 +280,7 @@ class FreeModes(ReprMixin):
         if self.B.shape[1] != 1:
             raise InputError(
                 f"a number is the velocity of one column, and this body has {self.B.shape[1]}: give"
-                " a Motion(velocity=(...), spin=(...))."
+                " a Motion of velocity and spin."
             )
         rigid_b, mobility = self._rigid_mobility
         if mobility == 0.0:

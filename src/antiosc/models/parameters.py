@@ -386,7 +386,7 @@ LEAST_CHANGE = -0.5
 MASSLESS_SHARE = 1e-12
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (
-    "the error of the mesh is not known: extract the model from its mesh with error='estimate'."
+    "the error of the mesh is not known: extract the model from its mesh with the error 'estimate'."
 )
 
 

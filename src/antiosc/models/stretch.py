@@ -173,5 +173,5 @@ def refuse_stretch(bodies: Mapping[str, object]) -> None:
         if stretch_of(body) is not None:
             raise InputError(
                 f"{name!r} stretches, which simulate and Scene.run alone take: for this extract it"
-                " with stretch=False."
+                " without stretch."
             )

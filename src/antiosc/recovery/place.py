@@ -16,8 +16,8 @@ from antiosc.fem.elements import Layer, Section
 
 #: Why beams of a section without an outline have no stress on it.
 NO_OUTLINE = (
-    "a section given by A and I has no outline; give fibre=(y, z), the distances of the point from"
-    " its centroid, or Section(…, outline=[(y, z), …])"
+    "a section given by A and I has no outline; give fibre, the distances (y, z) of the point from"
+    " its centroid, or the Section an outline"
 )
 
 SURFACES = ("top", "bottom", "middle")

@@ -483,7 +483,7 @@ def _surface_sign(place: Place, frame: SheetFrame) -> Array:
     if np.any(np.abs(cosines) < 0.05 * size):
         raise InputError(
             "the direction of surface lies along the sheet there: give one that points away from "
-            "its surface, or surface='top' or 'bottom'."
+            "its surface, or the surface 'top' or 'bottom'."
         )
     return np.where(cosines > 0, 1.0, -1.0)
 

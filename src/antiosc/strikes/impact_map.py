@@ -193,11 +193,11 @@ def impact_map(
             "impacts need both impactor and duration; an extraction needs none of them."
         )
     if flag("stress", stress) and impactor is None:
-        raise InputError("stress=True needs impacts: give impactor and duration.")
+        raise InputError("stress needs impacts: give impactor and duration.")
     stretch = checked_count(stretch)
     if stretch is not False and (impactor is None or stress):
         raise InputError(
-            "stretch= needs impacts, and stresses of a map are linear: give impactor and duration,"
+            "stretch needs impacts, and stresses of a map are linear: give impactor and duration,"
             " and leave stress out."
         )
     if stretch is not False:
@@ -540,7 +540,7 @@ def _stretched(
     if not deep.size:
         return struck
     if not sites.omega.all():
-        raise InputError("stretch= of a map takes a part that is held: give supports.")
+        raise InputError("stretch of a map takes a part that is held: give supports.")
 
     def forces_of(b: Array) -> Stretch:
         return stretch_of_map(structure, sites.omega, sites.phi, b, count)

@@ -223,7 +223,7 @@ class ImpactMap(Completed):
                 f"largest stress {engineering(self.peak_stress[i], 'Pa', 3)} at"
                 f" {point_text(self.stress_points[i])} for a blow at"
                 f" {point_text(self.points[i])}; its mesh error is not known:"
-                " read_mesh(…, refine=…) there, in a scene refine in [geometry], shows how it grows"
+                " a refined mesh there (refine of the geometry) shows how it grows"
             )
         return "\n".join(rows)
 
@@ -297,6 +297,6 @@ def low_band(result: ImpactMap) -> str:
         f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
         f" up to {engineering(excited / (2 * math.pi), 'Hz')}: the anti-oscillators are too few"
         " for this contact where the part is thin, and forces are too large there; strike such a"
-        " site by itself (on the page: click it), or give band=ao.impact_band(impactor, contact)"
-        f" (in a scene: [map] band = {excited / (2 * math.pi):.2g})."
+        " site by itself (on the page: click it), or give the band"
+        f" {excited / (2 * math.pi):.2g} Hz (band of the map)."
     )

@@ -279,7 +279,7 @@ def _material_of(
             f"{checks.shown(source)}."
         )
     if material is None or (isinstance(material, Mapping) and not material):
-        raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
+        raise InputError("a file or a mesh needs a material.")
     return material
 
 

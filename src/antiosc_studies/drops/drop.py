@@ -122,7 +122,9 @@ def _group(body: FreeBody, name: str) -> Array:
     normal = surface(part, name).normals.sum(axis=0)
     size = float(np.linalg.norm(normal))
     if size < 1e-9:
-        raise InputError(f"the normals of the faces {name!r} have no mean: give toward=(...).")
+        raise InputError(
+            f"the normals of the faces {name!r} have no mean: give the direction toward the floor."
+        )
     return np.asarray(normal / size)
 
 
@@ -452,7 +454,7 @@ def drop(
     start = initial_state(body, setting, R, **motion)
     if ensemble is None:
         if executor is not None:
-            raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
+            raise InputError("an executor computes an ensemble: give Tilts as the ensemble.")
         fall = fall_of(body, start, setting)
         fall.warn()
         return fall
@@ -479,7 +481,7 @@ def _check_ground(body: FreeBody, floor: Floor) -> None:
         raise InputError(
             f"the floor's model has {1 / inverse_mass:.3g} kg at its site, and must have at least "
             f"{LIGHTEST:g} of the part's mass, {limit:.3g} kg: it follows each force at once, in "
-            f"steps too small to compute. Give it more, as with soil_cone(...).model(mass)."
+            f"steps too small to compute. Give it more, as soil_cone does."
         )
 
 

@@ -279,7 +279,7 @@ def _jam(system: System) -> AccuracyError:
     return AccuracyError(
         f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
         f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
-        f"modes that are left out, which must stay well below 1; take more modes (modes=), or less "
+        f"modes that are left out, which must stay well below 1; take more modes, or less "
         f"friction."
     )
 

@@ -500,14 +500,18 @@ class Fall(Trajectory, Result):
                 AccuracyWarning,
             )
         if self.status == UNSETTLED:
-            warn(f"the fall is ended {self.message}; give until=.", AccuracyWarning)
+            warn(
+                f"the fall is ended {self.message}; give a larger duration or number of impacts "
+                "(until).",
+                AccuracyWarning,
+            )
         if self.missed:
             tol = self.setting.tol
             worst = max(episode.error for episode in self.episodes)
             excess_text = f"by up to {worst:.2g}" if worst < np.inf else f"within {LIMITS[1]} steps"
             warn(
                 f"the contact forces of {self.missed} of {len(self.episodes)} episodes do not "
-                f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes (modes=).",
+                f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes.",
                 AccuracyWarning,
             )
         if self._lines:

@@ -97,7 +97,7 @@ class Floor(FieldsRepr):
         if hasattr(self.material, "section"):
             raise InputError(
                 "a floor of a material is a half-space, without a thickness or a section: give "
-                "Solid(E, nu, rho), or a plate that was extracted as model=; got "
+                "a Solid, or a plate that was extracted as model; got "
                 f"{checks.shown(self.material)}."
             )
         checks.store(self, friction=checks.nonnegative("friction", self.friction))
@@ -113,7 +113,7 @@ class Floor(FieldsRepr):
         if self.layer is not None:
             checks.instance("layer", self.layer, SoftLayer, "a SoftLayer(thickness, E)")
         if self.law is not None:
-            checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+            checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz")
         kinds = [n for n in ("material", "layer", "law") if getattr(self, n) is not None]
         if len(kinds) > 1:
             raise InputError(f"a floor takes one of material, layer and law; got {kinds}.")
@@ -121,7 +121,7 @@ class Floor(FieldsRepr):
             raise InputError("a floor with its own law takes no restitution: the law has it.")
         if self.layer is not None and self.restitution is not None:
             raise InputError(
-                "a floor with a layer takes no restitution: give SoftLayer(loss=), which leaves "
+                "a floor with a layer takes no restitution: give the layer a loss, which leaves "
                 "the restitution exp(-pi loss/2)."
             )
 
@@ -149,11 +149,11 @@ def as_floor(floor: object) -> Floor:
         return floor
     if floor is None:
         return Floor()
-    example = "Floor(steel), with steel = Solid(E=210e9, nu=0.3, rho=7850.0)"
+    example = "a Floor of a Solid"
     if callable(getattr(floor, "constants", None)):
-        example = "Floor(material)"
+        example = "a Floor of this material"
     elif isinstance(floor, SoftLayer):
-        example = "Floor(layer=...)"
+        example = "a Floor with this layer"
     elif isinstance(floor, ContactLaw):
         example = "Floor(law=...)"
     elif callable(getattr(floor, "modal", None)):
@@ -257,7 +257,7 @@ def law_of(
         # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
         curvature = sqrt(low * high)
         if curvature == 0.0:
-            raise InputError("a line or a plane on a layer has no law of its own: give radius=.")
+            raise InputError("a line or a plane on a layer has no law of its own: give a radius.")
         return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
     E, nu = material.tolist()
     matter = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)

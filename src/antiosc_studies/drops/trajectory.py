@@ -45,7 +45,7 @@ MOST_IMPACTS = 200
 CONTACTS = 3
 #: Largest indentation over the radius for which finite strain was measured (`ElasticPlastic`).
 DEEP = 0.25
-NO_IMPACT = "the fall has no impact; let it last longer (until=)."
+NO_IMPACT = "the fall has no impact; let it last longer (until)."
 
 
 def initial_state(
@@ -125,7 +125,7 @@ def _check_sides(body: FreeBody, state: State) -> None:
         raise InputError(
             f"the part would fall through the floor: {state.time:.4g} s after its start the lowest "
             f"point that may touch is {low:.3g} m above the centre of mass; give the RigidBody "
-            f"sites on all sides of its centre, or end the fall before (until=)."
+            f"sites on all sides of its centre, or end the fall before (until)."
         )
 
 
@@ -136,7 +136,7 @@ def _check_depth(body: FreeBody, state: State, pressed: float, setting: Setting)
         raise AccuracyError(
             f"the part sank through the floor at {state.time:.4g} s: a point is {depth:.3g} m "
             f"below it, and contacts press it in by {pressed:.3g} m at most; give a smaller "
-            f"tol, or end the fall before (until=)."
+            f"tol, or end the fall before (until)."
         )
 
 
@@ -575,7 +575,7 @@ def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
     return (
         f"{message}, since it is pressed in by {engineering(contact.depth, 'm')} where the "
         "radius is "
-        f"{engineering(1 / contact.curvature, 'm')}: give corner_radius= of corners that are "
+        f"{engineering(1 / contact.curvature, 'm')}: give a corner_radius of corners that are "
         "blunter"
     )
 

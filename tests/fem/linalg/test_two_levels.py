@@ -91,7 +91,7 @@ def test_thin_incompressible_parts_are_told():
     mesh = parts.box((10, 8, 1), (0.2, 0.16, 0.002), cell="tetrahedron")
     steel = ao.Solid(**{**parts.STEEL, "nu": 0.499})
     part = ao.Structure(mesh, steel, [ao.Support("left")], solver="iterative")
-    with pytest.raises(ao.NotConvergedError, match="take solver='direct'"):
+    with pytest.raises(ao.NotConvergedError, match="take the solver 'direct'"):
         part.factorize().solve(np.random.default_rng(0).standard_normal(part.rows))
 
 

@@ -300,7 +300,7 @@ def test_folded_cells_of_a_file_are_told(tmp_path):
     cube.points[cells[5, 4]] += 3 * (cube.points[cells[5, 2]] - cube.points[cells[5, 4]])
     meshio.Mesh(cube.points, [("tetra10", cells)]).write(tmp_path / "bad.vtu")
     with pytest.warns(
-        ao.AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order=1"
+        ao.AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order 1"
     ):
         ao.read_mesh(tmp_path / "bad.vtu")
     assert ao.read_mesh(tmp_path / "bad.vtu", order=1).order == 1
@@ -341,7 +341,7 @@ def test_the_space_a_mesh_lives_in(tmp_path):
     assert ao.read_mesh(cube).gdim == 3
     assert ao.read_mesh("meshes/beam.msh").gdim == 3
     assert ao.read_mesh("meshes/beam.msh", gdim=2).gdim == 2
-    with pytest.raises(ao.MeshError, match=r"cube.msh is a mesh of volumes.*gdim=2"):
+    with pytest.raises(ao.MeshError, match=r"cube.msh is a mesh of volumes.*gdim 2"):
         ao.read_mesh(cube, gdim=2)
     with pytest.raises(ao.MeshError, match=r"frame.msh is not plane \(z spans 1.3 m\)"):
         ao.read_mesh("meshes/frame.msh", gdim=2)

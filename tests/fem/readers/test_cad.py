@@ -146,7 +146,7 @@ def test_cells_that_joining_spoils_are_no_reason_to_mesh_again(tmp_path):
         asked.append(raw)
         raise UnmeshableError("2 of 10 cells use a node twice.")
 
-    with pytest.raises(ao.MeshError, match=r"node twice; .* smaller merge="):
+    with pytest.raises(ao.MeshError, match=r"node twice; .* smaller merge"):
         reading.read(path, 0.01, merge=1e-6, sound=spoiled)
     assert len(asked) == 1
 

@@ -149,7 +149,7 @@ def test_bodies_that_pierce_each_other_are_told_and_one_alone_is_read(tmp_path):
     mirrored, far = 10.0 - points, points + 4.3  # each begins within the other
     both = np.vstack([triangles[:, ::-1], triangles + len(points)])
     path = write(tmp_path / "two.stl", np.vstack([mirrored, far]), both)
-    with pytest.raises(ao.MeshError, match="piece=1"):
+    with pytest.raises(ao.MeshError, match="piece 1"):
         ao.read_mesh(path, size=3e-3, unit="mm", solid=True)
     with pytest.warns(ao.AntioscWarning, match="piece 1 of 2"):
         mesh = ao.read_mesh(path, size=3e-3, unit="mm", solid=True, piece=1)

@@ -92,7 +92,7 @@ def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
     path = solid_with_shell(tmp_path / "part.inp")
     told = refusal(path)
     assert "holds 2 volumes and besides 1 faces (quad) and 1 lines (line)" in told
-    assert "cells=3 (dimension)" in told
+    assert "as 3 (their dimension)" in told
     assert ao.read_mesh(path, cells=3).n_cells == 2
     assert len(ao.read_mesh(path, cells=3).group("skin")[2]) == 1
     assert not ao.read_mesh(path, cells=3).groups["fin"]

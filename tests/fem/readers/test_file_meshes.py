@@ -115,8 +115,8 @@ WRONG = {
     "dimension": (FileMesh(POINTS, {"quad": SIDES}, "vtk"), 3, None, "for"),
     "group": (
         cubes(groups={"b": {"quad": np.array([0])}, "a": {"line": np.array([0])},
-                            "v": {"vertex": np.array([0])}}), "v", None, "cells="),
-    "no group": (cubes(), ["x"], None, "cells="),
+                            "v": {"vertex": np.array([0])}}), "v", None, "no group"),
+    "no group": (cubes(), ["x"], None, "no group"),
     "serendipity": (
         FileMesh(np.eye(8, 3), {"quad8": np.arange(8)[None]}, "vtk"), None, None, "second-order"),
     "infinite": (
@@ -267,12 +267,12 @@ def test_decks_that_share_their_endings_with_others(tmp_path):
 
 
 OPTIONS = {
-    ("a.msh", (("solid", True),)): (None, "solid=True"),
-    ("a.msh", (("fragments", True),)): (None, "fragments=True"),
+    ("a.msh", (("solid", True),)): (None, "solid fills"),
+    ("a.msh", (("fragments", True),)): (None, "fragments joins"),
     ("a.STEP", ()): (None, "a.STEP"),
     ("a.stl", (("solid", True),)): (None, "a.stl"),
     ("a.vtu", (("size", 1.0),)): (None, "apply"),
-    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine="),
+    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine apply"),
     ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (None, "states"),
     ("a.geo", (("merge", 1e-3),)): (None, "applies"),
 }

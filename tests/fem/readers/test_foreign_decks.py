@@ -108,7 +108,7 @@ INCLUDES = {
     "above": ("../grids.inc", None, ""),
     "far above": ("../../grids.inc", None, "outside"),
     "below root": ("../../grids.inc", ".", ""),
-    "above root": ("../../grids.inc", "sub", "root="),
+    "above root": ("../../grids.inc", "sub", "(root)"),
     "a link": ("link.inc", None, "outside the folder"),
 }
 

@@ -128,7 +128,7 @@ PART = (f"*PART,NAME=P\n{inp.CUBE}{inp.SOLID}*END PART\n*ASSEMBLY,NAME=A\n*INSTA
         "*END INSTANCE\n*INSTANCE,NAME=J,PART=P\n{}\n*END INSTANCE\n*END ASSEMBLY\n")  # fmt: skip
 REFUSED = {
     "wide.inp": (CUBE.encode("utf-16"), None, "UTF-16; save it as UTF-8"),
-    "outside.inp": (CUBE + "*INCLUDE,INPUT=/etc/passwd\n", 24, "root="),
+    "outside.inp": (CUBE + "*INCLUDE,INPUT=/etc/passwd\n", 24, "(root)"),
     "number.inp": (otherwise(CUBE, ("8,0,10,10", "8,0,nan,10")), 9, "nan"),
     "instance.inp": (PART.format("1.,0.,0.").replace("=J", "=I"), 20, "twice"),
     "loop.bdf": (BLOCK + "INCLUDE 'sub/loop.bdf'\n", 1, "itself"),

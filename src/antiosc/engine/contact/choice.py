@@ -189,9 +189,9 @@ def _doubt(first: Surface, second: Surface) -> str:
     for surface in (first, second):
         if surface.kind in SHARP:
             radius = engineering(1 / surface.curvatures[1], "m")
-            return f"the radius of the {surface.kind}, taken as {radius} (give radius=)"
+            return f"the radius of the {surface.kind}, taken as {radius} (give a radius)"
     if not (first.matter.known and second.matter.known):
-        return "the contact's law (give yield_strength, or material=)"
+        return "the contact's law (give yield_strength or a material)"
     return ""
 
 

@@ -187,8 +187,8 @@ def _matter_of_object(material: object) -> Matter:
     if not isinstance(E, int | float) or not isinstance(nu, int | float):
         material_name = getattr(material, "name", "") or checks.shown(material)
         raise InputError(
-            "material must be the name of a material without directions, or one such as "
-            f"Solid(E, nu, rho); got {material_name}."
+            "material must be the name of a material without directions, or one of "
+            f"E, nu and rho, as a Solid; got {material_name}."
         )
     names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name")
     return Matter(E, nu, **{name: getattr(material, name) for name in names})

@@ -80,7 +80,7 @@ class Beam(Isotropic):
         if self.offset and self.orientation is None:
             raise InputError(
                 f"offset = {self.offset:g} m is measured along the orientation: give this as well, "
-                "as in Beam(..., orientation=(0, 0, 1))."
+                "as (0, 0, 1)."
             )
 
     def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
@@ -105,7 +105,7 @@ class Beam(Isotropic):
             )
         if mesh.order != 1:
             raise InputError(
-                "Beam elements are straight; read the mesh with order=1 and more elements."
+                "Beam elements are straight; read the mesh with order 1 and more elements."
             )
         if mesh.gdim == 2:
             return _plane(mesh, parts, order)
@@ -138,7 +138,7 @@ def _shear_degree(order: int) -> int:
 def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     """Weak form of beams in a plane."""
     if any(beam.offset for beam, _ in parts):
-        raise InputError("offset applies to beams in space: read the mesh with gdim=3.")
+        raise InputError("offset applies to beams in space: read the mesh with gdim 3.")
     space = compat.lagrange(mesh.dolfinx, order, 3)
     w = ufl.TrialFunction(space)
     v = ufl.TestFunction(space)
@@ -279,7 +279,7 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
         if not beam.section.isotropic:
             raise InputError(
                 "a section with two different second moments of area needs an orientation in "
-                "space: Beam(..., orientation=(0, 0, 1)) puts its height along z."
+                "space; the orientation (0, 0, 1) puts its height along z."
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
@@ -327,7 +327,7 @@ class Truss(Isotropic):
                 f"Truss needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
             )
         if mesh.order != 1:
-            raise InputError("the bars of a Truss are straight; read the mesh with order=1.")
+            raise InputError("the bars of a Truss are straight; read the mesh with order 1.")
         space = compat.lagrange(mesh.dolfinx, 1, mesh.gdim)
         w = ufl.TrialFunction(space)
         v = ufl.TestFunction(space)

@@ -135,15 +135,15 @@ class PartPoints:
 def points_of(part: MeshedStructure) -> PartPoints:
     """The Gauss points of a part; InputError for a family without second-order strain."""
     if part.comm.size > 1:
-        raise InputError("stretch= works in one process: extract the model without mpirun.")
+        raise InputError("stretch works in one process: extract the model without mpirun.")
     if part.stiffeners:
-        raise InputError("stretch= does not take a sheet with stiffeners on its edges.")
+        raise InputError("stretch does not take a sheet with stiffeners on its edges.")
     material = part.parts[0][0]  # all are of one family
     for family, points in _FAMILIES:
         if isinstance(material, family):
             return points(part)
     raise InputError(
-        f"stretch= takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
+        f"stretch takes Shell, Laminate, Solid, AnisotropicSolid and Beam; got"
         f" {type(material).__name__}."
     )
 
@@ -246,7 +246,7 @@ def _in_plane(solid: Solid) -> Array:
 def _beam_points(part: MeshedStructure) -> PartPoints:
     """Gauss points of beams without offset."""
     if any(beam.offset for beam, _ in part.parts):
-        raise InputError("stretch= does not take beams with an offset.")
+        raise InputError("stretch does not take beams with an offset.")
     t = tangent(part.mesh)
     displacement_count = part.mesh.gdim
     components = int(part.form.space.dofmap.index_map_bs)

@@ -348,7 +348,7 @@ class Sheet(Checked):
                 f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
             )
         if order != 2:
-            raise InputError("Shell elements need order=2 of Structure, its default.")
+            raise InputError("Shell elements need the order 2 of Structure, its default.")
         areas = areas_of(mesh)
         triangles = mesh.cell == "triangle"
         space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)

@@ -167,12 +167,12 @@ def _check_cells(mesh: Mesh, order: int) -> None:
     if mesh.tdim != mesh.gdim:
         raise InputError(
             f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
-            f"cells in {mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
+            f"cells in {mesh.gdim}-D (a plane part: read it with gdim 2; lines: use Beam)."
         )
     if order < mesh.order:
         raise InputError(
             f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
-            "represent rigid rotations: use order=2, or read the mesh with order=1."
+            "represent rigid rotations: use order 2, or read the mesh with order 1."
         )
 
 
@@ -235,9 +235,9 @@ def voigt_strain(e: Expr) -> Expr:
 def _check_plane(solid: Solid, mesh: Mesh) -> None:
     """InputError if `plane` is missing on a 2-D mesh, or given on a 3-D one."""
     if mesh.gdim == 2 and solid.plane is None:
-        raise InputError("Solid on a 2-D mesh needs plane='stress' or plane='strain'.")
+        raise InputError("Solid on a 2-D mesh needs the plane 'stress' or 'strain'.")
     if mesh.gdim == 3 and solid.plane is not None:
-        raise InputError(f"plane={solid.plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
+        raise InputError(f"plane {solid.plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
 
 
 def _first_lame(solid: Solid) -> float:
@@ -360,7 +360,8 @@ class AnisotropicSolid(FieldsRepr):
         """Raise InputError: the compliance depends on the directions of surface and material."""
         raise InputError(
             "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
-            "compliance of its patch is not known: leave radius=None, or make the cells around the "
+            "compliance of its patch is not known: leave the radius out, or make the cells "
+            "around the "
             "site a Solid."
         )
 

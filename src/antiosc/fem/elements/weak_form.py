@@ -219,8 +219,8 @@ def _compare(
         raise InputError(
             f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
             f"{location}, so that the top of the sheet would change sides: reverse the node "
-            "order of those cells, or give Laminate(..., top=…), or Shell(..., top=…), a direction "
-            "on whose side the top lies."
+            "order of those cells, or give Laminate or Shell a top, a direction on whose side "
+            "the top lies."
         )
 
 

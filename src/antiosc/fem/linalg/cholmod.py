@@ -200,7 +200,7 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
     if common.status == NO_MEMORY:
         need = "" if size is None else f" of {size / 1e9:.3g} GB"
         return allocation_failed(
-            f"{what}{need}", remedy=f"use solver='iterative', {MEMORY_REMEDY[4:]}"
+            f"{what}{need}", remedy=f"use the solver 'iterative', {MEMORY_REMEDY[4:]}"
         )
     reason = FAILURES.get(common.status, "it gives no reason")
     return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")

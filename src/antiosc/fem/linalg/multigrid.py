@@ -40,7 +40,7 @@ MODE_RESIDUAL = 1e-11
 #: Message for more.
 TOO_MANY = (
     f"{ITERATIONS} conjugate gradients did not reach a relative error of {ITERATION_RESIDUAL:.0e}: "
-    "thin and nearly incompressible parts need too many; take solver='direct'."
+    "thin and nearly incompressible parts need too many; take the solver 'direct'."
 )
 #: Largest backward error of a checked solve.
 BACKWARD_ERROR = 1e-6

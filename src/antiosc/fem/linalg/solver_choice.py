@@ -500,7 +500,7 @@ PRECONDITIONER_ERROR = 0.03
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
-SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
+SMALLER_MESH = "use a coarser mesh or elements of order 1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
@@ -542,13 +542,15 @@ def _of_entries(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: flo
         return plan.factorize() if faster is None else faster
     noun = f"the factor of {rows} dofs"
     if choice == "direct":
-        process.require(need, noun, "take solver='iterative', a coarser mesh, or order=1", free)
+        process.require(
+            need, noun, "take the solver 'iterative', a coarser mesh, or elements of order 1", free
+        )
     del plan  # its analysis has copies of A
     solver = _iterative(A, levels)
     warn(
         A.getComm().tompi4py(),
         f"{process.shortage(noun, need, free)}: {solver.method} are used{solver.pace}; with a "
-        "coarser mesh or order=1 a factor may fit.",
+        "coarser mesh or elements of order 1 a factor may fit.",
     )
     return solver
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 #: Remedies of a message: arguments that choose one piece of a mesh.
-BY_PIECE = 'piece=1 is the largest; or cells="its group"'
+BY_PIECE = "piece 1 is the largest; or cells, its group"
 
 
 @collective()
@@ -157,7 +157,7 @@ def read_mesh(
     numbered = numbered_elements(elements)
     if parts is not None:
         if cells is not None:
-            raise InputError("give cells= or parts=, which both select cells; got both.")
+            raise InputError("give cells or parts, which both select cells; got both.")
         if isinstance(parts, str):
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         cells = list(parts) if isinstance(parts, list | tuple) else parts
@@ -168,10 +168,10 @@ def read_mesh(
         instance("groups", groups, Mapping, "a dict: name -> (MeshTags, value)")
     if isinstance(source, dolfinx.mesh.Mesh):
         if unit is not None or merge is not None:
-            raise InputError("unit= and merge= apply to files; a dolfinx mesh is in metres.")
+            raise InputError("unit and merge apply to files; a dolfinx mesh is in metres.")
         return _adopted(source, groups or {})
     if groups:
-        raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
+        raise InputError("groups names the tags of a dolfinx mesh; a file brings its own groups.")
     if not isinstance(source, str | Path):
         raise InputError(
             f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} "
@@ -184,7 +184,7 @@ def read_mesh(
             passed = size, gdim, order, cells, merge, piece, elements
             if any(option is not None for option in passed) or refine or solid or fragments:
                 raise InputError(
-                    f"{file.name} is read by all ranks as it is (trust=True): only unit= applies."
+                    f"{file.name} is read by all ranks as it is (trust): only unit applies."
                 )
             return replace(_adopted(*content), name=file.name, stated=unit is not None)
 
@@ -246,7 +246,7 @@ def _check_refinements(refine: Sequence[Refinement]) -> None:
             dim = len(point)
         except (TypeError, ValueError) as error:
             raise InputError(
-                "refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; "
+                "refine lists pairs (point, size), as [((0, 0, 0.1), 2e-3)]; "
                 f"got {shown(refinement)}."
             ) from error
         floats("a point of refine", point, (dim,))
@@ -272,10 +272,10 @@ def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     if gdim is None:
         gdim = 2 if raw.kind.dim == 2 and flat else 3
     if gdim == 2 and raw.kind.dim == 3:
-        raise MeshError(f"{name} is a mesh of volumes: it cannot be read with gdim=2.")
+        raise MeshError(f"{name} is a mesh of volumes: it cannot be read with gdim 2.")
     if gdim == 2 and not flat:
         raise MeshError(
-            f"{name} is not plane (z spans {np.ptp(z):g} m): read it with gdim=3, or give it one z."
+            f"{name} is not plane (z spans {np.ptp(z):g} m): read it with gdim 3, or give it one z."
         )
     return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 

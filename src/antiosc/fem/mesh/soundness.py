@@ -349,7 +349,7 @@ def sound(
         if len(bad):
             remedy = (
                 "what is computed there is wrong; optimise the mesh (in gmsh: "
-                "Mesh.HighOrderOptimize = 2) or read it with order=1"
+                "Mesh.HighOrderOptimize = 2) or read it with order 1"
             )
             warn(message(bad, "fold over themselves", remedy))
     if kind.shape == "hexahedron" and kind.order == 2:
@@ -390,8 +390,8 @@ def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
         raise pieces_error(
             raw,
             f"{name} falls into {count} pieces that share no node",
-            "join them (nodes that coincide: merge=1e-6; solids of a CAD file: fragments=True; in "
-            f"gmsh: BooleanFragments) or read the piece of interest ({by}).",
+            "join them (nodes that coincide: merge; solids of a CAD file: fragments; in gmsh: "
+            f"BooleanFragments) or read the piece of interest ({by}).",
         )
 
 

@@ -377,7 +377,7 @@ def refuse_prestress(structure: Structure, what: str) -> None:
     """InputError for a prestressed structure, which the function `what` does not support."""
     if structure.matrices.preload is not None:
         raise InputError(
-            f"{what} does not take a structure with a prestress: leave prestress= out of it."
+            f"{what} does not take a structure with a prestress: leave prestress out of it."
         )
 
 
@@ -385,6 +385,6 @@ def refuse_dampers(structure: Structure, what: str) -> None:
     """InputError for a structure with dampers, which the function `what` does not support."""
     if structure.matrices.dissipation() or structure.matrices.lossy:
         raise InputError(
-            f"{what} does not take dampers, nor materials with loss= or prony=: leave them out;"
-            " extract takes them, without damping=."
+            f"{what} does not take dampers, nor materials with loss or prony: leave them out;"
+            " extract takes them, without damping."
         )

@@ -101,7 +101,7 @@ class Support(FieldsRepr):
             names = tuple(names) if isinstance(names, list | tuple) else ()
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
-                    f"fix={shown(self.fix)} is not a component: it must be 'all' or such names as "
+                    f"fix {shown(self.fix)} is not a component: it must be 'all' or such names as "
                     "'x', 'rz' or ('x', 'y')."
                 )
         store(self, fix=names)
@@ -114,7 +114,7 @@ class Support(FieldsRepr):
         fixed = [self.fix] if isinstance(self.fix, str) else list(self.fix)
         if not set(fixed) <= set(names):
             raise InputError(
-                f"fix={self.fix!r} is not a component of this structure: it must be 'all' or of "
+                f"fix {self.fix!r} is not a component of this structure: it must be 'all' or of "
                 f"{', '.join(map(repr, names))}."
             )
         return fixed
@@ -207,7 +207,7 @@ class NumberedNodes:
 
     def __call__(self, x: Array) -> BoolArray:
         """InputError: node numbers belong to a mesh, not to points x (3, n)."""
-        raise InputError("nodes= needs a mesh whose file has numbers of nodes.")
+        raise InputError("nodes needs a mesh whose file has numbers of nodes.")
 
     def entities(self, mesh: Mesh) -> dict[int, IntArray]:
         """Vertices, edges and faces of this rank all of whose nodes are selected."""
@@ -239,7 +239,7 @@ class Region:
 
 def ball(value: object) -> Region:
     """The region near=(point, radius)."""
-    point, radius = _pair("near", value, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
+    point, radius = _pair("near", value, "(point, radius), as ((0, 0, 0.1), 5e-3)")
     centre = in_space(coordinates("the point of near", point))
     radius = nonnegative("the radius of near", radius)
     return Region(
@@ -253,11 +253,11 @@ def _off_ball(centre: Array, radius: float, x: Array) -> Array:
 
 def _box(value: object) -> Region:
     """The region box=(lower, upper)."""
-    pair = _pair("box", value, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
+    pair = _pair("box", value, "(lower, upper), as ((0, 0, 0), (0.1, 0.2, 0.05))")
     lower, upper = (in_space(coordinates("a corner of box", corner)) for corner in pair)
     if (lower > upper).any():
         raise InputError(
-            f"box=(lower, upper) has a lower corner {point_text(lower)} above the upper corner "
+            f"box has a lower corner {point_text(lower)} above the upper corner "
             f"{point_text(upper)} in some direction: exchange these coordinates."
         )
     words = f"in the box from {point_text(lower)} to {point_text(upper)}"
@@ -270,7 +270,7 @@ def _off_box(lower: Array, upper: Array, x: Array) -> Array:
 
 def _plane(value: object) -> Region:
     """The region plane=(point, normal)."""
-    pair = _pair("plane", value, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
+    pair = _pair("plane", value, "(point, normal), as ((0, 0, 0), (0, 0, 1))")
     point, normal = (
         in_space(coordinates(f"the {name} of plane", entry))
         for name, entry in zip(("point", "normal"), pair, strict=True)

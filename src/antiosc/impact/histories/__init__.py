@@ -270,7 +270,7 @@ def error_scope(history: History) -> str:
     bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
     if bounded or any(info.strike for info in facts):
         return "time integration; truncation and mesh: see error_budget"
-    remedy = ': error="estimate" of extract does it' if any(i.meshed for i in facts) else ""
+    remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
 

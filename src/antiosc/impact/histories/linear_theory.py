@@ -35,7 +35,7 @@ SMALL_DEFLECTION = 0.5
 SAMPLES_PER_PERIOD = 32
 MOST_SAMPLES = 4096
 REMEDY = (
-    'take stretch="auto" of extract or impact_map, which has these forces of a part of one mesh'
+    'take the stretch "auto" of extract or impact_map, which has these forces of a part of one mesh'
 )
 
 

@@ -169,10 +169,10 @@ def sentence(contact: OneContact) -> str:
     if isinstance(choice.law, ElasticPlastic) and contact.peak_force > choice.law.yield_force:
         return (
             f"The contact yields from {engineering(choice.law.yield_force, 'N')} on, where "
-            'Hertz\'s law ends: contact="auto" goes on beyond.'
+            'Hertz\'s law ends: the contact "auto" goes on beyond.'
         )
     if unknown:
-        return "Whether the contact yields is not known: give yield_strength, or material=."
+        return "Whether the contact yields is not known: give yield_strength or a material."
     return ""
 
 

@@ -39,7 +39,7 @@ class HalvedBeams(MeshErrors):
 
     def __init__(self, part: MeshedStructure) -> None:
         if part.comm.size > 1:
-            raise InputError("error='estimate' of beams runs on one rank; leave error=None here.")
+            raise InputError("the error 'estimate' of beams runs on one rank.")
         super().__init__(part)
 
     def prepare(self) -> None:
@@ -47,7 +47,9 @@ class HalvedBeams(MeshErrors):
 
     def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
         if site.point is None or site.direction is None:
-            raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
+            raise InputError(
+                "the error 'estimate' of beams needs a Site with a point and a direction."
+            )
         energies = self._energies(model, site, site.point, site.direction)
         in_element = is_inside(self.part.mesh, site.point)
         facts = {"inside_element": in_element, "model": beam_facts(self.part, site)}

@@ -16,7 +16,7 @@ from antiosc.reduce.error.solid import SolidErrors
 from antiosc.reduce.site import Functional
 
 #: Message for matrices.
-NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
+NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
 #: Message for assemblies.
 JOINTED = (
     "the mesh's error is estimated of one mesh without joints, and this is an assembly (a rigid"
@@ -25,10 +25,8 @@ JOINTED = (
 )
 #: Element family -> reason why a recovery of strains does not show its errors.
 WHY = {
-    "beam": (
-        "which are compared with a finer mesh: leave error=None and compare two element sizes"
-    ),
-    "truss": "whose nodes are hinges, so that no mesh could be finer: leave error=None",
+    "beam": ("which are compared with a finer mesh: compare two element sizes"),
+    "truss": "whose nodes are hinges, so that no mesh could be finer",
 }
 
 
@@ -41,12 +39,14 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     """The estimator for a part."""
     if matrices.kind.name in WHY:
         raise InputError(
-            f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "
+            f"the error 'estimate' holds for solids, beams and shells; {matrices.mesh.name} is "
+            "made of "
             f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
         )
     if matrices.mesh.n_cells < 2:
         raise InputError(
-            "error='estimate' compares the strains of neighbouring cells, and the mesh has one: "
+            "the error 'estimate' compares the strains of neighbouring cells, and the mesh has "
+            "one: "
             "give a smaller size."
         )
     if matrices.kind.sheet:
@@ -62,8 +62,7 @@ class ModelErrors:
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
         if named_sites:
             raise InputError(
-                "error='estimate' is for models of one site: extract each site by itself, or leave "
-                "error=None."
+                "the error 'estimate' is for models of one site: extract each site by itself."
             )
         if structure.matrices.assembled:
             raise InputError(JOINTED)

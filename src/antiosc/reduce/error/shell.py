@@ -185,8 +185,9 @@ def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: 
     sides = _connected(2 * count, np.append(a, a + count), np.append(same_sign, opposite_sign))
     if np.any(sides[:count] == sides[count:]):
         raise InputError(
-            f"error='estimate' needs surfaces with two sides, and {name} has one that turns over "
-            "(a Moebius strip): leave error=None."
+            f"the error 'estimate' needs surfaces with two sides, and {name} has one that turns "
+            "over "
+            "(a Moebius strip)."
         )
     first = np.unique(number, return_index=True)[1]
     return np.where(sides[:count] == sides[first][number], 1.0, -1.0)
@@ -530,13 +531,12 @@ class ShellErrors(StrainErrors):
 
     def __init__(self, part: MeshedStructure) -> None:
         if part.comm.size > 1:
-            raise InputError("error='estimate' of shells runs on one rank; leave error=None here.")
+            raise InputError("the error 'estimate' of shells runs on one rank.")
         if part.mesh.cell != "triangle":
             raise InputError(
-                "error='estimate' of shells takes triangles: the strains of quadrilaterals are "
+                "the error 'estimate' of shells takes triangles: the strains of quadrilaterals are "
                 f"most accurate where {part.mesh.name} takes them, and their recovery finds a half "
-                "to a fifth of the error. Mesh with triangles, or leave error=None and compare two "
-                "element sizes."
+                "to a fifth of the error. Mesh with triangles, or compare two element sizes."
             )
         super().__init__(part)
         self._pieces = smooth_pieces(part)
@@ -556,7 +556,7 @@ class ShellErrors(StrainErrors):
             return ""
         return (
             f"Not included: the flat cells of {self.part.mesh.name}, which meet at angles of up "
-            f"to {self._pieces.bent:.2g}°, for a curved surface; read its geometry with order=2."
+            f"to {self._pieces.bent:.2g}°, for a curved surface; read its geometry with order 2."
         )
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:

@@ -197,7 +197,7 @@ class Projection:
                 return x
         raise NotConvergedError(
             f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells "
-            "of nearly no volume; mesh the part anew, or leave error=None."
+            "of nearly no volume; mesh the part anew, or leave the error out."
         )
 
     def at_points(self, block: slice, values: Array) -> Array:
@@ -251,8 +251,8 @@ def refuse_locking(structure: MeshedStructure) -> None:
         default=0.0,
     )
     message = (
-        f"Poisson's ratio is {nu:.4g} and the {structure.mesh.cell} elements are linear (order=1): "
-        f"from {LOCKING:g} on they lock, and the estimate of the error is too small; take order=2."
+        f"Poisson's ratio is {nu:.4g} and the {structure.mesh.cell} elements are linear (order 1): "
+        f"from {LOCKING:g} on they lock, and the estimate of the error is too small; take order 2."
     )
     if nu >= LOCKED:
         raise InputError(message)

@@ -420,7 +420,7 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
         names = list(site)
         site = list(site.values())
         if not names:
-            raise InputError("site names no site: give {name: Site(point, direction), ...}.")
+            raise InputError("site names no site: give a Site for each name.")
         for name in names:
             if ":" in checks.name("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
@@ -429,7 +429,6 @@ def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
         sites.append(instance("site", item, Site, "a Site(point, direction)"))
         if sites[-1].tangential and not names:
             raise InputError(
-                "tangential directions belong to a model of named sites: "
-                "extract(part, {name: Site(..., tangential=True)})."
+                "tangential directions belong to a model of named sites: give the site a name."
             )
     return names, sites

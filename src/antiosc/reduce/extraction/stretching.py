@@ -47,8 +47,7 @@ def part_of(structure: Structure) -> MeshedStructure:
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
         raise InputError(
-            "stretch= takes a part of one mesh, a Structure(mesh, material, supports); got "
-            f"{structure.describe()}: take stretch=False."
+            f"stretch takes a part of one mesh; got {structure.describe()}: leave stretch out."
         )
     return cast("MeshedStructure", matrices)
 
@@ -56,9 +55,9 @@ def part_of(structure: Structure) -> MeshedStructure:
 def _check_model(model: AntiOscillators) -> None:
     """InputError for a model whose modes cannot stretch."""
     if model.shapes is None:
-        raise InputError("stretch= needs the shapes of the model: extract it with shapes=True.")
+        raise InputError("stretch needs the shapes of the model: extract it with shapes.")
     if model.free_modes.damping is not None:
-        raise InputError("stretch= does not take dampers, nor layers that relax: leave it out.")
+        raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
 
 
 def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
@@ -123,7 +122,7 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     """
     elastic = omega > 0
     if not elastic.any():
-        raise InputError("stretch= needs a model with elastic modes: raise n.")
+        raise InputError("stretch needs a model with elastic modes: raise n.")
     flexible = np.where(elastic, 1 / np.where(elastic, omega, 1.0) ** 2, 0.0)[:, None]
     basis = np.zeros((len(omega), 0))
     block = flexible * B

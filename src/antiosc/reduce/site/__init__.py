@@ -55,7 +55,7 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     functionals_found: Iterator[Functional] = iter(())
     if at_points:
         matrices = with_parts(
-            structure, "matrices have no points: use Site(dof=i) or Site(vector=b)."
+            structure, "matrices have no points: give the site a dof or a vector."
         )
         from antiosc.reduce.site.at_points import functionals_at  # needs dolfinx
 

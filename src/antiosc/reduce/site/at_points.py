@@ -119,8 +119,8 @@ def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Memb
     if isinstance(site.point, str):
         if site.part is not None and structure.assembled:
             raise InputError(
-                f'Site(point={site.point!r}) is a name and tells the part ("part:group"): leave '
-                f"part={site.part!r} out."
+                f'the point {site.point!r} is a name and tells the part ("part:group"): leave the '
+                f"part {site.part!r} out."
             )
         structure.members(site.part)
         member, point = middle_of(structure, site.point)
@@ -175,7 +175,7 @@ def _without_mesh(
     if not end.has(np.append(direction, np.zeros(3))):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "
-            "impact: extract its model with Site(..., tangential=True)."
+            "impact: extract its model with a tangential site."
         )
     b = np.asarray(end.displacements.T @ direction)
     if not name:
@@ -373,8 +373,8 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
         if sites_found.share[i] <= 0:
             raise InputError(
                 f"the patch of radius {radius:g} m at {text(points[i])} finds no surface: "
-                f"the facets there measure {sites_found.size[i]:.3g} m; refine around the site, "
-                f"refine=[(point, {radius:g})]."
+                f"the facets there measure {sites_found.size[i]:.3g} m; refine around the site to "
+                f"{radius:g} m."
             )
         if sites_found.moving[i] <= LEAST_FREE_SHARE:
             raise SiteError(constrained(f"the site at {text(points[i])}"))
@@ -408,5 +408,5 @@ def _check_distance(
     if site.snap is False:
         raise InputError(
             f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off the "
-            f"structure; its nearest point is {text(points[1])}: use that, or Site(..., snap=True)."
+            f"structure; its nearest point is {text(points[1])}: use that, or a site with snap."
         )

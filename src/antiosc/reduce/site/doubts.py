@@ -112,7 +112,7 @@ def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
     if not without_radius.any():
         return Doubt(without_radius, "", "")
     size = size_at(structure.mesh, closest(structure.mesh, sites.points[np.argmax(without_radius)]))
-    remedy = f"radius={rounded_up(size):g} (the element there measures {size:.2g} m"
+    remedy = f"{rounded_up(size):g} m (the element there measures {size:.2g} m"
     reason = "the compliance under a point load on a solid grows without limit as the mesh is"
     return Doubt(
         without_radius,
@@ -137,11 +137,12 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
     if not is_coarse.any():
         return Doubt(is_coarse, "", "")
     larger = f"measure {size:.2g} m, more than {rule}the radius {radius:g} m"
-    remedy = f"radius={rounded_up(size / times):g}"
+    remedy = f"a radius of {rounded_up(size / times):g} m"
     return Doubt(
         is_coarse,
-        f"the {entities} at the site {larger}: the patch is not resolved; read the geometry with "
-        f"refine=[(point, {times * radius:g})] or take {remedy}.",
+        f"the {entities} at the site {larger}: the patch is not resolved; refine the geometry "
+        "there to "
+        f"{times * radius:g} m (refine; on the page: Finer mesh here) or take {remedy}.",
         f"the {entities} at {{}} {larger} (a smaller size helps, or {remedy})",
     )
 

@@ -229,7 +229,7 @@ def _on_part(
         suffix = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
             f"shells and beams have no outward normal{suffix}: give the direction of impact, for "
-            "instance direction=(0, 0, -1)."
+            "instance (0, 0, -1)."
         )
     R = member.at.rotation
     direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
@@ -321,7 +321,7 @@ def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
 def points_given(points: object, direction: object) -> Array:
     """Checked points (P, 3) of a map."""
     if direction is None:
-        raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
+        raise InputError("points need the direction of impact, as (0, 0, -1).")
     coordinates = floats("where, if no group's name, the points,", points, None)
     if not coordinates.size:
         raise InputError("a map needs at least one point.")

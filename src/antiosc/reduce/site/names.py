@@ -51,7 +51,8 @@ def point_of(
     checks.text("point", point)
     if part is not None:
         raise InputError(
-            f'point={point!r} is a name and tells the part ("part:group"): leave part={part!r} out.'
+            f'the point {point!r} is a name and tells the part ("part:group"): leave the part '
+            f"{part!r} out."
         )
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
@@ -168,7 +169,7 @@ def motions_without_mesh(
             + (
                 ": a site of a superelement has displacements alone."
                 if rotated
-                else " along all axes: extract its model with Site(..., tangential=True)."
+                else " along all axes: extract its model with a tangential site."
             )
         )
     return np.asarray(end.components(names) @ matrices.expanded(shapes))

@@ -94,7 +94,7 @@ class Site(FieldsRepr):
         if at_node:
             store(self, node=whole("node", self.node))
             if places_given[1] == (self.direction is not None):
-                raise InputError("a Site at a node needs one of: dof, as dof='z', or direction.")
+                raise InputError("a Site at a node needs one of: dof, as 'z', or direction.")
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
         if isinstance(self.snap, bool) or not isinstance(self.snap, Real):
@@ -113,15 +113,13 @@ class Site(FieldsRepr):
         if self.part is not None:
             store(self, part=text("part", self.part))
             if self.point is None:
-                raise InputError("part= names the part of an assembly on which a point lies.")
+                raise InputError("part names the part of an assembly on which a point lies.")
         if self.point is None and not (at_node and self.direction is not None):
             return
         if self.direction is None and self.face is not None:
             return
         if self.direction is None:
-            raise InputError(
-                "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
-            )
+            raise InputError("a Site at a point needs the direction of impact, as (0, 0, -1).")
         direction = floats("direction", self.direction, (None,))
         is_named = isinstance(self.point, str) or at_node
         point = direction if is_named else floats("point", self.point, (None,))

@@ -261,7 +261,7 @@ def located(
     if kind.point_load and has_radius.any():
         raise InputError(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
-            "finite, so leave radius=None."
+            "finite, so leave the radius out."
         )
     point_sets = []
     contact = None
