@@ -31,7 +31,7 @@ from antiosc import (
 )
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, warnings_to
-from antiosc.base.texts import capitalised, engineering, percent, point_text
+from antiosc.base.texts import capitalised, engineering, percent, point_text, restitution_text
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.contact.dent import RIM
@@ -361,7 +361,7 @@ def headline_of_history(
         for name, unit in QUANTITIES.items()
     ]
     e = hit.restitution
-    numbers.append(("restitution", "not defined" if e is None else f"{e:.3f}"))
+    numbers.append(("restitution", "not defined" if e is None else restitution_text(e)))
     sentences_of_kind = [
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, combinations, islice
-from math import floor, inf, log10, sqrt
+from math import floor, inf, log10, pi, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -74,8 +74,10 @@ UNDER_PATCH = 2.0
 LARGEST_RADIUS = 0.02
 #: Default material of a part.
 MATERIAL = "steel S235"
-#: Largest radius of the ball of a new scene [m].
+#: Largest radius of the ball of a new scene [m] for parts of up to 0.5 m; over the longest side of
+#: larger ones.
 LARGEST_BALL = 0.01
+BALL_OVER_SIZE = 0.02
 #: Largest radius of the ball over that of the patch (False: known material, True: a deck's). At
 #: 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11, and the patch must
 #: be 1.7 times as wide.
@@ -232,7 +234,7 @@ class Inspection:
             largest = BALL_OVER_LENGTH * self.length
         else:
             largest = BALL_OVER_PATCH[self.of_deck] * self.radius
-        preferred = min(LARGEST_BALL, float(f"{largest:.1g}"))
+        preferred = min(largest_ball_on(self.length), float(f"{largest:.1g}"))
         return min(preferred, float(f"{BALL_OVER_ROOM * self.room:.2g}"))
 
     @property
@@ -298,6 +300,11 @@ class Inspection:
             if key in self.read
         }
 
+    def ball_text(self) -> str:
+        """The ball and its mass, chosen by the size of the part."""
+        mass = engineering(4 / 3 * pi * STEEL["rho"] * self.ball**3, "kg")
+        return f"steel ball, radius {1e3 * self.ball:g} mm ({mass}), by the part's size"
+
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
         section = "[deck]" if self.of_deck else "[geometry]"
@@ -323,8 +330,7 @@ class Inspection:
         rows.append(("struck", site, "[sites.tip] point, direction"))
         if self.radius is not None:
             rows.append(("patch", f"radius {self.radius:g} m", "[sites.tip] radius"))
-        ball = f"steel ball, radius {1e3 * self.ball:g} mm, 1 m/s"
-        rows.append(("striker", ball, "[impactor]"))
+        rows.append(("striker", f"{self.ball_text()}, 1 m/s", "[impactor]"))
         if self.flat is not None:
             rows.append(("contact", "as on a flat face: nothing is known of it", "[contact]"))
         return rows
@@ -345,6 +351,11 @@ class Inspection:
                 return f"at the nodes on {plane}"
             return f"{', '.join(self.on_plane[:MOST_NAMED])}: the nodes on {plane}"
         return "nowhere: it is free"
+
+
+def largest_ball_on(length: float) -> float:
+    """Largest radius [m] of the ball for a part whose longest side is `length` [m]."""
+    return max(LARGEST_BALL, float(f"{BALL_OVER_SIZE * length:.1g}"))
 
 
 def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
@@ -434,9 +445,9 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
     if not len(site_nodes):
         sites = _far_from(x[supported], AWAY * float(np.ptp(x, axis=0).max()), sites)
     if family == "Solid":
-        sites = _outside_hollows(mesh, outer, sites)
+        sites = _outside_hollows(mesh, outer, sites, largest_ball_on(longest))
     if family != "Beam" and mesh.gdim == 3:
-        sites = _with_room(outer, sites)
+        sites = _with_room(outer, sites, largest_ball_on(longest))
     point, direction, radius = next(sites)
     radius = radius if family == "Solid" or mesh.gdim == 2 else None
     if structure is not None:
@@ -553,9 +564,11 @@ def _far_from(
 
 
 def _outside_hollows(
-    mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
+    mesh: Mesh, outer: Faces, sites: Iterator[tuple[Array, Array, float | None]], ball: float
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """Yield the sites of a solid; those in hollows into which the ball does not fit come last."""
+    """Yield the sites of a solid; those in hollows into which a ball of a radius [m] does not fit
+    come last.
+    """
     from antiosc.extension import curvature
 
     hollow = []
@@ -564,7 +577,7 @@ def _outside_hollows(
             curvature_there = float(np.min(curvature(mesh, outer, *site[:2], lengths=False).values))
         except InputError:  # not known
             curvature_there = 0.0
-        if curvature_there < -HOLLOW / LARGEST_BALL:  # nan of edges is not
+        if curvature_there < -HOLLOW / ball:  # nan of edges is not
             hollow.append(site)
         else:
             yield site
@@ -572,12 +585,12 @@ def _outside_hollows(
 
 
 def _with_room(
-    outer: Faces, sites: Iterator[tuple[Array, Array, float | None]]
+    outer: Faces, sites: Iterator[tuple[Array, Array, float | None]], ball: float
 ) -> Iterator[tuple[Array, Array, float | None]]:
-    """The sites; those where the largest ball meets the part elsewhere come last."""
+    """The sites; those where a ball of a radius [m] meets the part elsewhere come last."""
     narrow_sites = []
     for site in sites:
-        if _room(outer, site) * BALL_OVER_ROOM < LARGEST_BALL:
+        if _room(outer, site) * BALL_OVER_ROOM < ball:
             narrow_sites.append(site)
         else:
             yield site

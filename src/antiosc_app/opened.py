@@ -310,6 +310,7 @@ class Opened:
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
             "geometry": geometry,
             "unstated": {key: inspection.read[key] for key in inspection.unstated()},
+            "n": inspection.count,
             "saves": self._given is None,
             "engine": live.engine(),
             "setup": asdict(replace(set_up, held=tuple(faces_held))),
@@ -517,7 +518,8 @@ def _told_of_file(look: new.Inspection) -> str:
         choices = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
     for key, taken in look.unstated().items():
         choices += f"; {key} {taken}; a field changes it"
-    return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes)])
+    striker = f"The first striker is a {look.ball_text()}."
+    return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
 
 
 def _corner(look: new.Inspection) -> float:

@@ -31,6 +31,7 @@ from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
+    Columns,
     Presentation,
     advice_of,
     drawn_pictures,
@@ -348,10 +349,27 @@ def rendered(template: Path, **content: object) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"shown": format_number, "prefixed": with_prefixes, "zipped": _zipped}
+    environment.filters["parted"] = _parted
     environment.tests["numeric"] = lambda cell: (
         format_number(cell).strip("-–+.0123456789eE% ") == ""
     )
     return str(environment.get_template(template.name).render(content))
+
+
+#: First rows of a long table, which a report shows; the others are folded.
+FIRST_ROWS = 10
+
+
+def _parted(table: Columns) -> tuple[Columns, Columns]:
+    """A table in two: its first rows, and the others if it is long, else {}.
+
+    Each has units with its own prefixes.
+    """
+    columns = {name: list(values) for name, values in table.items()}
+    if max(map(len, columns.values()), default=0) <= 2 * FIRST_ROWS:
+        return columns, {}
+    first = {name: values[:FIRST_ROWS] for name, values in columns.items()}
+    return first, {name: values[FIRST_ROWS:] for name, values in columns.items()}
 
 
 def _zipped(columns: Iterable[Iterable[object]]) -> Iterator[tuple[object, ...]]:

@@ -20,7 +20,14 @@ from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, without_warnings
-from antiosc.base.texts import engineering, percent, point_text as placed, prefixed, range_text
+from antiosc.base.texts import (
+    engineering,
+    percent,
+    point_text as placed,
+    prefixed,
+    range_text,
+    restitution_text,
+)
 from antiosc.extension import (
     MAP_QUANTITIES,
     QUANTITIES,
@@ -35,6 +42,7 @@ from antiosc.models.body import GRAVITY, info_of, site_points
 from antiosc.plot.charts import (
     legend_beside,
     new_figure,
+    padded_range,
     plot_force,
     plot_model,
     plot_motion,
@@ -66,6 +74,7 @@ class Picture:
     heading, caption : description of the picture, with units.
     draw : function that writes it to a file with this ending.
     same_view : whether it shows the same as the previous picture, and is left out if that failed.
+    folded : whether a report shows it only when its heading is opened.
     """
 
     heading: str
@@ -73,6 +82,7 @@ class Picture:
     draw: Callable[[Path], object]
     ending: str = ".png"
     same_view: bool = False
+    folded: bool = False
 
 
 class Drawn(NamedTuple):
@@ -83,6 +93,7 @@ class Drawn(NamedTuple):
     heading: str
     caption: str
     data: str
+    folded: bool
 
 
 def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
@@ -102,7 +113,7 @@ def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
                 data_url = f"data:image/{kind};base64,{content}"
             except (AntioscError, ValueError) as error:  # ValueError: a name read as a formula
                 caption = f"Not drawn: {error}"
-        yield Drawn(picture.heading, caption, data_url)
+        yield Drawn(picture.heading, caption, data_url, picture.folded)
 
 
 def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
@@ -123,6 +134,16 @@ def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None
     ax.set_xlabel("time (ms)")
     ax.set_ylabel(y)
     legend_beside(ax)
+
+
+def begun(fill: Callable[[Axes], object], share: float, ax: Axes) -> None:
+    """Draw curves over time, the first `share` of the run; values are scaled to that part."""
+    fill(ax)
+    drawn = [np.array(line.get_data(), dtype=float) for line in ax.lines]
+    end = share * max(time[-1] for time, _ in drawn)
+    values = np.concatenate([value[time <= end] for time, value in drawn])
+    ax.set_xlim(*padded_range([0.0, end], 0.02, 0.0))
+    ax.set_ylim(*padded_range(values, 0.08, 0.08))
 
 
 def spectrum(model: AntiOscillators, ax: Axes) -> None:
@@ -418,7 +439,7 @@ def _facts(hit: History) -> Block:
         for n, unit in QUANTITIES.items():
             table[f"{_spaced(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
         return table | {"contacts": [len(contact.contacts) for contact in hits]}
-    e = "not defined" if hit.restitution is None else f"{hit.restitution:.4f}"
+    e = "not defined" if hit.restitution is None else restitution_text(hit.restitution, 4)
     numbers = [(_spaced(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
     return [*numbers, ("contacts", f"{len(hit.contacts)}"), ("coefficient of restitution", e)]
 
@@ -544,10 +565,10 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
     pictures = [chart("Contact force", caption, several if contacts else partial(plot_force, hit))]
     if not contacts:
         caption = "Displacements of the site and of the impactor over time."
-        pictures.append(chart("Displacements", caption, partial(plot_motion, hit)))
+        pictures += _of_run(hit, "Displacements", caption, partial(plot_motion, hit))
     energies = [(name, hit.time, getattr(hit.energy, name)) for name in ENERGIES]
     caption = "Energies (J) of both bodies, of the contact and of what is dissipated, over time."
-    pictures.append(chart("Energies", caption, partial(curves, energies, "energy (J)")))
+    pictures += _of_run(hit, "Energies", caption, partial(curves, energies, "energy (J)"))
     if probes:
         caption = "The component of each probe with the largest value; of probes with several units"
         caption += " each is divided by its largest value, which the legend states."
@@ -565,6 +586,26 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
         caption = f"The largest value at each node over the run: {_spaced(name)}."
         pictures.append(Picture("Largest stress", caption, peak.plot))
     return pictures
+
+
+#: A run is shown whole unless its contacts end before this share of it; else to twice their end.
+SHORT = 0.25
+
+
+def _of_run(
+    hit: History, heading: str, caption: str, fill: Callable[[Axes], object]
+) -> list[Picture]:
+    """A chart over the time of a run; of one that goes on long after its contacts two: the time of
+    these, and the whole run, folded.
+    """
+    whole = chart(heading, caption, fill)
+    releases = [one.contacts[-1][1] for one in _contacts(hit).values() or [hit] if one.contacts]
+    share = max(releases, default=hit.time[-1]) / hit.time[-1]
+    if share > SHORT:
+        return [whole]
+    shown = f"{caption} The run goes on to {engineering(hit.time[-1], 's')}."
+    first = chart(heading, shown, partial(begun, fill, 2 * share))
+    return [first, replace(whole, heading=f"{heading} over the whole run", folded=True)]
 
 
 def _impact_arrow(model: AntiOscillators) -> Columns:

@@ -32,6 +32,8 @@ FINER = 3.0
 MOST_HELD = 200
 #: Anti-oscillators of the first numbers, from free modes.
 COUNT = 20
+#: Largest number of anti-oscillators.
+MOST_OSCILLATORS = 400
 #: Names of isotropic materials; default of a part and of a ball.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST = "steel S235"
@@ -144,6 +146,8 @@ class SetUp:
     finer: bool = False
     #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
     yield_strength: float = 0.0
+    #: number of anti-oscillators; None: as a new scene has
+    n: int | None = None
     #: density of the materials of a deck that state none [kg/m³]; None: as it was read
     density: float | None = None
     #: Young's modulus of the materials of a deck that state no elasticity [Pa]; None: as density
@@ -162,6 +166,8 @@ class SetUp:
                 checks.positive(name, getattr(self, name), unit)
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
+        if self.n is not None:
+            checks.whole("n", self.n, least=1, most=MOST_OSCILLATORS)
         checks.flag("finer", self.finer)
         checks.nonnegative("yield_strength", self.yield_strength, "Pa")
         if self.material:
@@ -217,7 +223,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         site["radius"] = set_up.radius or rounded_up(
             RESOLVED * source.size_at(set_up.point) / finer
         )
-    extract: Table = {"n": inspection.count}
+    extract: Table = {"n": set_up.n or inspection.count}
     if set_up.damping:
         extract["damping"] = set_up.damping
     if inspection.bars:

@@ -195,6 +195,7 @@ def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path
         setup["striker"] |= {"kind": "mass", "mass": 0.1, "radius": 0.02, "speed": 0.5}
         short = call(one, "settle", setup | {"duration": 1e-3})
         assert short["blow"]["computed"]["restitution"] < 0
+        assert ", still approaching" in " ".join(short["verdict"])
         assert short["caution"].startswith("After the last release the bodies still approach")
         assert short["blow"]["duration"] == 1e-3
         parted = call(one, "settle", setup)

@@ -17,6 +17,7 @@ pytest.importorskip("jinja2")
 
 import antiosc as ao
 from antiosc.base.errors import RangeError, SiteError
+from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
 from antiosc_app import new, units
 from antiosc_app.foreign import foreign_part
@@ -235,7 +236,7 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     down = np.array([0.0, 0.0, -1.0])
     hollow, flat = (np.array([0.02, 0.015, 0.012]), np.array([0.005, 0.015, 0.02]))
     sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
-    found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites)]
+    found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites, 0.01)]
     assert found == [flat.tolist(), hollow.tolist()]
 
 
@@ -484,6 +485,27 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     assert "in, not stated there (it would measure 2.00 mm in mm or 2.00 m in m)" in row
     with pytest.raises(ao.InputError, match="unit must be"):
         inspect_part(path, unit="ell")
+
+
+def test_a_timeout_is_that_of_every_reading_and_of_the_scene(tmp_path):
+    bar, cube = deck(tmp_path / "bar.inp", "mm"), tmp_path / "cube.geo"
+    cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')
+    for path, section in ((bar, "deck"), (cube, "geometry")):
+        with pytest.raises(ao.MeshError, match="longer timeout in s"):
+            inspect_part(path, timeout=1e-3)
+        scene, _ = new.write_scene(path.with_suffix(".toml"), str(path), timeout=90.0)
+        assert tomllib.loads(scene.read_text())[section]["timeout"] == 90
+
+
+def test_the_ball_grows_with_the_part():
+    for length, radius in ((0.2, 0.01), (5.0, 0.1)):
+        sides = (length, length / 2, length / 4)
+        look = new._inspect_mesh(ao.box_mesh(sides, size=length / 16), {}, None)
+        assert look.ball == pytest.approx(radius)
+        told = next(line for line in look.sentences("box") if "striker" in line)
+        assert f"radius {1e3 * radius:g} mm" in told
+        mass = 7850 * 4 / 3 * np.pi * radius**3
+        assert f"({engineering(mass, 'kg')})" in told
 
 
 @pytest.mark.parametrize(

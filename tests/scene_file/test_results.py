@@ -144,7 +144,7 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     write = shown.Picture("a", "b", lambda path: path.write_bytes(b"png"))
     fails, behind = (shown.Picture("c", "d", broken, same_view=k) for k in (False, True))
     one, two = shown.drawn_pictures([write, fails, behind])
-    assert one == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
+    assert one[:3] == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
     assert two == ("c", "Not drawn: no colours.", "")
 
 
@@ -238,6 +238,28 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert sum("Not drawn" in caption for caption in captions) == 1
     units = ("(N)", "(J)", "(Hz)", "(N/m)")
     assert all(any(unit in caption for caption in captions) for unit in units)
+
+
+def test_long_tables_and_the_time_after_the_contacts_are_folded(tmp_path):
+    model = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[5e-3] * 30, omega=2e3 * np.arange(1, 31) ** 3)
+    late = ao.simulate(model, ao.RigidMass(0.02, 1.5), ao.Hertz(1e9), 0.1)
+    release = late.contacts[-1][1]
+    assert release < 0.02
+    page = Page(ao.write_report(late, tmp_path / "late.html").read_text(encoding="utf-8"))
+    folded = ["Displacements over the whole run", "Energies over the whole run", "20 more rows"]
+    assert page.text["summary"] == folded
+    heads = [text for text in page.text["th"] if text.startswith("frequency")]
+    assert heads == ["frequency (kHz)", "frequency (MHz)"]
+    axes = shown.new_figure((7.0, 3.4), shown=False).subplots()
+    shown.begun(lambda ax: shown.plot_motion(late, ax), 2 * release / 0.1, axes)
+    assert axes.get_xlim()[1] == pytest.approx(2e3 * release)  # in ms
+    low, high = axes.get_ylim()
+    for line in axes.lines:
+        seen = line.get_ydata()[line.get_xdata() <= 2e3 * release]
+        assert low < seen.min()
+        assert seen.max() < high
+    early = Page(ao.write_report(HIT, tmp_path / "early.html").read_text(encoding="utf-8"))
+    assert "summary" not in early.text
 
 
 @pytest.mark.slow

@@ -142,8 +142,8 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.Tabulated([0], [0]), "needs at least 2 points"),
     (lambda: ao.named_impactor("IK02").hertz(70e9, 0.33), "tip"),
     (lambda: ao.RigidMass(0.1, 1.0).hertz(70e9, 0.33), "tip"),
-    (lambda: ao.named_impactor("steel ball", 1.0), "give diameter"),
-    (lambda: ao.named_impactor("golf ball"), "give velocity"),
+    (lambda: ao.named_impactor("steel ball", 1.0), "give a diameter"),
+    (lambda: ao.named_impactor("golf ball"), "give a velocity"),
     (lambda: ao.named_impactor("IK07", diameter=0.1), "diameter is for"),
     (lambda: ao.named_impactor("anvil"), "'anvil'"),
     *((lambda name=name: ao.IMPACTORS[name].law(), f"{name} has no stiffness")

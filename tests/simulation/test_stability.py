@@ -177,7 +177,7 @@ class TestRuns:
         with pytest.warns(ao.AccuracyWarning, match="gained energy"):
             hit = ao.simulate(MODEL, STRIKER, LAW, DURATION, step=y / TOP)
         assert hit.status == 2
-        words = hit.message.split("use step=")[1]
+        words = hit.message.split("use a step of ")[1]
         remedy = float(words.split(" ")[0])
         assert 0.5 * y / TOP < remedy < y / TOP
         good = ao.simulate(MODEL, STRIKER, LAW, DURATION, step=remedy)
@@ -236,7 +236,7 @@ def test_contacts_that_excite_the_modes_together_are_told(p: int) -> None:
     with pytest.warns(ao.AccuracyWarning, match="unstable step"):
         hit = resting(p, stiffness).run(0.2, step=h)
     assert hit.status == 2
-    found = re.search(r"use step=([0-9.e-]+) or no step", hit.message)
+    found = re.search(r"use a step of ([0-9.e-]+) s or no step", hit.message)
     clear = float(found[1])
     assert 0.9 * 9.6 < 1.2 * stiffness * clear**2 < 9.6
     assert resting(p, stiffness).run(0.2, step=clear).status == 0

@@ -238,6 +238,11 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     return f"{digits_text} {PREFIXES[power]}{unit}".rstrip()
 
 
+def restitution_text(e: float, digits: int = 3) -> str:
+    """A coefficient of restitution, and if it is negative what that means."""
+    return f"{e:.{digits}f}{', still approaching' if e < 0 else ''}"
+
+
 def point_text(point: Iterable[float]) -> str:
     """The coordinates [m] of a point as text: "(20, 40, 75) mm"."""
     coordinates = [float(x) for x in point]

@@ -172,8 +172,8 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
     if lost:
         raw.remarks = [
             *raw.remarks,
-            f"{name} holds {' and '.join(sorted(set(lost)))} that are no sides of its "
-            f"{_NOUNS[raw.kind.dim]}; they are left out.",
+            f"{name} holds {' and '.join(sorted(set(lost)))} besides its {_NOUNS[raw.kind.dim]},"
+            " such as sketches, axes or construction planes: these are left out.",
         ]
 
 

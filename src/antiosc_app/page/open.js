@@ -6,13 +6,15 @@ const FIELDS = {
   striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
     ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
-  "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100]],
+  "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100],
+    ["n", "anti-oscillators", "", 5, 400]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
     ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000],
     ["modulus", "Young's modulus", "GPa", 0.001, 1000]],
 };
 const UNSTATED = ["density", "modulus"]; // of decks that do not state them
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
+const WHOLE = ["n"]; // fields of whole numbers
 const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
@@ -315,7 +317,10 @@ class Bench {
       const values = { [name]: open && shown === "" ? null : exact(shown * size) };
       return kinds ? this.striker(values, done) : this.change(values, done);
     };
-    const value = () => Number((least ? least * (most / least) ** range.value : range.value * most).toPrecision(3));
+    const value = () => {
+      const value = least ? least * (most / least) ** range.value : range.value * most;
+      return WHOLE.includes(name) ? Math.round(value) : Number(value.toPrecision(3));
+    };
     range.oninput = () => set(value(), false);
     range.onchange = () => set(value(), true);
     number.onchange = () => set(number.value, true);
@@ -336,6 +341,7 @@ class Bench {
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
     if (UNSTATED.includes(name)) return this.facts.unstated[name];
+    if (name === "n") return this.facts.n;
     return falls || name !== "damping" ? this.facts.fall[name] : 0;
   }
 

@@ -186,6 +186,7 @@ class Page {
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
   plain(name, value, unit, unknown) {
     if (name === "contacts") return String(value);
+    if (name === "restitution") return engineering(value) + approaching(value);
     if (name === "dent" && !(value > 0) && unknown) return unknown;
     return engineering(value, unit);
   }

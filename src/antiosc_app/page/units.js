@@ -17,6 +17,9 @@ function engineering(value, unit = "", digits = 3) {
   return `${shown} ${PREFIXES[power + 5]}${unit}`.trim();
 }
 
+// What a negative coefficient of restitution means.
+function approaching(e) { return e < 0 ? ", still approaching" : ""; }
+
 function percent(share) {
   return Number.isFinite(share) ? `${Number((100 * share).toPrecision(2))} %` : "unknown";
 }

@@ -30,7 +30,7 @@ function contact_sentence(hit, yields) {
     return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}).`;
   }
   const across = engineering(2 * rim_radius(yields, y, hit.deepest), "m", 2);
-  const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}` : "";
+  const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}${approaching(hit.restitution)}` : "";
   return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${side ? `, in ${side}` : ""}${rebound}.`
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}.`;
 }

@@ -155,9 +155,9 @@ def as_floor(floor: object) -> Floor:
     elif isinstance(floor, SoftLayer):
         example = "a Floor with this layer"
     elif isinstance(floor, ContactLaw):
-        example = "Floor(law=...)"
+        example = "a Floor with this law"
     elif callable(getattr(floor, "modal", None)):
-        example = "Floor(model=...)"
+        example = "a Floor with this model"
     raise InputError(f"floor must be a Floor; write {example}; got {checks.shown(floor)}.")
 
 

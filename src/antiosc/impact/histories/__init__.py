@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import STOPPED, engineering, percent, point_text
+from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
 from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
 from antiosc.impact.histories.bars import ErrorBudget
@@ -174,7 +174,7 @@ class History(RunHistory, Results):
                 ("impulse", engineering(self.impulse, "N s", 4)),
                 ("contacts", f"{len(self.contacts)}"),
                 ("contact time", engineering(self.contact_time, "s", 4)),
-                ("restitution", "-" if e is None else f"{e:.4f}"),
+                ("restitution", "-" if e is None else restitution_text(e, 4)),
                 ("energy drift", f"{self.energy.drift:.1e}"),
                 ("step", engineering(self.step, "s")),
                 ("force error", error_text(self)),

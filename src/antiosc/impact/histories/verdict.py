@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, percent, restitution_text
 from antiosc.engine.contact.choice import Choice, elastic_pressure
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.half_space import hertz_stresses, spread_difference, von_mises
@@ -209,7 +209,7 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
     side = weaker_side(contact)
     side_text = f", in {side}" if side else ""
     e = contact.restitution
-    rebound = "" if e is None else f"; restitution {e:.2f}"
+    rebound = "" if e is None else f"; restitution {restitution_text(e, 2)}"
     return (
         f"The contact yields: {contact.dent.text}{side_text}{rebound}. It yields from"
         f" {engineering(law.yield_force, 'N')} on; Hertz's pressure would be {pressure_text},"

@@ -183,8 +183,10 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
         )
     if model.info.converged == 0 and model.n >= SETTLED_FROM:
         warn(
-            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
-            "frequencies are unreliable; check whether some part is very slender.",
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance, so that "
+            "none of their frequencies is one of the part: take more anti-oscillators (n); if these"
+            " do not help, a part is too slender for double precision: take fewer elements along "
+            "it.",
             AccuracyWarning,
         )
     if options.band is None or model.info.band is None:
