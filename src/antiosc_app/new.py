@@ -74,6 +74,8 @@ UNDER_PATCH = 2.0
 LARGEST_RADIUS = 0.02
 #: Default material of a part.
 MATERIAL = "steel S235"
+#: Material of the ball of a new scene.
+BALL_MATERIAL = "bearing steel 100Cr6"
 #: Largest radius of the ball of a new scene [m] for parts of up to 0.5 m; over the longest side of
 #: larger ones.
 LARGEST_BALL = 0.01
@@ -302,7 +304,8 @@ class Inspection:
 
     def ball_text(self) -> str:
         """The ball and its mass, chosen by the size of the part."""
-        mass = engineering(4 / 3 * pi * STEEL["rho"] * self.ball**3, "kg")
+        density = materials.record(BALL_MATERIAL).rho
+        mass = engineering(4 / 3 * pi * density * self.ball**3, "kg")
         return f"steel ball, radius {1e3 * self.ball:g} mm ({mass}), by the part's size"
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
@@ -921,6 +924,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         direction=[0.0, 0.0, -1.0] if inspection is None else inspection.direction,
         band=_band(LARGEST_BALL if inspection is None else inspection.ball),
         ball=LARGEST_BALL if inspection is None else inspection.ball,
+        ball_material=json.dumps(BALL_MATERIAL),
         drop=drop,
         groups=[] if inspection is None else _listed(inspection.groups),
         fall={

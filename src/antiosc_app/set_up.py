@@ -14,7 +14,15 @@ from antiosc import IMPACTORS
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
 from antiosc.extension import SAME_FACE
-from antiosc_app.new import FALL_HEIGHT, FLOOR_MATERIAL, FRICTION, IMPACTS, TILT, Inspection
+from antiosc_app.new import (
+    BALL_MATERIAL,
+    FALL_HEIGHT,
+    FLOOR_MATERIAL,
+    FRICTION,
+    IMPACTS,
+    TILT,
+    Inspection,
+)
 
 #: A table of a scene.
 Table = dict[str, Any]
@@ -34,10 +42,9 @@ MOST_HELD = 200
 COUNT = 20
 #: Largest number of anti-oscillators.
 MOST_OSCILLATORS = 400
-#: Names of isotropic materials; default of a part and of a ball.
+#: Names of isotropic materials; default of a part.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST = "steel S235"
-FIRST_OF_BALL = "bearing steel 100Cr6"
 #: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
@@ -98,7 +105,7 @@ class Striker:
     #: [m/s]
     speed: float = 1.0
     #: material of the ball or the mass
-    material: str = FIRST_OF_BALL
+    material: str = BALL_MATERIAL
     #: name of a hammer, whose speed is that of its test
     name: str = HAMMERS[0]
     #: height of a fall [m]

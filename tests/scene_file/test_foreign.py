@@ -504,7 +504,7 @@ def test_the_ball_grows_with_the_part():
         assert look.ball == pytest.approx(radius)
         told = next(line for line in look.sentences("box") if "striker" in line)
         assert f"radius {1e3 * radius:g} mm" in told
-        mass = 7850 * 4 / 3 * np.pi * radius**3
+        mass = 7810 * 4 / 3 * np.pi * radius**3  # of bearing steel
         assert f"({engineering(mass, 'kg')})" in told
 
 

@@ -143,7 +143,7 @@ def test_a_summary_tells_what_its_error_covers(error):
     part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
     model = ao.extract(part, ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03), n=2, error=error)
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
-    told = ": see error_budget" if error else ' are not estimated: the error "estimate"'
+    told = ": see the error budget" if error else ' are not estimated: the error "estimate"'
     for text in (hit.summary(), hit.numbers()["error_covers"]):
         assert f"time integration; truncation and mesh{told}" in text
 

@@ -269,7 +269,7 @@ def error_scope(history: History) -> str:
         return "time integration"
     bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
     if bounded or any(info.strike for info in facts):
-        return "time integration; truncation and mesh: see error_budget"
+        return "time integration; truncation and mesh: see the error budget"
     remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
     return f"time integration; truncation and mesh are not estimated{remedy}"
 
