@@ -310,7 +310,8 @@ def sentences_of(tree: ast.Module) -> list[str]:
         texts = [getattr(part, "value", "") for part in parts]
         text = "".join(one if isinstance(one, str) else "{}" for one in texts)
         is_text = isinstance(node, ast.JoinedStr | ast.Constant) and id(node) not in inner
-        if is_text and text.count(" ") > 2 and not set("\n;<\\") & set(text):
+        is_code = text.endswith("};") or set("\n<\\") & set(text)
+        if is_text and text.count(" ") > 2 and not is_code:
             found.append(text)
     return found
 

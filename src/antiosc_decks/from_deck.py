@@ -396,7 +396,7 @@ def _choices(raw: RawMesh) -> str:
     """Text that names the arguments of `read_model` which choose a part of a deck."""
     sets = {name: len(members.get(raw.kind.dim, ())) for name, members in raw.groups.items()}
     names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
-    sets_text = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
+    sets_text = f"; parts names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
     return f"piece 1 is the largest{sets_text * bool(names)}"
 
 
