@@ -212,7 +212,7 @@ class Assembly:
     system : the system that the march integrates.
     contact_time_estimate : shortest expected contact time [s].
     may_rotate : whether the rotation of a body is known and not 0.
-    thin : whether a body consists of supported sheets.
+    thin : whether a body is a supported sheet or thin solid.
     stretches : whether a body has second-order forces.
     stretched : second-order forces of the bodies that stretch, which have rows in the march.
     """

@@ -231,7 +231,21 @@ class AntiOscillators(ReprMixin, Parameters):
         InputError
             For a model that was extracted without `error="estimate"`.
         """
-        return parameters.corrected(self)
+        softened = parameters.corrected(self)
+        if self.stretch is None:
+            return softened
+        return replace(softened, stretch=self._stretch_of_corrected(self.stretch))
+
+    def _stretch_of_corrected(self, stretch: Stretch) -> Stretch:
+        """The second-order forces for the free modes of the corrected model: the same motions."""
+        shapes = np.eye(self.n + 1)  # the motions are expressed in the shapes of this model
+        raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
+        before = raw.free_modes
+        after = parameters.corrected(raw).free_modes
+        motions = before.field((before.shape @ stretch.modes).T).T
+        modes = np.linalg.lstsq(after.field(after.shape.T).T, motions, rcond=None)[0]
+        left, _, right = np.linalg.svd(modes, full_matrices=False)
+        return replace(stretch, modes=left @ right)
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).

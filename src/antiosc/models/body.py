@@ -126,8 +126,9 @@ class ModelInfo(ReprMixin):
     doubts : sentences on implausible properties of the part; wave_speed : largest √(E/ρ) [m/s].
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
         they are unknown; the law of a contact follows from them.
-    thickness : least thickness [m] of its sheets, whose theory holds for small deflections; None
-        for sheets that are supported along one line alone, as a cantilever.
+    thickness : least thickness [m] of its sheets, or that of the walls of a thin solid, which
+        linear theory describes for small deflections; None for others, and for those that are
+        supported along one line alone, as a cantilever.
     cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
     second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
@@ -259,7 +260,7 @@ def info_of(body: object) -> ModelInfo:
 
 
 def is_thin(body: object) -> bool:
-    """Whether a body consists of supported sheets, so that theory holds for small deflections."""
+    """Whether a body is a supported sheet or thin solid: theory holds for small deflections."""
     return info_of(body).thickness is not None
 
 

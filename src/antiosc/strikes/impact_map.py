@@ -531,7 +531,7 @@ def _stretched(
     """The map with second-order forces in those impacts whose deflection is large enough."""
     start_time = time.perf_counter()
     part = part_of(structure)
-    flat = part.thickness is None or is_flat(part)
+    flat = part.thickness is None or not part.kind.sheet or is_flat(part)
     threshold = 0.0
     if flat and part.thickness and count == "auto":
         threshold = SLIGHT_DEFLECTION * part.thickness

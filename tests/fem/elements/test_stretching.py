@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
 from antiosc.recovery.mesh_fields import recovered
@@ -226,6 +228,79 @@ def test_strike_takes_second_order_forces_where_the_linear_deflection_asks_for_t
     assert hit.error_budget["peak_force"].stretch > 0
     slow = ao.strike(part, site, ao.RigidMass(0.2, velocity=0.01), *blow, tol=0.1)
     assert slow.model.stretch is None
+
+
+def thin(solid):
+    """A clamped plate of 0.2 × 0.2 × 0.002 m with a site in its middle."""
+    sides = (0.2, 0.2, 0.002) if solid else (0.2, 0.2)
+    steel = ao.Solid(**STEEL) if solid else ao.Shell(thickness=0.002, **STEEL)
+    edges = [ao.Support(side) for side in ("-x", "+x", "-y", "+y")]
+    patch = 0.006 if solid else None
+    refine = [((0.1, 0.1, 0.002), 0.006)] if solid else []
+    part = ao.Structure(ao.box_mesh(sides, 0.02, refine=refine), steel, edges)
+    return part, ao.Site((0.1, 0.1, 0.002 * solid), (0, 0, -1), radius=patch, snap=True)
+
+
+def test_a_plate_of_solids_is_told_of_its_stretching_as_one_of_shells():
+    told = {}
+    for solid in (False, True):
+        model = ao.extract(*thin(solid), n=40)
+        with pytest.warns(ao.AccuracyWarning, match="more than 0.5"):
+            hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(5e9), 3e-3)
+        told[solid] = re.split(r"[\d.]+ mm, ([\d.]+) times", hit.message)
+    assert told[True][::2] == told[False][::2]
+    assert float(told[True][1]) == pytest.approx(float(told[False][1]), rel=0.1)
+
+
+def test_strike_lets_a_thin_solid_stretch_by_itself():
+    part, site = thin(solid=True)
+    ball = ao.RigidMass(0.2, 3.0)
+    hit = ao.strike(part, site, ball, ao.Hertz(1e7), 5e-3, tol=0.5)
+    assert hit.assembly.stretched
+    assert hit.error_budget["peak_force"].stretch > 0
+
+
+def test_the_corrected_model_stretches_in_the_same_motions():
+    """The free modes of both differ; the motions on which the forces act do not."""
+    part, site = thin(solid=True)
+    raw = ao.extract(part, site, n=12, stretch=4, error="estimate")
+    soft = raw.corrected()
+    motions = [motions_of(model) for model in (raw, soft)]
+    assert motions[1] == pytest.approx(motions[0], abs=1e-6 * abs(motions[0]).max())
+
+
+def motions_of(model):
+    """The displacements (dofs, m) of the motions of second-order forces."""
+    body = model.free_modes
+    return body.field((body.shape @ model.stretch.modes).T).T
+
+
+@pytest.mark.parametrize(
+    ("sides", "thickness"), [((0.2, 0.1, 0.004), 0.004), ((0.3, 0.02, 0.01), 0.01)]
+)
+def test_walls_have_the_distance_of_opposite_faces(sides, thickness):
+    assert wall_thickness(ao.box_mesh(sides, 0.02)) == pytest.approx(thickness, rel=1e-9)
+
+
+def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
+    cylinders = [f"Cylinder({k}) = {{0, 0, 0, 0, 0, 0.2, {r}}};" for k, r in ((1, 0.05), (2, 0.046))]
+    script = [
+        'SetFactory("OpenCASCADE");',
+        *cylinders,
+        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};",
+    ]
+    path = tmp_path / "tube.geo"
+    path.write_text("\n".join([*script, "Physical Volume(\"tube\") = {3};"]))
+    mesh = ao.read_mesh(path, size=0.01)
+    assert wall_thickness(mesh) == pytest.approx(0.004, rel=0.1)
+
+
+def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
+    steel = ao.Solid(**STEEL)
+    cantilever = ao.Structure(ao.box_mesh((0.2, 0.1, 0.004), 0.03), steel, [ao.Support("-x")])
+    block = ao.Structure(ao.box_mesh((0.1, 0.1, 0.1), 0.05), steel, [ao.Support("-x")])
+    assert cantilever.matrices.thickness is None
+    assert block.matrices.thickness is None
 
 
 @pytest.mark.filterwarnings("ignore")

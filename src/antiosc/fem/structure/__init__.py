@@ -419,7 +419,8 @@ class Plausibility(TypedDict, total=False):
 
     doubts : sentences on implausible properties of a part; wave_speed : largest speed of waves in
         bars [m/s];
-    thickness : least thickness of sheets [m]; None if they are supported along one line alone.
+    thickness : least thickness of sheets, or of the walls of a thin solid [m]; None for others, and
+        if they are supported along one line alone.
     """
 
     doubts: list[str]

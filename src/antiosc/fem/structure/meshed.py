@@ -38,6 +38,7 @@ from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
+from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat, warn
 from antiosc.fem.structure import (
     Dissipation,
@@ -163,7 +164,7 @@ class MeshedStructure(StructureMatrices):
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict)
     #: sentences on what is implausible of its size and its materials
     doubts: tuple[str, ...] = ()
-    #: the least of a sheet [m], unless it is held along one line alone
+    #: the least of a sheet, or of the walls of a thin solid [m]; None if it is held along one line
     thickness: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
     springs: Sequence[Dissipation] = ()  # to the ground
@@ -428,6 +429,9 @@ def alone(stiffener: Stiffener, edges: str) -> MeshedStructure:
     )
 
 
+#: Largest thickness of the walls of a solid over its size that counts as thin: thicker ones break
+#: before they deflect by half of it.
+THIN = 0.1
 #: Deviation from a line of points that lie on it, over the size of the part.
 ON_LINE = 1e-6
 
@@ -642,18 +646,26 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: In
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
 ) -> float | None:
-    """Least thickness [m] of a sheet that large deflections stretch; None for others.
+    """Least thickness [m] of a sheet, or of the walls of a thin solid, that large deflections
+    stretch; None for others.
 
-    A sheet supported along one line only bends as a cantilever does, without stretching.
+    A sheet supported along one line only bends as a cantilever does, without stretching; so does a
+    thin solid whose fixed nodes lie within its thickness of a line.
     """
-    if not materials[0].kind.sheet:
-        return None
+    sheet = materials[0].kind.sheet
+    if sheet:
+        thickness = float(min(material.section.thickness for material in materials))
+        wide = ON_LINE * mesh.extent()
+    else:
+        thickness = wide = wall_thickness(mesh) if materials[0].kind.name == "solid" else 0.0
+        if not 0 < thickness <= THIN * mesh.extent():
+            return None
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
-    if extents[1:].sum() <= ON_LINE * mesh.extent():
+    if extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))):
         return None
-    return float(min(material.section.thickness for material in materials))
+    return thickness
 
 
 def _section_doubt(material: Family, extent: float) -> str:

@@ -110,7 +110,7 @@ def may_stretch(history: RunHistory) -> bool:
 
 
 def _sheets(history: RunHistory) -> Iterator[tuple[str, SceneBody, float]]:
-    """Yield name, body and thickness [m] of each part of sheets that is not a cantilever."""
+    """Yield name, body and thickness [m] of each sheet or thin solid that is not a cantilever."""
     if not history.assembly.thin:
         return
     for name, body in history.assembly.bodies.items():

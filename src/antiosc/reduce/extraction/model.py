@@ -140,12 +140,14 @@ def _with_second_order(structure: Structure, model: AntiOscillators) -> AntiOsci
     k0 = np.atleast_2d(model.k0)
     if model.info.thickness is None or not (single_mesh and supported) or len(sites) != len(k0):
         return model
+    part = cast("MeshedStructure", structure.matrices)
+    if not part.kind.sheet:
+        return model
     from antiosc.fem.elements.second_order import quadratic_share  # needs dolfinx
 
     assert model.shapes is not None
     C = np.linalg.inv(k0)
     deflections = model.shapes[:, : len(C)] @ C / C.diagonal()
-    part = cast("MeshedStructure", structure.matrices)
     by_site = {
         site: quadratic_share(part, deflections[:, i], 1 / C[i, i]) for i, site in enumerate(sites)
     }
