@@ -283,7 +283,8 @@ def test_walls_have_the_distance_of_opposite_faces(sides, thickness):
 
 
 def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
-    cylinders = [f"Cylinder({k}) = {{0, 0, 0, 0, 0, 0.2, {r}}};" for k, r in ((1, 0.05), (2, 0.046))]
+    radii = ((1, 0.05), (2, 0.046))
+    cylinders = [f"Cylinder({k}) = {{0, 0, 0, 0, 0, 0.2, {r}}};" for k, r in radii]
     script = [
         'SetFactory("OpenCASCADE");',
         *cylinders,
