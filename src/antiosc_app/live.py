@@ -370,13 +370,8 @@ def headline_of_history(
         ("accuracy", "" if budget is None else _accuracy(budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    caution = " ".join(filter(None, [unfinished(hit), caution_of(budget, structure)]))
+    caution = " ".join(filter(None, [hit.unfinished, caution_of(budget, structure)]))
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
-
-
-def unfinished(hit: History) -> str:
-    """Sentence that the bodies will touch again after the end of a run; "" if they will not."""
-    return hit.explanation.removeprefix(hit.message).strip()
 
 
 def map_cautions(impact_map: ImpactMap) -> list[str]:

@@ -583,7 +583,7 @@ def _told(blow: PageImpact) -> Data:
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
         "about": f"{headline.about} Computed for {engineering(blow_data['duration'], 's')}.",
-        "caution": headline.caution if blow.settled else live.unfinished(blow.hit),
+        "caution": headline.caution if blow.settled else blow.hit.unfinished,
         "verdict": _said(headline, blow.settled),
         "dofs": blow.structure.dofs,
         "site": {"point": info.point, "direction": info.direction, "radius": site.radius},

@@ -544,7 +544,7 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 #: Attributes of a margin among the numbers.
 MARGIN_KEYS = (
     "criterion", "exposure", "margin", "reached", "contact", "beyond", "spread",
-    "edge_stress", "layer", "sentence", "point", "time",
+    "edge_stress", "thin", "layer", "sentence", "point", "time",
 )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,17 @@ from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory
 from antiosc.impact.histories.verdict import (
     CONTACT_RADII,
+    EDGE_ERROR,
+    HALF_SPACE,
     YieldingZone,
     yielding_zones,
     yields,
 )
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, layers_of
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Criterion -> event at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
@@ -69,7 +75,10 @@ class Margin(ReprMixin):
     spread : error of the value (in its unit) since a patch of another radius than the contact
         spreads its force; it is added to the value in the exposure and in the margin.
     edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
-        Pa; it counts where the nodes of the mesh are farther away and have lower stresses.
+        Pa; it counts where the nodes of the mesh are farther away and have lower stresses. 0 for a
+        part that is thinner than six radii of the contact, where it does not hold.
+    thin : thickness of such a part under the contact over its radius, if the faces of the mesh are
+        larger than that radius; else inf.
     mesh_error : estimated error of the value by the mesh, in its unit; 0 without an estimate.
     nearer : the worst point in the balls that are left out; None without balls.
     """
@@ -87,6 +96,7 @@ class Margin(ReprMixin):
     spread: float = 0.0
     edge_stress: float = 0.0
     mesh_error: float = 0.0
+    thin: float = inf
 
     @property
     def at_edge(self) -> bool:
@@ -157,6 +167,13 @@ class Margin(ReprMixin):
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             largest = engineering(self.nearer.value, "Pa")
             margin += f"; nearer, up to {largest} at {point_text(self.nearer.point)}"
+        if self.thin < inf:
+            radius = engineering(float(min(self.beyond[:, 3])) / CONTACT_RADII, "m", 2)
+            margin += (
+                f"; the part is {self.thin:.2g} contact radii thick there, less than"
+                f" {HALF_SPACE:g}, so that Hertz's stress on a half-space does not replace what"
+                f" its mesh does not resolve: make the cells there smaller than {radius}"
+            )
         return f"{self._verdict}: {exposure_text}; {margin}"
 
     @property
@@ -165,8 +182,10 @@ class Margin(ReprMixin):
         out.
         """
         noun = CRITERIA[self.criterion][0]
-        is_certain = max(self.value, self.edge_stress) >= self.strength
-        is_possible = self.stress + self.mesh_error >= self.strength
+        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress)
+        largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
+        is_certain = least >= self.strength
+        is_possible = largest >= self.strength
         if is_possible and not is_certain:
             verdict = f"{noun} may be reached"
         else:
@@ -203,6 +222,11 @@ class Zones(NamedTuple):
         """Largest von Mises stress [Pa] at the edges of the balls about contacts."""
         return max((zone.edge_stress for zone in self.contacts), default=0.0)
 
+    @property
+    def thin(self) -> float:
+        """Least thickness over the radius of a contact, of those that the mesh does not resolve."""
+        return min((zone.unresolved_depth for zone in self.contacts), default=inf)
+
 
 #: No zones.
 NO_ZONES = Zones()
@@ -233,7 +257,8 @@ def margin_of(
         if beyond is None:
             return nearer
         edge_stress = zones.edge_stress if criterion == "yield" else 0.0
-        return replace(beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress)
+        beyond = replace(beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress)
+        return replace(beyond, thin=zones.thin) if criterion == "yield" else beyond
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
     if not np.isfinite(exposure).any():
@@ -457,6 +482,22 @@ def zones_of(history: AnyHistory, body: str) -> Zones:
         return NO_ZONES
     zones = yielding_zones(history.contact_histories, history.name_of(body))
     return Zones(np.reshape([zone.ball for zone in zones], (-1, 4)), zones)
+
+
+def on_part(structure: Structure, zones: Zones) -> Zones:
+    """The zones with the thickness of a part of one mesh at the contacts; of others as they are."""
+    matrices = structure.matrices
+    if not matrices.meshed or matrices.assembled:
+        return zones
+    from antiosc.fem.mesh.walls import at_point  # needs dolfinx
+
+    faces = cast("MeshedStructure", matrices).faces
+    at_contacts = [at_point(faces, zone.point) for zone in zones.contacts]
+    contacts = [
+        zone._replace(depth=depth, faces=size)
+        for zone, (depth, size) in zip(zones.contacts, at_contacts, strict=True)
+    ]
+    return zones._replace(contacts=contacts)
 
 
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.

@@ -519,8 +519,9 @@ def peak_field(
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     zones = _zones(leave_out, history, body)
-    if len(zones.balls) and not margin.only_solids(structure, shapes, part):
-        zones = margin.NO_ZONES
+    if len(zones.balls):
+        is_solid = margin.only_solids(structure, shapes, part)
+        zones = margin.on_part(structure, zones) if is_solid else margin.NO_ZONES
     instants = times_of(history, times)
     search: Search
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)

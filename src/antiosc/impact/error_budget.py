@@ -31,8 +31,9 @@ impact is repeated on each of them; an error bar is `BAR` standard deviations of
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -224,8 +225,6 @@ CUT_PATCH = (
     "Not included: the patch, which an edge cuts, so that the half-space of the contact law does"
     " not hold: move the site away from the edge, or take smaller elements beside it."
 )
-#: Part of the note on runs with different numbers of contacts.
-INCOMPARABLE = "the contact times are not comparable"
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
@@ -250,7 +249,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     raw = rerun(model, tol)
     impact = RepeatedImpact(model, raw, rerun, tol)
     weights = amplitudes(raw)
-    mesh, truncated, share, safety, doubts = _mesh(impact, weights)
+    of_mesh = _mesh(impact, weights)
     noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
     geometry, geometry_notes = _geometry(impact, weights)
@@ -258,8 +257,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     law, left_out = law_errors(raw, by_law, tol)
     finer = None if hit.assembly.stretched else raw  # that is linear
     shares = {
-        "mesh": mesh,
-        "truncation": truncated,
+        "mesh": of_mesh.mesh,
+        "truncation": of_mesh.truncation,
         "time": _time(hit, finer, tol),
         "patch": patch,
         "geometry": geometry,
@@ -285,9 +284,16 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     band_notes = filter(None, [low_band_message(raw), linear])
     if patch_notes:
         unknown += ("patch",)
-    incomparable = ("contact_time",) if any(INCOMPARABLE in doubt for doubt in doubts) else ()
-    notes = (*patch_notes, *geometry_notes, *model_notes, *doubts, *band_notes)
-    return ErrorBudget(by_quantity, share, notes, safety, left_out, unknown, incomparable)
+    notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
+    return ErrorBudget(
+        by_quantity,
+        of_mesh.share,
+        notes,
+        of_mesh.safety,
+        left_out,
+        unknown,
+        of_mesh.incomparable,
+    )
 
 
 #: Factor of safety on the change by two more second-order modes, and least error, which is that of
@@ -329,16 +335,27 @@ def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
     return replace(model, stretch=replace(model.stretch, count=count))
 
 
-def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float, float, list[str]]:
-    """(errors due to the mesh, to truncation, strain error over strain energy, safety factor,
-    notes).
+class MeshErrors(NamedTuple):
+    """Errors of the three quantities due to the mesh and to truncation; zero without a mesh.
 
-    All are zero for a model without a mesh.
+    `share`: strain error over strain energy; `safety`: the factor in the errors due to the mesh;
+    `doubts`: notes; `incomparable`: the quantities that differ by a number of contacts.
     """
+
+    mesh: Shares = bars.NO_ERROR
+    truncation: Shares = bars.NO_ERROR
+    share: float = 0.0
+    safety: float = SAFETY
+    doubts: Sequence[str] = ()
+    incomparable: tuple[str, ...] = ()
+
+
+def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
+    """The errors due to the mesh and to truncation."""
     model = impact.model
     raw = impact.raw
     if model.strain_error is None:
-        return bars.NO_ERROR, bars.NO_ERROR, 0.0, SAFETY, []
+        return MeshErrors()
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
@@ -364,15 +381,17 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> tuple[Shares, Shares, float
             f"The {model.n} anti-oscillators are too few for this contact: the bar of the"
             " truncation is a rough one; extract with a band."
         )
+    incomparable = tuple[str, ...]()
     if len(raw.contacts) != len(softer.contacts):
+        incomparable = ("contact_time",)
         doubts.insert(
             0,
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
-            f"{len(softer.contacts)} corrected): {INCOMPARABLE}; a finer mesh"
+            f"{len(softer.contacts)} corrected): the contact times are not comparable; a finer mesh"
             " decides.",
         )
     truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
-    return mesh, truncation_errors, share, safety, doubts
+    return MeshErrors(mesh, truncation_errors, share, safety, doubts, incomparable)
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:

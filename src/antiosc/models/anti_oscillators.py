@@ -242,6 +242,8 @@ class AntiOscillators(ReprMixin, Parameters):
         raw = replace(self, stretch=None, inertia=None, hidden=None, shapes=shapes)
         before = raw.free_modes
         after = parameters.corrected(raw).free_modes
+        assert before.shape is not None
+        assert after.shape is not None
         motions = before.field((before.shape @ stretch.modes).T).T
         modes = np.linalg.lstsq(after.field(after.shape.T).T, motions, rcond=None)[0]
         left, _, right = np.linalg.svd(modes, full_matrices=False)

@@ -26,7 +26,7 @@ from antiosc.base import checks
 from antiosc.base.clock import clock, uncounted_seconds
 from antiosc.base.errors import InputError
 from antiosc.base.progress import doing
-from antiosc.base.texts import Completed, Result, engineering, percent
+from antiosc.base.texts import Result, engineering, percent
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
@@ -187,7 +187,7 @@ class Tradeoff(Result):
         )
         if tol < self.tol:
             return f"{sentence}: give tradeoff a tol of {tol:g} or less."
-        return f"{sentence}. {self.hit.message.removeprefix(Completed.message).lstrip()}"
+        return f"{sentence}. {self.hit.error_budget.notes[-1]}"
 
     @property
     def front(self) -> tuple[TradeoffMember, ...]:

@@ -291,7 +291,7 @@ def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
         "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};",
     ]
     path = tmp_path / "tube.geo"
-    path.write_text("\n".join([*script, "Physical Volume(\"tube\") = {3};"]))
+    path.write_text("\n".join([*script, 'Physical Volume("tube") = {3};']))
     mesh = ao.read_mesh(path, size=0.01)
     assert wall_thickness(mesh) == pytest.approx(0.004, rel=0.1)
 

@@ -290,6 +290,31 @@ def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
     assert "at this distance by Hertz's pressure" in margin.sentence
 
 
+@pytest.mark.parametrize("radii", [3.0, 12.0])
+def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
+    """Where the mesh does not resolve the contact, the margin says so in its place."""
+    alu = ao.material("aluminium 6082-T6")
+
+    def struck(height):
+        plate = parts.box((6, 6, 2), (0.1, 0.1, height))
+        part = ao.Structure(plate, alu, [ao.Support("-z")])
+        site = np.array([0.05, 0.05, height])
+        model = ao.extract(part, ao.Site(site, (0, 0, -1), radius=0.017), n=4)
+        ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=1.0)
+        hit = ao.simulate(model, ball, duration=1e-4)
+        return part, hit
+
+    height = radii * hit_zone(struck(0.002)[1]).radii[0]
+    part, hit = struck(height)
+    thickness = height / hit_zone(hit).radii[0]
+    margin = ao.peak_field(part, hit).margin()
+    is_thin = thickness < 6
+    assert is_thin == (radii == 3.0)
+    assert (margin.edge_stress == 0.0) == is_thin
+    assert margin.thin == pytest.approx(thickness if is_thin else np.inf)
+    assert (f"is {thickness:.2g} contact radii thick there" in margin.sentence) == is_thin
+
+
 def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0)
     assert margin.sentence.startswith("yield is not reached")

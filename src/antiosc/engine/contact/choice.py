@@ -50,9 +50,11 @@ STRONGER = 2.6
 #: and 5 % for a linear growth up to `STRONGER`).
 STRENGTH_RATIO = 1.6
 
-#: Unknown properties (`Choice.unknown`) of contacts of flat faces, along a line, of laminates.
+#: Unknown properties (`Choice.unknown`) of contacts of flat faces, along a line, without a yield
+#: strength, of laminates.
 FLAT = "the pressure of flat faces, which are never quite parallel"
 LINES = "when a contact along a line yields"
+NO_STRENGTH = "the contact's law (give yield_strength or a material)"
 LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
 
 
@@ -191,8 +193,13 @@ def _doubt(first: Surface, second: Surface) -> str:
             radius = engineering(1 / surface.curvatures[1], "m")
             return f"the radius of the {surface.kind}, taken as {radius} (give a radius)"
     if not (first.matter.known and second.matter.known):
-        return "the contact's law (give yield_strength or a material)"
+        return NO_STRENGTH
     return ""
+
+
+def lacks_strength(choice: Choice) -> bool:
+    """Whether the law depends on a yield strength that is not known."""
+    return choice.unknown == NO_STRENGTH
 
 
 def _flat(first: Surface, second: Surface, modulus: float) -> Choice:

@@ -27,22 +27,39 @@ def wall_thickness(mesh: Mesh) -> float:
         return 0.0
     faces = Faces(mesh, sheet=False)
     points = quadrature(mesh, 2, faces.facets, 0)
-    areas = np.bincount(points.entity, points.weight, len(faces.facets))
-    gathered = mesh.comm.allgather((faces.centres, faces.normals, areas))
-    centres, normals, areas = (np.concatenate(rows) for rows in zip(*gathered, strict=True))
+    areas = np.zeros(len(faces.facets))
+    np.add.at(areas, points.entity, points.weight)
+    centres, normals, areas = _gathered(faces, areas)
     cumulated = np.cumsum(areas)
     shares = (np.arange(POINTS) + 0.5) / POINTS
     chosen = np.unique(np.searchsorted(cumulated, shares * cumulated[-1]))
-    depths = [_depth(centres, normals, k) for k in chosen]
+    depths = [_depth(centres, normals, centres[k], normals[k]) for k in chosen]
     thickness = float(np.quantile(depths, SHARE, method="higher"))
     return thickness if np.isfinite(thickness) else 0.0
 
 
-def _depth(centres: Array, normals: Array, k: int) -> float:
-    """Distance [m] from the centre of face k along its normal to the opposite face; inf: none."""
-    gap = centres - centres[k]
-    cosine = normals @ normals[k]
-    is_opposite = (cosine < OPPOSITE) & (gap @ normals[k] < 0)
+def at_point(faces: Faces, point: Array) -> tuple[float, float]:
+    """(thickness of a solid [m], size of the faces [m]) at the face nearest to a point (3,).
+
+    The thickness is inf where nothing is opposite.
+    """
+    centres, normals, sizes = _gathered(faces, faces.sizes)
+    k = int(np.argmin(np.linalg.norm(centres - point, axis=1)))
+    return _depth(centres, normals, point, normals[k]), float(sizes[k])
+
+
+def _gathered(faces: Faces, values: Array) -> tuple[Array, Array, Array]:
+    """Centres (F, 3), normals (F, 3) and values (F,) of the faces of all ranks."""
+    gathered = faces.mesh.comm.allgather((faces.centres, faces.normals, values))
+    centres, normals, everywhere = (np.concatenate(rows) for rows in zip(*gathered, strict=True))
+    return centres, normals, everywhere
+
+
+def _depth(centres: Array, normals: Array, point: Array, normal: Array) -> float:
+    """Distance [m] from a point of the surface along its normal to the nearest opposite face."""
+    gap = centres - point
+    cosine = normals @ normal
+    is_opposite = (cosine < OPPOSITE) & (gap @ normal < 0)
     if not is_opposite.any():
         return np.inf
     distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)

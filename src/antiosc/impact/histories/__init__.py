@@ -139,16 +139,21 @@ class History(RunHistory, Results):
 
     @property
     def explanation(self) -> str:
-        """The message, with a note if the bodies of the only contact still approach at the end."""
+        """The message, with `unfinished`."""
+        return f"{self.message} {self.unfinished}".rstrip()
+
+    @property
+    def unfinished(self) -> str:
+        """Sentence if the bodies of the only contact still approach at the end; else ""."""
         e = (
             self.restitution
             if self.status != STOPPED and len(self.contact_histories) == 1
             else None
         )
         if e is None or e >= 0:
-            return self.message
+            return ""
         return (
-            f"{self.message} After the last release the bodies still approach (restitution {e:.3g}"
+            f"After the last release the bodies still approach (restitution {e:.3g}"
             f" < 0) and will touch again: peak force, impulse and restitution are those up to"
             f" {self.run.time[-1]:g} s; lengthen the duration."
         )

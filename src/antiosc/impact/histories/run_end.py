@@ -90,7 +90,7 @@ def check_result(
         return CheckResult(STOPPED, reason + ringing * (ended.answer == library.TOO_MANY_STEPS))
     message = cut_short_message(assembly, ended)
     if doubt := inexact_message(ended, tol, limits[1], gain):
-        steps = ringing if "max_steps" in doubt else ""
+        steps = ringing if needs_steps(ended, tol) else ""
         return CheckResult(INEXACT, f"{doubt}{steps} {message}".rstrip())
     if untouched := no_contact_message(assembly, ended):
         return CheckResult(COMPLETED, f"Never touched: {untouched}.", unusual=True)
@@ -127,6 +127,12 @@ def inexact_message(
             f" step."
         )
     return ""
+
+
+def needs_steps(ended: RunEnd | Converged, tol: float) -> bool:
+    """Whether more steps might show that a complete run meets the tolerance."""
+    worst = max(ended.force, ended.peak)
+    return not worst <= tol and not (worst == np.inf and ended.certain > 0)
 
 
 def cut_short_message(assembly: Assembly, ended: RunEnd) -> str:
