@@ -115,7 +115,8 @@ def test_the_best_and_the_front():
 
 
 def test_no_line_is_told_with_the_end_of_the_meshes(tried):
-    ended = SimpleNamespace(message="Completed. The mesh was used as it is.")
+    budget = SimpleNamespace(notes=("A doubt.", "The mesh was used as it is."))
+    ended = SimpleNamespace(error_budget=budget)
     found = replace(some((1.0, 0.1)), tol=0.01, hit=ended)
     with pytest.raises(ao.InputError, match=r"least is 10 %\. The mesh was used as it is"):
         found.best(tol=0.05)
