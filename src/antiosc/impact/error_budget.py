@@ -48,7 +48,7 @@ from antiosc.impact.truncation import WARN_SHARE, truncation_error, truncation_s
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
-from antiosc.models.parameters import NO_ESTIMATE, energy_error
+from antiosc.models.parameters import energy_error, no_estimate
 
 #: Measured errors of Timoshenko's beam theory: see above.
 LOCAL = 0.8
@@ -235,11 +235,11 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     """
     model = hit.model
     if not isinstance(model, AntiOscillators):
-        raise InputError(NO_ESTIMATE)
+        raise InputError(no_estimate(model))
     stretching_model = model
     stretches = model.stretch is not None
     if model.strain_error is None and model.info.measured is None and not stretches:
-        raise InputError(NO_ESTIMATE)
+        raise InputError(no_estimate(model))
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))

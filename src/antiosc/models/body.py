@@ -122,6 +122,7 @@ class ModelInfo(ReprMixin):
     model : data of the error of beam theory, or a sentence why there is none.
     patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
         the estimate of the mesh error leaves out.
+    no_estimate : why `extract(…, error="estimate")` refuses the part; None if it does not.
     measured : data of the error bars of a model from measured frequency responses.
     doubts : sentences on implausible properties of the part; wave_speed : largest √(E/ρ) [m/s].
     surfaces : site ("" without a name) -> material and curvature as for `Surface.as_dict`, or why
@@ -160,6 +161,7 @@ class ModelInfo(ReprMixin):
     patch: PatchData | None = None
     geometry: FacetGaps | None = None
     not_included: str | None = None
+    no_estimate: str | None = None
     measured: MeasuredBand | None = None
     doubts: Sequence[str] | None = None
     wave_speed: float | None = None
@@ -233,7 +235,7 @@ class ModelInfo(ReprMixin):
 
 #: Types of the values in a file; with other types a model could fail during a run.
 _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
-    **dict.fromkeys(("structure", "method", "not_included"), ((str,), "a text")),
+    **dict.fromkeys(("structure", "method", "not_included", "no_estimate"), ((str,), "a text")),
     **dict.fromkeys(
         ("points", "checks", "seconds", "surfaces", "cells", "second_order"), ((Mapping,), "a dict")
     ),

@@ -30,7 +30,7 @@ from antiosc.base._types import Array, Index
 from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import InputError
 from antiosc.engine.damping import DampingMatrix, in_coordinates
-from antiosc.models.body import Body, ModelInfo
+from antiosc.models.body import Body, ModelInfo, info_of
 from antiosc.models.modal import Damping, Value, columns_of_sites
 from antiosc.models.motion import Inertia, unit_vector, unit_vectors
 from antiosc.models.stretch import Stretch
@@ -390,11 +390,17 @@ NO_ESTIMATE = (
 )
 
 
+def no_estimate(model: object) -> str:
+    """Message for a model without an estimate of its mesh error, with the remedy that works."""
+    reason = info_of(model).no_estimate
+    return f"the error of the mesh is not known: {reason}" if reason else NO_ESTIMATE
+
+
 def corrected(model: ModelType) -> ModelType:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
-        raise InputError(NO_ESTIMATE)
+        raise InputError(no_estimate(model))
     if model.strain_misfit is not None:
         E = E + model.strain_misfit
     k0, static, omega, Q = _softened(model.k0, model.m, model.omega, E)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import replace
 
@@ -10,6 +11,7 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.base.texts import percent
 from antiosc.fem.mesh.closest import closest
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
@@ -18,6 +20,7 @@ from antiosc.reduce.site.doubts import warn_of_doubts
 from antiosc.reduce.site.sites import located
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
+from sheets import sheet
 
 pytestmark = FREE_ON_PURPOSE
 
@@ -143,9 +146,38 @@ def test_a_summary_tells_what_its_error_covers(error):
     part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
     model = ao.extract(part, ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03), n=2, error=error)
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
-    told = ": see the error budget" if error else ' are not estimated: the error "estimate"'
+    told = 'truncation and mesh are not estimated: the error "estimate"'
+    if error:
+        told = "law, truncation and mesh: see the error budget"
     for text in (hit.summary(), hit.numbers()["error_covers"]):
-        assert f"time integration; truncation and mesh{told}" in text
+        assert f"time integration; {told}" in text
+
+
+@pytest.mark.sample
+def test_a_summary_has_one_figure_of_the_law_that_of_the_budget():
+    box = parts.box((8, 4, 4), cell="tetrahedron")
+    part = ao.Structure(box, ao.material("steel S235"), [ao.Support("left")])
+    site = ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03)
+    model = ao.extract(part, site, n=4, error="estimate")
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    hit = ao.simulate(model, ball, duration=1e-4)
+    assert not re.search(r"law [\d.]+ %", hit.summary())
+    share = hit.error_budget["peak_force"].law
+    assert f"law {percent(share)}" in hit.summary()
+
+
+def test_a_shell_of_quadrilaterals_is_not_advised_of_an_estimate_that_is_refused():
+    """The summary, the budget and `extract` name the same remedy."""
+    shell = ao.Shell(thickness=2e-3, **STEEL)
+    square = sheet(4, lambda s, t: (0.2 * s, 0.2 * t, 0 * s), "quadrilateral")
+    part = ao.Structure(square, shell, [ao.Support(lambda x: x[0] < 1e-9)])
+    site = ao.Site((0.15, 0.1, 0.0), (0, 0, -1), snap=True)
+    hit = ao.simulate(ao.extract(part, site, n=2), ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
+    assert '"estimate"' not in hit.summary()
+    assert "compare two element sizes" in hit.summary()
+    for ask in (lambda: hit.error_budget, lambda: ao.extract(part, site, n=2, error="estimate")):
+        with pytest.raises(ao.InputError, match="compare two element sizes"):
+            ask()
 
 
 def test_a_point_above_a_plane_part_is_off_it():

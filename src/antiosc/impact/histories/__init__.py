@@ -272,23 +272,37 @@ def error_scope(history: History) -> str:
     facts = [info_of(body) for body in bodies]
     if not any(info.structure for info in facts):
         return "time integration"
-    bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
-    if bounded or any(info.strike for info in facts):
-        return "time integration; truncation and mesh: see the error budget"
+    if has_estimate(history):
+        law = "law, " if history.budget is not None else ""
+        return f"time integration; {law}truncation and mesh: see the error budget"
     remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
+    if any(i.no_estimate for i in facts):
+        remedy = ": compare two element sizes"
     return f"time integration; truncation and mesh are not estimated{remedy}"
+
+
+def has_estimate(history: History) -> bool:
+    """Whether a body has the errors of its mesh and of its truncation."""
+    bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
+    bounded = any(getattr(body, "strain_error", None) is not None for body in bodies)
+    return bounded or any(info_of(body).strike for body in bodies)
 
 
 def error_text(history: History) -> str:
     """Text: error of the force by the law of the strongest contact, and numerical error with its
     causes.
+
+    The error of the law is that of the error budget where there may be one; else it is estimated
+    without another run.
     """
     budget = vars(history).get("error_budget")
     if budget:
         return budget.causes_text("peak_force")
-    strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
     numerical = f"numerical {error_text} ({error_scope(history)})"
+    if has_estimate(history) and history.budget is not None:
+        return numerical
+    strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))
 
 

@@ -11,7 +11,7 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.beam import HalvedBeams
 from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
-from antiosc.reduce.error.shell import ShellErrors
+from antiosc.reduce.error.shell import ShellErrors, no_triangles
 from antiosc.reduce.error.solid import SolidErrors
 from antiosc.reduce.site import Functional
 
@@ -38,11 +38,7 @@ def estimator(structure: Structure) -> StrainErrors:
 def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     """The estimator for a part."""
     if matrices.kind.name in WHY:
-        raise InputError(
-            f"the error 'estimate' holds for solids, beams and shells; {matrices.mesh.name} is "
-            "made of "
-            f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
-        )
+        raise InputError(_refused(matrices))
     if matrices.mesh.n_cells < 2:
         raise InputError(
             "the error 'estimate' compares the strains of neighbouring cells, and the mesh has "
@@ -52,6 +48,29 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     if matrices.kind.sheet:
         return ShellErrors(matrices)
     return SolidErrors(matrices)
+
+
+def refusal(structure: Structure) -> str:
+    """Why the mesh's error of an assembly, of trusses or of quadrilaterals is not estimated; "" for
+    others.
+    """
+    if structure.matrices.assembled:
+        return JOINTED
+    if not structure.matrices.meshed:
+        return ""
+    part = on_mesh(structure, NO_MESH)
+    if part.kind.name == "truss":
+        return _refused(part)
+    return no_triangles(part) if part.kind.sheet else ""
+
+
+def _refused(part: MeshedStructure) -> str:
+    """Why a recovery of strains does not show the errors of a family."""
+    name = part.kind.name
+    return (
+        f"the error 'estimate' holds for solids, beams and shells; {part.mesh.name} is made of"
+        f" {name} elements, {WHY[name]}."
+    )
 
 
 class ModelErrors:
@@ -64,8 +83,8 @@ class ModelErrors:
             raise InputError(
                 "the error 'estimate' is for models of one site: extract each site by itself."
             )
-        if structure.matrices.assembled:
-            raise InputError(JOINTED)
+        if reason := refusal(structure):
+            raise InputError(reason)
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
         self._errors: MeshErrors = (

@@ -49,8 +49,18 @@ def info_of_model(
         solver=known.static.solver.description,
         cells=cells or None,
         surfaces=surfaces(structure, firsts),
+        no_estimate=_no_estimate(structure),
         **structure.matrices.plausibility,
     )
+
+
+def _no_estimate(structure: Structure) -> str | None:
+    """Why the mesh's error of a structure is not estimated; None if it is, or has no mesh."""
+    if not structure.matrices.meshed:
+        return None
+    from antiosc.reduce.error.model_errors import refusal  # needs dolfinx
+
+    return refusal(structure) or None
 
 
 def model_of_one_site(
