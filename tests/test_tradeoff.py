@@ -62,12 +62,21 @@ def test_members_are_what_extract_and_simulate_give():
     part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
     found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
     assert len({one.n for one in found.table}) == len(found.table) > 1
+    assert "Only one mesh was tried, that of the given structure." in found.summary()
     for one in found.table:
         model = ao.extract(part, SITE, n=one.n, error="estimate").corrected()
         hit = ao.simulate(model, *IMPACT, tol=1e-4)
         assert hit.peak_force == pytest.approx(one.peak_force, rel=2e-3)
         assert one.dofs == part.dofs
         assert one.size == pytest.approx(np.sqrt(0.03 / 48))
+
+
+def test_a_first_mesh_that_is_fine_enough_is_told(tried):
+    mesh = plate((6, 2), (0.3, 0.1), "triangle")
+    found = ao.tradeoff(mesh, SITE, *IMPACT, tol=0.9, material=SHEET, supports=HELD, order=1)
+    assert len({one.dofs for one in found.table}) == 1
+    assert "Only one mesh was tried: the first" in found.summary()
+    assert not tried.notes
 
 
 def test_members_take_no_seconds_to_compile(monkeypatch):

@@ -148,7 +148,7 @@ class Tradeoff(Result):
     tol : relative tolerance that was asked for.
     hit : the history of the last mesh, as for `strike`.
     others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
-    notes : sentences on methods that were not run.
+    notes : sentences on methods that were not run, and on a single mesh.
     compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
     """
 
@@ -341,7 +341,8 @@ def tradeoff(
         members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
         table = tuple(made.beside(finest) for made in members)
         compilation = uncounted_seconds() - compiled
-        result = Tradeoff(table, tol, hit, compilation=compilation)
+        single = one_mesh(source, meshes, BRACKET * tol)
+        result = Tradeoff(table, tol, hit, notes=single, compilation=compilation)
         if compare is None:
             return result
         best = result.best(tol=tol) if result.status == 0 else table[-1]
@@ -350,7 +351,7 @@ def tradeoff(
         blow = partial(blow_of, answer.structure, base.site, answer.raw, duration)
         ran, notes = outcomes(blow, compare, report)
     other_members = (base.by(name, outcome, finest.answer.hit) for name, outcome in ran.items())
-    return replace(result, others=tuple(other_members), notes=tuple(notes))
+    return replace(result, others=tuple(other_members), notes=(*notes, *single))
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,6 +388,21 @@ class Made:
             difference=max(differences(finest, numbers).values()),
             **asdict(numbers),
         )
+
+
+def one_mesh(source: object, meshes: Sequence[Made], goal: float) -> tuple[str, ...]:
+    """Sentence why there is only one mesh; () if there are more."""
+    if len(meshes) > 1:
+        return ()
+    if isinstance(source, Structure):
+        return ("Only one mesh was tried, that of the given structure.",)
+    bar = meshes[0].member.bar
+    if bar > goal:
+        return ()  # the message of the history says why
+    return (
+        f"Only one mesh was tried: the first one has a bar of {percent(bar)}, which is within half"
+        " of the tolerance.",
+    )
 
 
 def _fewer(
