@@ -72,6 +72,7 @@ from antiosc.fields.fields import (
 )
 from antiosc.fields.margin import (
     HertzContact as HertzContact,
+    Zones as Zones,
     criteria_of as criteria_of,
 )
 from antiosc.fields.pictures import (
@@ -112,7 +113,7 @@ from antiosc.impact.histories.run_end import (
     open_contacts as open_contacts,
 )
 from antiosc.impact.histories.verdict import (
-    contact_zone as contact_zone,
+    YieldingZone as YieldingZone,
     unknown_dent as unknown_dent,
     weaker_side as weaker_side,
     yield_share as yield_share,

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, engineering, percent, point_text
-from antiosc_app.live import Data, Headline
+from antiosc.base.texts import capitalised, engineering, exceeds, percent, point_text
+from antiosc_app.live import Data, Headline, stress_sentences
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
@@ -125,16 +125,36 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
         for (name, _), value in zip(NUMBERS[:3], values, strict=True)
     ]
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    caution = "" if bar else "There is no error bar: the error of the contact's law is not known."
+    caution = _caution(fall, hardest)
     sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
     return Headline(about, numbers, sentences, caution=caution)
+
+
+#: Share of the force from which its bar is told before the numbers.
+WIDE = 0.5
+
+
+def _caution(fall: Fall, hardest: int) -> str:
+    """What must be read before the numbers: that the bar is missing or wide, and the remedy."""
+    if reason := fall.no_bar(hardest):
+        return f"There is no error bar: {reason}."
+    bar = _law_bar(fall.impacts[hardest])
+    if not exceeds(bar, WIDE, 2):
+        return ""
+    layer = fall.setting.floor.layer is not None
+    remedies = [
+        "a thinner or a stiffer layer" if layer else "a soft layer on the floor",
+        "a larger corner radius where the corners are blunter",
+    ]
+    return f"The force is a rough one, ± {percent(bar)}: {' or '.join(remedies)} narrows the bar."
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
     sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
-        sentences += [worst.margin().sentence, worst.doubt]
+        sentences += stress_sentences({worst.quantity: worst}, None)
+        sentences.append(fall.stress_limits)
     sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
     if fall.missed:
         sentences.append(
@@ -153,7 +173,7 @@ def floor_text(fall: Fall) -> str:
     """Text of the floor."""
     floor = fall.setting.floor
     if floor.layer is not None:
-        return "a soft layer"
+        return f"a soft layer of {engineering(floor.layer.thickness, 'm')}"
     if isinstance(floor.material, str):
         return f"a floor of {floor.material}"
     return "a rigid floor" if floor.rigid else "an elastic floor"

@@ -364,7 +364,7 @@ def headline_of_history(
     numbers.append(("restitution", "not defined" if e is None else restitution_text(e)))
     sentences_of_kind = [
         ("contact", hit.verdict),
-        *(("doubt" if i else "stress", s) for i, s in enumerate(_stresses(fields, worst))),
+        *(("doubt" if i else "stress", s) for i, s in enumerate(stress_sentences(fields, worst))),
         ("energy", _absorbed(hit)),
         ("doubt", piercing(hit.model, hit.impactor)),
         ("accuracy", "" if budget is None else _accuracy(budget)),
@@ -389,8 +389,18 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     return cautions
 
 
-def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -> Headline:
-    """The headline of a map; with its structure it has the error bar of the largest force."""
+#: How a map gets stresses: in a scene, and on the page that opens a part.
+IN_SCENE = "give the [map] of a scene stress = true"
+ON_PAGE = "the button beside the map adds them"
+
+
+def headline_of_map(
+    impact_map: ImpactMap, structure: Structure | None = None, stresses: str = IN_SCENE
+) -> Headline:
+    """The headline of a map; with its structure it has the error bar of the largest force.
+
+    `stresses`: how a map without stresses gets them.
+    """
     bar = None
     numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
@@ -415,7 +425,7 @@ def headline_of_map(impact_map: ImpactMap, structure: Structure | None = None) -
     if impact_map.peak_stress is not None:
         sentences.append(_most_dangerous(impact_map))
     elif impact_map.impactor:
-        sentences.append("Stresses are not part of it: give the [map] of a scene stress = true.")
+        sentences.append(f"Stresses are not part of it: {stresses}.")
     worst = float(impact_map.error.max())
     sentences.append(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
@@ -505,7 +515,7 @@ def _named(described: str) -> str:
     return re.split("[:,]", described, maxsplit=1)[0]
 
 
-def _stresses(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
+def stress_sentences(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
     """Sentences on strengths, where they are reached; else on the largest stress of the picture."""
     sentences = []
     for peak in fields.values():

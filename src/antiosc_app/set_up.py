@@ -48,6 +48,14 @@ FIRST = "steel S235"
 #: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
+#: Soft layers on a floor: name -> modulus, its lowest and highest value [Pa], and loss factor.
+#: Typical of what is sold (recalled, no source could be read); own values have a field.
+LAYERS = {
+    "cork": (12e6, (5e6, 25e6), 0.15),
+    "rubber granulate": (1.5e6, (0.8e6, 3e6), 0.15),
+    "polyethylene foam": (0.4e6, (0.2e6, 0.8e6), 0.2),
+}
+NO_LAYER = "none"
 #: Direction in the axes of the file that points down in a fall.
 DOWN = (0.0, 0.0, -1.0)
 #: Duration of the impact on a solid or a bar [s].
@@ -117,19 +125,26 @@ class Striker:
     corner_radius: float | None = None
     #: material of the floor
     floor: str = FLOOR_MATERIAL
+    #: name of a soft layer on it, which takes the place of the material
+    layer: str = NO_LAYER
+    #: thickness [m] and modulus [Pa] of the layer; None: the typical modulus with its range
+    layer_thickness: float = 0.02
+    layer_modulus: float | None = None
 
     def __post_init__(self) -> None:
         checks.choice("the striker", self.kind, STRIKERS)
         checks.choice("the hammer", self.name, HAMMERS)
         checks.choice("the striker's material", self.material, MATERIALS)
         checks.choice("the floor", self.floor, FLOORS)
-        lengths = (("radius", "m"), ("height", "m"))
+        checks.choice("the layer", self.layer, (NO_LAYER, *LAYERS))
+        lengths = (("radius", "m"), ("height", "m"), ("layer_thickness", "m"))
         for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
             checks.positive(name, getattr(self, name), unit)
         for name in ("down", "tilt"):
             checks.floats(name, getattr(self, name), (3,))
-        if self.corner_radius is not None:
-            checks.positive("corner_radius", self.corner_radius, "m")
+        for name, unit in (("corner_radius", "m"), ("layer_modulus", "Pa")):
+            if getattr(self, name) is not None:
+                checks.positive(name, getattr(self, name), unit)
 
 
 @dataclass(frozen=True)
@@ -286,7 +301,9 @@ def _drop(set_up: SetUp) -> Table:
     """The section [drop]."""
     striker = set_up.striker
     floor: Table = {"friction": FRICTION}
-    if striker.floor != RIGID_FLOOR:
+    if striker.layer != NO_LAYER:
+        floor["layer"] = _layer(striker)
+    elif striker.floor != RIGID_FLOOR:
         floor["material"] = striker.floor
     options: Table = {"until": IMPACTS, "floor": floor}
     if set_up.damping is not None:
@@ -296,6 +313,15 @@ def _drop(set_up: SetUp) -> Table:
     if striker.down != DOWN:
         options["toward"] = list(striker.down)
     return {"height": striker.height, "tilt": list(striker.tilt), **options}
+
+
+def _layer(striker: Striker) -> Table:
+    """The table of a soft layer."""
+    modulus, ends, loss = LAYERS[striker.layer]
+    layer: Table = {"thickness": striker.layer_thickness, "E": modulus, "loss": loss}
+    if striker.layer_modulus is None:
+        return {**layer, "range": list(ends)}
+    return {**layer, "E": striker.layer_modulus}
 
 
 def toml(sections: Mapping[str, Any]) -> str:

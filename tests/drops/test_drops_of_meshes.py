@@ -206,6 +206,21 @@ def test_a_cylinder_lands_along_its_line(tmp_path: Path, size: float) -> None:
         assert "line" not in fall.summary()
 
 
+def test_bars_along_a_line_hold_the_force_of_a_disc(tmp_path: Path) -> None:
+    """With the law of the line, and at vertices in its place, which carry far less."""
+    R, L, height = 0.01, 0.05, 0.02
+    mesh = meshed(tmp_path, f"Cylinder(1) = {{0, 0, 0, {L}, 0, 0, {R}}}", 0.01)
+    part = ao.Structure(mesh, ao.Solid(E=210e9, nu=0.3, rho=7800.0, yield_strength=5e9))
+    fall = ao.drop(part, height, floor=ao.Floor(), until=1, modes=12)
+    known = landing(STEEL, R, L, fall.body.mass, height)
+    assert abs(known / fall.peak_force - 1) < fall.law_error < 0.3
+    for roll in (0, 37):
+        with pytest.warns(ao.AccuracyWarning, match="vertices"):
+            rough = ao.drop(fall.body, height, (roll, 0, 0), ao.Floor(restitution=0.999), until=1)
+        assert 0.2 < known / rough.peak_force - 1 < rough.law_error
+        assert rough.no_bar() == ""
+
+
 def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
     """Inclined, with a loss of its own, or yielding; not on an end and on a layer."""
     mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)

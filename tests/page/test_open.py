@@ -152,8 +152,19 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
         assert "edge cuts" in " ".join(call(opened, step, setup)["warnings"]), step
     faces = opened.calls["look"]({})["faces"]
     free = next(name for name in faces if name not in setup["held"])
-    of_map = call(opened, "map", setup, where=free)["warnings"]
-    assert not any(sentence.startswith("An edge cuts") for sentence in of_map)
+    forces = call(opened, "map", setup, where=free)
+    assert not any(sentence.startswith("An edge cuts") for sentence in forces["warnings"])
+    assert forces["about"].endswith(f"sites of {free}.")  # not the site that was struck before
+    assert forces["stress_takes"] > 0
+    stressed = call(opened, "map", setup, where=free, stress=True)
+    sites = stressed["map"]["sites"]
+    assert "exposure" not in forces["map"]["sites"]["names"]
+    most = sites["quantities"]["exposure"][~np.array(sites["doubtful"])].max()
+    told = next(
+        sentence for sentence in stressed["verdict"] if "stresses the part most" in sentence
+    )
+    assert f"{most:.3g} of the yield strength" in told
+    assert sites["units"]["peak_stress"] == "Pa"
     away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
     assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
 
@@ -390,6 +401,20 @@ def test_page_and_new_scene_begin_with_the_same_striker_and_the_same_fall(opened
             path.with_suffix(ending).unlink()
 
 
+def test_a_soft_layer_takes_the_place_of_the_material_of_the_floor(opened):
+    setup = asked(opened)
+    setup["striker"] |= {"kind": "floor", "layer": "cork", "layer_thickness": 0.03}
+    floor = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)["drop"]["floor"]
+    assert "material" not in floor
+    layer = ao.SoftLayer(**floor["layer"])
+    assert layer.thickness == 0.03
+    assert layer.range[0] < layer.E < layer.range[1]
+    setup["striker"]["layer_modulus"] = 7e6  # one's own has no range
+    floor = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)["drop"]["floor"]
+    assert ao.SoftLayer(**floor["layer"]).E == 7e6
+    assert "range" not in floor["layer"]
+
+
 WRONG = [
     {"extra": 1}, {"point": [0, 0]}, {"point": "here"}, {"point": [0, 0, "a"]}, {"held": "face 1"},
     {"held": ["../../etc"]}, {"held": [1]}, {"direction": [0, 0, 0]}, {"radius": -1.0},
@@ -398,6 +423,7 @@ WRONG = [
     {"striker": {"mass": 0.0}}, {"striker": {"path": "x"}}, {"striker": []}, {"point": [9, 9, 9]},
     {"striker": {"tilt": 3}}, {"striker": {"down": [0, 0, "a"]}},
     {"striker": {"kind": "floor", "height": 0}}, {"striker": {"floor": "lava"}},
+    {"striker": {"layer": "lava"}}, {"striker": {"layer_thickness": 0}},
 ]  # fmt: skip
 
 

@@ -272,6 +272,11 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 10.0**-power, prefixed_unit if power else unit
 
 
+def exceeds(value: float, limit: float, digits: int) -> bool:
+    """Whether a value is above a limit as it is printed, with so many digits."""
+    return float(f"{value:.{digits}g}") > limit
+
+
 def percent(share: float) -> str:
     """A ratio in per cent with two significant digits: "0.34 %"."""
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"

@@ -213,6 +213,11 @@ class Zones(NamedTuple):
     balls: Array = NOTHING
     contacts: Sequence[YieldingZone] = ()
 
+    @classmethod
+    def about(cls, contacts: Sequence[YieldingZone]) -> Zones:
+        """The zones about contacts that yield."""
+        return cls(np.reshape([zone.ball for zone in contacts], (-1, 4)), contacts)
+
     def spread_error(self, points: Array) -> Array:
         """Errors (P,) [Pa] of von Mises stresses at points (P, 3)."""
         return sum((zone.spread_error(points) for zone in self.contacts), np.zeros(len(points)))
@@ -480,8 +485,7 @@ def zones_of(history: AnyHistory, body: str) -> Zones:
     """The zones about contacts that yield, which a margin of a solid body leaves out."""
     if not isinstance(history, History):
         return NO_ZONES
-    zones = yielding_zones(history.contact_histories, history.name_of(body))
-    return Zones(np.reshape([zone.ball for zone in zones], (-1, 4)), zones)
+    return Zones.about(yielding_zones(history.contact_histories, history.name_of(body)))
 
 
 def on_part(structure: Structure, zones: Zones) -> Zones:

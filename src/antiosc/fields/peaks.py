@@ -605,10 +605,14 @@ def peak_field(
     return result
 
 
-def _zones(leave_out: ArrayLike | None, history: AnyHistory, body: str) -> margin.Zones:
+def _zones(
+    leave_out: ArrayLike | margin.Zones | None, history: AnyHistory, body: str
+) -> margin.Zones:
     """The zones that the margin leaves out: the given balls, or those of the history."""
     if leave_out is None:
         return margin.zones_of(history, body)
+    if isinstance(leave_out, margin.Zones):  # of a fall
+        return leave_out
     return margin.Zones(checks.floats("leave_out", leave_out, (None, 4)))
 
 

@@ -5,7 +5,8 @@
 const FIELDS = {
   striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
     ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
-    ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]]],
+    ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]],
+    ["layer_thickness", "layer thickness", "mm", 1, 200, ["floor"]], ["layer_modulus", "layer modulus", "MPa", 0.05, 1000, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100],
     ["n", "anti-oscillators", "", 5, 400]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
@@ -123,8 +124,7 @@ class Bench {
 
   // An error or a hint before the warnings of what is shown.
   wrong(text, failed) {
-    const said = [text, ...this.warned].filter(Boolean).join(" ");
-    Object.assign(find("wrong"), { textContent: said, hidden: !said });
+    notice(find("wrong"), [text, ...this.warned].filter(Boolean).join(" "));
     if (failed) document.documentElement.dataset.failed = text;
   }
 
@@ -259,6 +259,7 @@ class Bench {
       (material) => this.striker({ material }), {}, ["ball", "mass"]);
     this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
     this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"]);
+    this.choice(find("striker"), "soft layer", facts.layers, () => this.setup.striker.layer, (layer) => this.striker({ layer, layer_modulus: null }), {}, ["floor"]);
     this.triple("site-fields", "point", "place", "mm");
     this.triple("site-fields", "direction", "direction", "");
     this.triple("striker", "down", "what points down", "", ["floor"]);
@@ -275,6 +276,7 @@ class Bench {
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
     find("map").onclick = () => this.map();
+    find("stresses").onclick = () => this.map(true);
     find("python").onfocus = () => find("python").select();
     this.show_fields();
   }
@@ -296,7 +298,7 @@ class Bench {
     const set = (values) => (kinds ? this.striker(values) : this.change(values));
     inputs.forEach((input) => { input.onchange = () => set({ [name]: inputs.map((one) => exact(one.value * size)) }); });
     this.shown.push(() => {
-      const values = (kinds ? this.setup.striker : this.setup)[name];
+      const values = (kinds ? this.setup.striker : { ...this.setup, ...this.chosen })[name];
       row.hidden = !(kinds || STRUCK).includes(this.setup.striker.kind);
       inputs.forEach((input, i) => { input.value = exact(values[i] / size); });
     });
@@ -327,7 +329,7 @@ class Bench {
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
       const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
-      row.hidden = !wanted.includes(kind) || !now && !OPTIONAL.includes(name);
+      row.hidden = !wanted.includes(kind) || !now && !OPTIONAL.includes(name) || name.startsWith("layer_") && !this.layered();
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
       number.value = now;
@@ -335,8 +337,11 @@ class Bench {
     });
   }
 
+  layered() { return this.setup.striker.layer in this.facts.moduli; }
+
   // The value of a field that the set-up leaves open.
   taken(name) {
+    if (name === "layer_modulus") return this.facts.moduli[this.setup.striker.layer] || 0;
     const falls = this.setup.striker.kind === "floor";
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
@@ -348,7 +353,8 @@ class Bench {
   show_fields() {
     for (const one of this.shown) one();
     const falls = this.setup.striker.kind === "floor";
-    for (const id of ["site-fields", "in-python"]) find(id).hidden = falls;
+    find("site-fields").hidden = falls;
+    find("in-python").hidden = falls || Boolean(this.chosen);
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
@@ -397,6 +403,7 @@ class Bench {
     this.wrong("", false);
     this.wrote("");
     if (this.page && this.page.sites) this.page = null;
+    this.chosen = null;
     const found = await this.step("blow");
     if (!found) return;
     if (found.fall) return this.fall(found);
@@ -467,26 +474,48 @@ class Bench {
   }
 
   // What must be read before the numbers.
-  warn(caution) { Object.assign(find("caution"), { textContent: caution, hidden: !caution }); }
+  warn(caution) { notice(find("caution"), caution); }
 
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
-  async map() {
-    if (this.page && this.page.sites) return this.strike();
+  // The map; from a map the blow at the site that is chosen on it.
+  async map(stress = false) {
+    if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
-    const found = await this.step("map", this.face ? { where: this.face } : {});
+    const found = await this.step("map", { ...(this.face ? { where: this.face } : {}), stress });
     if (!found) return;
     this.page.stop();
-    this.page = globalThis.page = new Page({ ...found.map, fixed: true }, this.engine, this.view, true);
+    this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
+    if (stress) this.page.show_kind(["exposure", "peak_stress"]);
+    this.follow(this.page.site);
+    find("about").textContent = found.about;
     this.warn(found.caution);
     this.tell(found.verdict);
-    this.heads("computed", "Back to the blow");
+    this.heads("computed", "Strike this site");
+    const takes = found.stress_takes;
+    Object.assign(find("stresses"), { hidden: !takes, textContent: `Stress of each blow (about ${Math.max(1, Number(takes.toPrecision(1)))} s)` });
+  }
+
+  // The fields of the site show the site that is chosen on the map.
+  follow(i) {
+    const { sites } = this.page;
+    this.chosen = { point: sites.at(i).map(rounded), direction: sites.along(i).map(rounded) };
+    this.show_fields();
+  }
+
+  strike_chosen() {
+    const { chosen } = this;
+    this.chosen = null;
+    this.change(chosen);
   }
 
   wrote(text) { Object.assign(find("written"), { textContent: text, hidden: !text }); }
 
-  heads(compared, map) { [find("compared").textContent, find("map").textContent] = [compared, map]; }
+  heads(compared, map) {
+    find("stresses").hidden = true;
+    [find("compared").textContent, find("map").textContent] = [compared, map];
+  }
 
   async save() {
     const { folder, names } = await this.call("save");
@@ -501,7 +530,19 @@ class Bench {
   }
 }
 
+// A notice of several sentences: the first one, the others on demand.
+function notice(element, text) {
+  const sentences = text.split(/(?<=[.!?]) (?=[A-Z0-9])/);
+  element.hidden = !text;
+  element.replaceChildren();
+  made("p", element, sentences[0]);
+  if (sentences.length < 2) return;
+  const more = made("details", element);
+  made("summary", more, `${sentences.length - 1} more`);
+  for (const sentence of sentences.slice(1)) made("p", more, sentence);
+}
+
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
-const rounded = (x) => Number(x.toPrecision(5)) || 0;
+const rounded = (x) => (Math.abs(x) < 1e-9 ? 0 : Number(x.toPrecision(5)));
 
 globalThis.bench = new Bench();

@@ -127,6 +127,13 @@ class Page {
     find("site").value = i + 1;
     this.change();
     this.picture();
+    if (this.data.chosen) this.data.chosen(i);
+  }
+
+  // Show the first of some kinds that there is.
+  show_kind(kinds) {
+    find("kind").value = this.kind = kinds.find((kind) => kind in this.data.sites.names);
+    this.picture();
   }
 
   at_start() { return SLIDERS.every(([name]) => this.set[name] === this.start[name]); }

@@ -10,11 +10,13 @@ with the modal state of the flight; its final state starts the next flight (`han
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
 from scipy.linalg import block_diag
+from scipy.spatial import cKDTree
 
 from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
 from antiosc.base._types import Array, IntArray
@@ -79,6 +81,13 @@ class OngoingContact(NamedTuple):
     force: Array
     stiffness: float
     contact: ContactState
+
+
+class RoughLine(NamedTuple):
+    """Length [m] of a line without a law that is pressed into the floor, and a point on it."""
+
+    length: float
+    point: int
 
 
 class Path(NamedTuple):
@@ -607,13 +616,31 @@ class Episode:
 
         On a layer the pieces of the surface are such contacts, without an error.
         """
+        return self.rough_line is not None
+
+    @cached_property
+    def rough_line(self) -> RoughLine | None:
+        """What is pressed into the floor of lines without a law; None: nothing."""
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
-            return False
+            return None
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
-        return bool(((vertical @ body.lines.T).min(axis=1) - lowest).min() < self.pressed)
+        heights = (vertical @ body.lines.T - lowest[:, None]).min(axis=0)
+        deepest = body.lines[np.argmin(heights)]
+        point = int(np.argmin(np.linalg.norm(body.points - deepest, axis=1)))
+        # between two vertices the surface is lower
+        spacing = float(np.median(cKDTree(body.lines).query(body.lines, 2)[0][:, -1]))
+        sagitta = spacing**2 / (8 * float(body.radii[point].min()))
+        is_pressed = heights < self.pressed + sagitta
+        if not is_pressed.any():
+            return None
+        pressed = body.lines[is_pressed]
+        length = (
+            float(np.linalg.norm(np.ptp(pressed, axis=0))) + 2 * spacing
+        )  # to the next vertices
+        return RoughLine(length, point)
 
     @property
     def lines(self) -> dict[int, IntArray]:

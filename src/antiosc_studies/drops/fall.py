@@ -17,7 +17,8 @@ from antiosc import PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
-from antiosc.base.texts import Result, percent
+from antiosc.base.texts import Result, exceeds, percent
+from antiosc.extension import Zones
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
 from antiosc_studies.drops.flight import Flight, ringing, rotation_matrices
 from antiosc_studies.drops.floor import Setting, SoftLayer
@@ -33,6 +34,7 @@ from antiosc_studies.drops.trajectory import (
     law_error,
     strained,
     trajectory,
+    unknown_error,
     yielding_zones,
 )
 
@@ -353,7 +355,7 @@ class Fall(Trajectory, Result):
         with without_warnings():
             episodes = [episode for k in impact_numbers for episode in self._episodes(k)]
             zones = yielding_zones(self.body, self.setting.floor, episodes)
-            options = {"leave_out": zones} | options
+            options = {"leave_out": Zones.about(zones)} | options
             joined_motion = replace(parts[0], forces=forces, **merged)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
@@ -363,6 +365,15 @@ class Fall(Trajectory, Result):
             yields = self._contact_yield(impact_numbers)
             field = replace(field, _margin=replace(field._margin, contact=bool(yields)))
         return WorstField(**vars(field), impact=impact)
+
+    @property
+    def stress_limits(self) -> str:
+        """Sentence on what the stresses of a fall do not contain."""
+        return (
+            f"the stress is that of the {self.body.omega.size} lowest motions of the part: what a "
+            "contact adds next to it counts at the edge of what is left out alone, by Hertz's "
+            "pressure"
+        )
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
         """Sentence that the contact yields in one of the impacts; "" if not, or if unknown."""
@@ -387,10 +398,14 @@ class Fall(Trajectory, Result):
     def law_error(self) -> float | None:
         """Relative error of the largest force at a point by its contact law.
 
-        It contains the range of the yield strength and large strains. None: unknown, or the floor
-        has a layer or a given law.
+        It contains the range of the yield strength and large strains; of a layer its edge, its
+        strain and the range of its modulus. None: unknown (`no_bar`).
         """
         return law_error(self.body, self.setting.floor, self.episodes)
+
+    def no_bar(self, impact: int = 0) -> str:
+        """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""
+        return unknown_error(self.body, self.setting.floor, self._episodes(impact))
 
     @property
     def _strained(self) -> str:
@@ -407,15 +422,15 @@ class Fall(Trajectory, Result):
             (
                 Episode.along_line,
                 "the part lands along a line of its surface, as a cylinder on its side; the "
-                "contact is taken at vertices of the mesh, as points with their radii, and its "
-                "force depends on the mesh: tilt the part about both axes, or give the floor a "
-                "layer",
+                "contact is taken at vertices of the mesh, as points with their radii, and the bar "
+                "holds what the whole line may carry: a floor with a soft layer has a narrower one",
             ),
             (
                 Episode.inclined,
                 "the part lands along a line that is inclined, with a part of its length; each "
-                f"of {STATIONS} places along it has its share of the law of the whole line, which "
-                "holds where the line is level: take the force as a rough one",
+                f"of {STATIONS} places along it has its share of the law of the whole line, and "
+                "the bar holds what a shorter line gives way: a floor with a soft layer has a "
+                "narrower one",
             ),
         )
         return "; ".join(filter(None, (self._in_impacts(*note) for note in notes)))
@@ -492,7 +507,7 @@ class Fall(Trajectory, Result):
     def warn(self) -> None:
         """Warn of fast spin, no rest, forces that miss `tol`, unsure lines, deep layers."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
-        if ratio > STIFFENS:
+        if exceeds(ratio, STIFFENS, 2):
             warn(
                 f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
                 f"natural frequency: the stiffening by the spin is left out, which matters above "
@@ -531,14 +546,14 @@ class Fall(Trajectory, Result):
             k = int(np.argmax(depth / radii))
             deepest = max(deepest, episode.deepest)
             ratio, radius = max((ratio, radius), (float(depth[k] / radii[k]), float(radii[k])))
-        if deepest > layer.thickness:
+        if exceeds(deepest, layer.thickness, 3):
             warn(
                 f"the layer is pressed in by {deepest:.3g} m, and is {layer.thickness:g} m "
                 "thick: its "
                 f"law knows no ground below. Take a thicker or a stiffer layer.",
                 AccuracyWarning,
             )
-        if ratio > BLUNT:
+        if exceeds(ratio, BLUNT, 3):
             warn(
                 f"a point with a radius of {radius:.3g} m is pressed into the layer by {ratio:.3g} "
                 f"of it: the law of its curvature holds up to {BLUNT:g}.",

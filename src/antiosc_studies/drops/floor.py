@@ -38,11 +38,14 @@ class SoftLayer(FieldsRepr):
     loss : float
         Loss factor: the energy dissipated in a cycle over 2 pi times the stored energy. A bounce
         leaves exp(-pi loss) of the energy, like half a cycle of a spring with this loss factor.
+    range : (low, high), optional
+        Lowest and highest modulus [Pa], for the error bar of the force; None: E is exact.
     """
 
     thickness: float
     E: float
     loss: float = 0.0
+    range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         checks.store(
@@ -51,6 +54,11 @@ class SoftLayer(FieldsRepr):
             E=checks.positive("E", self.E, "Pa"),
             loss=checks.nonnegative("loss", self.loss),
         )
+        if self.range is not None:
+            low, high = checks.floats("range", self.range, (2,)).tolist()
+            if not 0 < low <= self.E <= high:
+                raise InputError(f"range must be moduli about E = {self.E:g} Pa; got {self.range}.")
+            checks.store(self, range=(low, high))
         if self.loss > LARGEST_LOSS:
             raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
 

@@ -13,10 +13,11 @@ the line on the mesh, minus their compliance on a half-space.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, log, pi
+from math import inf, log, pi, sqrt
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
 from antiosc import Tabulated
@@ -53,6 +54,10 @@ MEAN = 2 * (1 - log(2))
 #: Largest pressure of a line at first yield over the yield strength, by von Mises (K. L. Johnson,
 #: *Contact Mechanics* (1985), (6.4)).
 FIRST_YIELD = 1.79
+#: Largest mean pressure of a contact that yields over the yield strength (Tabor).
+TABOR = 2.8
+#: Half widths over the radius at which the force of a cylinder is computed.
+WIDTHS = np.geomspace(1e-5, 1.0, 200)
 #: The law of a line ends where the slope dδ/dF falls below this share of its first value.
 LEAST_SLOPE = 0.1
 
@@ -113,9 +118,7 @@ def _with_cylinder(body: FreeBody, cylinder: Cylinder, floor: Floor) -> FreeBody
 
 def _law(cylinder: Cylinder, floor: Floor) -> tuple[Array, Array]:
     """Indentations [m] and forces [N] of the whole line."""
-    E, nu = cylinder.material.tolist()
-    floor_material = floor.face.matter
-    modulus = effective_modulus(E, nu, floor_material.E, floor_material.nu)
+    modulus = _modulus(cylinder, floor)
     depth, force = line_curve(modulus, cylinder.radius, cylinder.length)
     depth = depth + (cylinder.compliance - MEAN / (pi * modulus * cylinder.length)) * force
     slope = np.diff(depth) / np.diff(force)
@@ -144,7 +147,18 @@ def landing(body: FreeBody, start: State) -> FreeBody:
 
 
 def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
-    """Sentence that a line, whose law is elastic, yields under a force [N]; "" if it does not.
+    """Sentence that a line, whose law is elastic, yields under a force [N]; "" if it does not."""
+    share, pressure = _yield_share(body, floor, line, force)
+    if not share > 1:
+        return ""
+    return (
+        f"the line of contact yields: its pressure of {engineering(pressure, 'Pa')} is {share:.3g} "
+        f"times that of first yield; its law is elastic, and its force too high"
+    )
+
+
+def _yield_share(body: FreeBody, floor: Floor, line: int, force: float) -> tuple[float, float]:
+    """(pressure of a line over that of first yield, NaN if the strength is unknown; pressure [Pa]).
 
     Yield begins below the surface at 1.79 times the strength (von Mises; Johnson, 6.2).
     """
@@ -152,17 +166,56 @@ def yielding(body: FreeBody, floor: Floor, line: int, force: float) -> str:
     first_station = int(body.stations[line][0])
     vertex = int(cylinder.members[0]) if len(cylinder.members) else first_station
     strength = np.nan if body.strengths is None else float(body.strengths[vertex])
-    E, nu = cylinder.material.tolist()
-    floor_material = floor.face.matter
-    modulus = effective_modulus(E, nu, floor_material.E, floor_material.nu)
+    modulus = _modulus(cylinder, floor)
     pressure = float(np.sqrt(force * modulus / (pi * cylinder.radius * cylinder.length)))
-    share = pressure / (FIRST_YIELD * strength)
-    if not share > 1:
-        return ""
-    return (
-        f"the line of contact yields: its pressure of {engineering(pressure, 'Pa')} is {share:.3g} "
-        f"times that of first yield; its law is elastic, and its force too high"
-    )
+    return pressure / (FIRST_YIELD * strength), pressure
+
+
+def _modulus(cylinder: Cylinder, floor: Floor) -> float:
+    """E* [Pa] of a cylinder on a floor."""
+    E, nu = cylinder.material.tolist()
+    matter = floor.face.matter
+    return effective_modulus(E, nu, matter.E, matter.nu)
+
+
+def line_error(
+    body: FreeBody, floor: Floor, line: int, force: float, carried: float
+) -> float | None:
+    """Relative error of the largest force [N] of a line by its law; None: unknown strength.
+
+    `carried`: the share of its length that carries the force. At equal work a force
+    proportional to the indentation grows as the root of the stiffness. What the part adds to the
+    compliance of a half-space counts as its error; and of a line that carries on a share w of its
+    length the logarithm ln(1/w) by which a shorter line is more compliant. Of a line that yields
+    the force lies between that of first yield and the elastic one.
+    """
+    cylinder = body.cylinders[line]
+    share, _ = _yield_share(body, floor, line, force)
+    if np.isnan(share):
+        return None
+    depths, of_depths = _law(cylinder, floor)
+    depth = float(np.interp(force, of_depths, depths))
+    shorter = log(1 / carried) / (carried * pi * _modulus(cylinder, floor) * cylinder.length)
+    doubtful = (abs(cylinder.compliance) + shorter) * force / depth
+    by_yield = 1 - 1 / share**2 if share > 1 else 0.0
+    return sqrt(1 + doubtful) - 1 + by_yield
+
+
+def force_along(matter: tuple[float, float], radius: float, length: float, work: float) -> float:
+    """Upper bound [N] of the force of a line that takes a work [J].
+
+    `matter`: E* and yield strength [Pa], NaN: unknown. It is the lower one of the forces of an
+    elastic cylinder up to its axis (Johnson, (5.57)) and of Tabor's pressure on its whole width.
+    """
+    modulus, strength = matter
+    half_width = radius * WIDTHS
+    force = pi * modulus * length * half_width**2 / (4 * radius)
+    depth = half_width**2 / (4 * radius) * (2 * np.log(4 * radius / half_width) - 1)
+    works = cumulative_trapezoid(force, depth, initial=0.0)
+    elastic = float(np.interp(work, works, force)) * max(work / works[-1], 1.0)
+    # F = p 2 sqrt(2 R d) L, the work 2/3 F d
+    width = 2 * TABOR * strength * sqrt(2 * radius) * length
+    return float(np.fmin(elastic, np.cbrt(1.5 * work * width**2)))
 
 
 # -- the lines of a part

@@ -20,13 +20,15 @@ from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
 from antiosc.engine.contact.surfaces import Matter
-from antiosc.extension import HertzContact, contact_zone
+from antiosc.extension import HertzContact, YieldingZone
 from antiosc.models.body import GRAVITY
+from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Floor, Setting, law_at
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.lines import yielding
+from antiosc_studies.drops.layer_error import imprint_of, layer_error
+from antiosc_studies.drops.lines import force_along, line_error, yielding
 
 #: A part is at rest if its speed would lift it by at most REST times the height, …
 REST = 1e-3
@@ -410,17 +412,15 @@ def _line_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> st
     return ""
 
 
-def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> Array:
-    """Rows x, y, z, radius [m] (n, 4) about the points that yield, in the axes of the mesh.
+def yielding_zones(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> list[YieldingZone]:
+    """The zones about the points that yield, in the axes of the mesh.
 
     The result is empty if a line yields, since the extent of its zone is not known.
     """
-    no_zones = np.zeros((0, 4))
     if floor.layer is not None or _line_yield(body, floor, episodes):
-        return no_zones
+        return []
     contacts = point_contacts(body, floor, episodes)
-    zones = [contact.zone for contact in contacts if contact.yields(body)]
-    return np.vstack([no_zones, *zones])
+    return [contact.zone(body) for contact in contacts if contact.yields(body)]
 
 
 class PointContact(NamedTuple):
@@ -445,12 +445,16 @@ class PointContact(NamedTuple):
         return self.dent is not None or (elastic is not None and elastic.share > 1)
 
     @property
-    def zone(self) -> Array:
-        """Row x, y, z, radius [m] of the zone outside the margin, in the axes of the mesh."""
-        radius = sqrt(self.depth / self.curvature)
+    def radius(self) -> float:
+        """Radius [m] of the contact at its largest indentation."""
         if isinstance(self.law, ElasticPlastic):
-            radius = rim_radius(self.law, self.depth)
-        return contact_zone(self.place, radius)
+            return rim_radius(self.law, self.depth)
+        return sqrt(self.depth / self.curvature)
+
+    def zone(self, body: FreeBody) -> YieldingZone:
+        """The zone outside the margin, in the axes of the mesh."""
+        nu = float(body.materials[self.which][1])
+        return YieldingZone(self.place, None, (self.radius, 0.0), self.force, nu)
 
     def side(self, body: FreeBody, floor: Floor) -> str:
         """The side whose strength a law that yields has, with its material if that has a name."""
@@ -520,18 +524,83 @@ COUNTS = 0.1
 
 
 def law_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> float | None:
-    """Relative error of the largest force at a point by its law; None if unknown.
+    """Relative error of the largest force of a contact by its law; None if unknown.
 
     Contacts with a smaller force count with the share that their error has of the largest force.
-    Forces along a line without a law of its own depend on the mesh: their error is unknown.
     """
-    largest = largest_contact(body, floor, episodes)
-    if largest is None or any(episode.along_line() for episode in episodes):
+    if floor.law is not None:
         return None
-    errors = [(c.error(body, floor), c.force) for c in point_contacts(body, floor, episodes)]
-    if any(error is None for error, force in errors if force >= COUNTS * largest.force):
+    errors = [pair for current in episodes for pair in _errors(body, floor, current)]
+    largest = max((force for _, force in errors), default=0.0)
+    if not largest or any(e is None for e, force in errors if force >= COUNTS * largest):
         return None
-    return max((error or 0.0) * force for error, force in errors) / largest.force
+    return max((error or 0.0) * force for error, force in errors) / largest
+
+
+def unknown_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Why `law_error` is unknown, and the remedy; "" if it is known."""
+    if law_error(body, floor, episodes) is not None or not episodes:
+        return ""
+    if floor.law is not None:
+        return "the error of a given law of the contact is not known"
+    if floor.layer is not None:
+        deepest = max(imprint_of(current).depth for current in episodes)
+        return (
+            f"the layer is pressed in by {engineering(deepest, 'm')}, and is "
+            f"{engineering(floor.layer.thickness, 'm')} thick: take a thicker or a stiffer one"
+        )
+    contacts = list(point_contacts(body, floor, episodes))
+    unknown = [contact for contact in contacts if contact.error(body, floor) is None]
+    largest = max(unknown, key=lambda contact: contact.force, default=None)
+    if largest is None:
+        return "the error of that force is not known: give the part a yield strength"
+    note = _law_error(largest, body, floor)
+    if _unknown(body, floor, largest.which):
+        return note
+    strain = largest.depth * largest.curvature
+    return f"the contact is pressed in by {strain:.2g} of its radius; {note}"
+
+
+def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[float | None, float]]:
+    """Yields (relative error by the law, largest force [N]) of the contacts of an episode."""
+    if floor.layer is not None:
+        if peak := current.peak_force():
+            yield layer_error(current, floor.layer), peak
+        return
+    contacts = list(point_contacts(body, floor, [current]))
+    beside = _beside(floor, contacts, current)
+    for contact in contacts:
+        error = contact.error(body, floor)
+        yield None if error is None else error + beside, contact.force
+    weights = rule()[1]
+    for line, forces in current.strongest().items():
+        stations = current.which[current.lines[line]] - current.body.stations[line][0]
+        carried = float(weights[stations][forces > 0].sum())
+        force = float(forces.sum())
+        if force > 0:
+            yield line_error(current.body, floor, line, force, carried), force
+
+
+def _beside(floor: Floor, contacts: Sequence[PointContact], current: Episode) -> float:
+    """Relative error of the force of contacts at points in place of a line of the surface.
+
+    The line takes part with at most the force at which it alone takes the energy of the motion;
+    the forces of both add at most.
+    """
+    line = current.rough_line
+    if line is None or not contacts:
+        return 0.0
+    body = current.body
+    vertex = line.point
+    E, nu = body.materials[vertex].tolist()
+    matter = floor.face.matter
+    own = np.nan if body.strengths is None else body.strengths[vertex]
+    strength = float(np.fmin(own, matter.yield_strength or np.nan))
+    modulus = effective_modulus(E, nu, matter.E, matter.nu)
+    energy, *_ = current.start.energies(body, 0.0)
+    radius = float(body.radii[vertex].min())
+    bound = force_along((modulus, strength), radius, line.length, energy)
+    return bound / current.peak_force()
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
@@ -565,7 +634,10 @@ def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
         return "the error of that force is not known: give part and floor a yield strength"
     error = contact.error(body, floor)
     if error is None:
-        return f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a blunter part"
+        return (
+            f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a larger corner "
+            "radius, or a soft layer on the floor"
+        )
     cause = (
         "large strains" if contact.dent is None else "the law and the range of the yield strength"
     )
@@ -575,8 +647,8 @@ def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
     return (
         f"{message}, since it is pressed in by {engineering(contact.depth, 'm')} where the "
         "radius is "
-        f"{engineering(1 / contact.curvature, 'm')}: give a corner_radius of corners that are "
-        "blunter"
+        f"{engineering(1 / contact.curvature, 'm')}: a larger corner radius, where corners "
+        "are blunter, narrows it"
     )
 
 
