@@ -49,6 +49,9 @@ ELEMENTS = 20
 MOST_CELLS = 30_000
 #: Nodes of a mesh in pieces are joined up to this distance [m].
 MERGE_DISTANCE = 1e-6
+#: Words of the warnings of a mesh whose pieces meet, but not at faces of their cells: joined at the
+#: few nodes that coincide, one would turn about the others.
+UNJOINED = ("overlap others", "lie on cells that they do not belong to")
 #: Largest number of solids that are joined as fragments; of more solids the largest is read alone.
 MOST_SOLIDS = 40
 #: Default material of the part and of the ball.
@@ -212,11 +215,17 @@ def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequen
         if reason is not None and way.get("of_pieces") and not isinstance(reason, PiecesError):
             continue
         options = {key: value for key, value in way.items() if key != "of_pieces"}
+        warned: list[str] = []
         try:
-            return antiosc.read_mesh(str(path), **read, **options), options, pieces
+            with warnings_to(warned.append):
+                mesh = antiosc.read_mesh(str(path), **read, **options)
         except InputError as error:
             reason = reason or error
             pieces = pieces or getattr(error, "pieces", ())
+            continue
+        touches = any(words in text for words in UNJOINED for text in warned)
+        if not (touches and "merge" in options):
+            return mesh, options, pieces
     assert reason is not None
     raise reason
 

@@ -99,6 +99,24 @@ def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     assert any("density" in what and "[deck]" in key for what, _, key in found.taken(False))
 
 
+def test_pieces_that_meet_at_other_nodes_are_not_joined_at_the_few_that_coincide(tmp_path):
+    """A block of 8 cells beside one of a single cell: of the 9 nodes of its side 4 are common."""
+    grid = np.array(list(np.ndindex(3, 3, 3)), dtype=float)
+    corners = [[9 * i + 3 * j + k for i, j, k in cell] for cell in _cells_of(2)]
+    single = 2 * np.array(list(np.ndindex(2, 2, 2)), dtype=float) + [2, 0, 0]
+    last = [27 + 4 * i + 2 * j + k for i, j, k in _cells_of(1)[0]]
+    mesh = meshio.Mesh(np.vstack([grid, single]), [("hexahedron", np.array([*corners, last]))])
+    path = tmp_path / "two.vtk"
+    mesh.write(path)
+    assert foreign_part(path, unit="m").read == {"unit": "m", "piece": 1}
+
+
+def _cells_of(n: int) -> list[list[tuple[int, int, int]]]:
+    """Places of the corners of the n x n x n cells of a block, in meshio's order."""
+    base = [(i, j, k) for k in (0, 1) for i, j in CORNERS]
+    return [[(i + a, j + b, k + c) for i, j, k in base] for a, b, c in np.ndindex(n, n, n)]
+
+
 def test_a_deck_without_elasticity_is_of_steel_in_its_scene_and_this_is_told(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", rho=False)
     text = re.sub(r"\*ELASTIC\n.*\n", "*CONDUCTIVITY\n50.\n", path.read_text())
