@@ -67,7 +67,9 @@ def _elastic(material: Material, card: Card) -> str:
     card.needs(len(values) >= count, f"*ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])
     material.place = card.place
-    if kind == "ISO":
+    if kind == "ISO" and not v[0]:
+        material.constants = None  # thermal analyses state a modulus of 0
+    elif kind == "ISO":
         material.set_isotropic(v[0], v[1])
     elif kind == "LAMINA":  # E1, E2, nu12, G12, G13, G23
         material.constants = np.array([v[0], v[1], np.nan, v[2], np.nan, np.nan, *v[3:]])

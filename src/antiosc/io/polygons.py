@@ -34,8 +34,12 @@ PLY_TYPES = {
 }
 #: Byte orders of binary PLY files; fields of the corners of a face.
 PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-SIZE = "number of corners"
-CORNERS = "corners"
+SIZE = " size"
+CORNERS = "vertex_indices"
+#: Lists of a triangle -> their entries: its corners by either name, two coordinates in the picture
+#: of its texture for each corner.
+INDICES = ("vertex_indices", "vertex_index")
+LENGTHS = {"": 3, **dict.fromkeys(INDICES, 3), "texcoord": 6}
 #: Areas below this share of a polygon's are rounding errors.
 ROUNDING = 1e-9
 
@@ -180,11 +184,13 @@ def _of_ply(content: bytes, name: str) -> tuple[Array, IntArray] | None:
         points = np.frombuffer(data, vertex, count)
         faces = np.frombuffer(data, face, number, count * vertex.itemsize)
         x = np.stack([points[axis] for axis in "xyz"], axis=1).astype(float)
-        sizes = faces[SIZE]
+        sizes = {name: faces[name] for name in faces.dtype.names or () if name.endswith(SIZE)}
         corners = faces[CORNERS]
     except (IndexError, KeyError, ValueError):
         return None
-    if (first, second) != ("vertex", "face") or (sizes != 3).any():
+    if (first, second) != ("vertex", "face"):
+        return None
+    if any((found != LENGTHS[name.removesuffix(SIZE)]).any() for name, found in sizes.items()):
         return None
     return _checked(x, corners.astype(np.int64), name)
 
@@ -222,7 +228,7 @@ def _of_ply_text(
 
 
 def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dtype[np.void]]]:
-    """Element -> (count, record layout) of a binary file; a list must have three entries.
+    """Element -> (count, record layout) of a binary file of triangles, as `LENGTHS` says.
 
     Raises IndexError, KeyError or ValueError for other headers.
     """
@@ -235,8 +241,9 @@ def _ply_records(header: Sequence[Sequence[str]]) -> dict[str, tuple[int, np.dty
             columns = fields[words[1]] = []
             counts[words[1]] = int(words[2])
         elif words[:2] == ["property", "list"]:
-            columns.append((SIZE, order + PLY_TYPES[words[2]]))
-            columns.append((CORNERS, order + PLY_TYPES[words[3]], 3))
+            size, entries = (SIZE, CORNERS) if words[4] in INDICES else (words[4] + SIZE, words[4])
+            columns.append((size, order + PLY_TYPES[words[2]]))
+            columns.append((entries, order + PLY_TYPES[words[3]], LENGTHS[words[4]]))
         elif words[:1] == ["property"]:
             columns.append((words[2], order + PLY_TYPES[words[1]]))
     return {name: (counts[name], np.dtype(columns)) for name, columns in fields.items()}

@@ -101,6 +101,8 @@ def test_a_modulus_for_materials_without_elasticity_and_elements_of_heat_transfe
     assert "the heat transfer of DC3D8, which carry forces here" in model["ignored"]
     with pytest.raises(MeshError, match="give modulus in Pa"):
         read(tmp_path, text)
+    model, _ = read(tmp_path, CUBE + SOLID + STEEL.replace("2E5,.3", "0.,0."), modulus=E)
+    assert model["families"][0][2]["E"] == pytest.approx(E)
     model, _ = read(tmp_path, CUBE + SOLID + STEEL, modulus=5 * E)
     assert model["families"][0][2]["E"] == pytest.approx(E)
 

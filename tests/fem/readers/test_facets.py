@@ -235,13 +235,17 @@ def test_coloured_triangles_of_a_binary_ply_are_read(tmp_path, order):
     points, triangles = triangles_of(OBJ.encode(), "cube.obj")
     sign = {"little": "<", "big": ">"}[order]
     vertices = np.zeros(8, [("x", sign + "f4", 3), ("colour", "u1", 4)])
-    faces = np.zeros(12, [("size", "u1"), ("corners", sign + "i4", 3), ("colour", "u1", 4)])
+    texture = [("size of texture", "u1"), ("texture", sign + "f4", 6)]
+    corners = [("size", "u1"), ("corners", sign + "i4", 3)]
+    faces = np.zeros(12, [*corners, *texture, ("colour", "u1", 4)])
     vertices["x"], faces["size"], faces["corners"], faces["colour"] = points, 3, triangles, 200
+    faces["size of texture"] = 6
     colour = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))
     axes = "".join(f"property float {name}\n" for name in "xyz")
     header = (
         f"ply\nformat binary_{order}_endian 1.0\ncomment by hand\nelement vertex 8\n{axes}{colour}"
-        f"element face 12\nproperty list uchar int vertex_indices\n{colour}end_header\n"
+        f"element face 12\nproperty list uchar int vertex_indices\n"
+        f"property list uchar float texcoord\n{colour}end_header\n"
     )
     path = tmp_path / "cube.ply"
     path.write_bytes(header.encode() + vertices.tobytes() + faces.tobytes())
