@@ -141,12 +141,10 @@ def _caution(fall: Fall, hardest: int) -> str:
     bar = _law_bar(fall.impacts[hardest])
     if not exceeds(bar, WIDE, 2):
         return ""
-    layer = fall.setting.floor.layer is not None
-    remedies = [
-        "a thinner or a stiffer layer" if layer else "a soft layer on the floor",
-        "a larger corner radius where the corners are blunter",
-    ]
-    return f"The force is a rough one, ± {percent(bar)}: {' or '.join(remedies)} narrows the bar."
+    remedy = "a soft layer on the floor, or a larger corner radius where the corners are blunter,"
+    if fall.setting.floor.layer is not None:
+        remedy = "a stiffer layer, whose modulus is known,"
+    return f"The force is a rough one, ± {percent(bar)}: {remedy} narrows the bar."
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:

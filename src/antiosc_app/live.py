@@ -488,7 +488,10 @@ def _most_dangerous(impact_map: ImpactMap) -> str:
         return f"{text}; the material has no yield_strength to compare it with."
     count = int(np.sum(exposure >= 1))
     sites_text = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
-    return f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {sites_text}."
+    return (
+        f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {sites_text}. The"
+        " stress of the contact itself is not in it: strike a site by itself for that."
+    )
 
 
 def _struck(hit: History, structure: Structure | None) -> str:

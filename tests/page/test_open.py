@@ -19,7 +19,7 @@ import antiosc as ao
 import parts
 from antiosc.base import progress
 from antiosc.base.errors import InputError
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, exceeds, percent
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
@@ -164,6 +164,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
         sentence for sentence in stressed["verdict"] if "stresses the part most" in sentence
     )
     assert f"{most:.3g} of the yield strength" in told
+    assert "contact itself is not in it" in told  # which yields under the ball
     assert sites["units"]["peak_stress"] == "Pa"
     away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
     assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
@@ -413,6 +414,12 @@ def test_a_soft_layer_takes_the_place_of_the_material_of_the_floor(opened):
     floor = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)["drop"]["floor"]
     assert ao.SoftLayer(**floor["layer"]).E == 7e6
     assert "range" not in floor["layer"]
+
+
+def test_a_limit_is_compared_as_it_is_printed():
+    assert not exceeds(0.0204, 0.02, 2)
+    assert exceeds(0.0206, 0.02, 2)
+    assert exceeds(0.0204, 0.02, 3)
 
 
 WRONG = [

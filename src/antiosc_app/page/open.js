@@ -355,6 +355,7 @@ class Bench {
     const falls = this.setup.striker.kind === "floor";
     find("site-fields").hidden = falls;
     find("in-python").hidden = falls || Boolean(this.chosen);
+    if (falls) find("stresses").hidden = true;
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
     find("held-list").replaceChildren();
