@@ -90,7 +90,7 @@ def test_without_ccx_a_note_tells_it(monkeypatch):
     part = ao.Structure(box((4, 2, 2), cell="tetrahedron"), ao.Solid(**STEEL), HELD)
     found = ao.tradeoff(part, TOP, BALL, ao.Hertz(1e10), DURATION, tol=0.5, compare=60.0)
     assert [one.method for one in found.others] == ["unreduced"]
-    assert found.notes == ("CalculiX: ccx is not on the PATH.",)
+    assert found.notes[0] == "CalculiX: ccx is not on the PATH."
 
 
 @pytest.mark.parametrize("swapped", [False, True])

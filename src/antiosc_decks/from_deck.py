@@ -341,14 +341,15 @@ def _reader(
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
-    for name, value, unit_name in (
-        ("merge", merge, "m"),
-        ("density", density, "kg/m³"),
-        ("modulus", modulus, "Pa"),
-        ("timeout", timeout, "s"),
-    ):
-        if value is not None:
-            positive(name, value, unit_name)
+    merge, density, modulus, timeout = (
+        None if value is None else positive(name, value, unit_name)
+        for name, value, unit_name in (
+            ("merge", merge, "m"),
+            ("density", density, "kg/m³"),
+            ("modulus", modulus, "Pa"),
+            ("timeout", timeout, "s"),
+        )
+    )
     if parts is not None:
         are_names = isinstance(parts, list | tuple) and all(
             isinstance(name_of_part, str) for name_of_part in parts

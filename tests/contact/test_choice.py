@@ -208,9 +208,8 @@ def test_a_model_without_a_mesh_takes_a_material(tmp_path, radius):
             struck.with_surface(**wrong)
 
 
-def budgets():
+def budgets(errors=np.diag([1e3, 1e3, 1e3])):
     """The budgets of a blow: all known, no strength, a law of the caller's, and no yield."""
-    errors = np.diag([1e3, 1e3, 1e3])
     alloy = model(Surface(ALLOY), strain_error=errors)
     unknown = model(Surface(Matter(69e9, 0.33)), strain_error=errors)
     fast = ao.Sphere(0.01, material="100Cr6", velocity=2.0)
@@ -296,10 +295,9 @@ def test_what_yields_is_said_first():
 
 def test_the_error_by_the_law_is_told_without_an_estimate_of_the_mesh():
     hits = budgets()
-    shown = {
-        name: hit.summary().split("force error")[1].splitlines()[0] for name, hit in hits.items()
-    }
+    shown = {name: error_line(hit) for name, hit in budgets(errors=None).items()}
     share = float(re.search(r"law ([\d.]+) %, numerical", shown["known"])[1]) / 100
+    assert "law, truncation and mesh: see the error budget" in error_line(hits["known"])
     row = hits["known"].error_budget["peak_force"].law
     assert row < share < 2 * row  # at the depth of the contact
     assert "law 0 %" in shown["slow"]

@@ -145,7 +145,7 @@ def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Weighte
     count = len(weights)
     X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
     cell = np.repeat(cells, count)
-    X = X.reshape(entity_count * count, -1)
+    X = X.reshape(entity_count * count, X.shape[-1])  # a rank may have no entity
     x, J = mesh.geometry.at(cell, X)
     area = np.ones(entity_count * count)
     if dim:

@@ -270,11 +270,11 @@ def error_scope(history: History) -> str:
     """Text: causes that the `error` of a history covers, and the place of the mesh error."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
-    if not any(info.structure for info in facts):
-        return "time integration"
     if has_estimate(history):
         law = "law, " if history.budget is not None else ""
         return f"time integration; {law}truncation and mesh: see the error budget"
+    if not any(info.structure for info in facts):
+        return "time integration"
     remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
     if any(i.no_estimate for i in facts):
         remedy = ": compare two element sizes"
