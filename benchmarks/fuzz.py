@@ -96,7 +96,7 @@ def check(hit: ao.History, scene: dict[str, Any]) -> tuple[str, float]:
         return "time runs backwards", 0.0
     if hit.status == 2:  # stopped early: the rest is not claimed
         return "", 0.0
-    return balance(hit, scene["tol"] if scene["method"] == "DOP853" else MOMENTUM)
+    return balance(hit, scene["tol"] if scene.get("method") == "DOP853" else MOMENTUM)
 
 
 def balance(hit: ao.History, limit: float) -> tuple[str, float]:
@@ -126,7 +126,7 @@ def expected(error: ao.AntioscError, scene: dict[str, Any]) -> bool:
         law = scene["contact"]
         limited = isinstance(law, ao.Tabulated) or getattr(law, "compliance", 0) > 0
         return limited and str(error).startswith("the peak force")
-    return isinstance(error, ao.InputError) and "use method='exact'" in str(error)
+    return isinstance(error, ao.InputError) and "use the method 'exact'" in str(error)
 
 
 # -- drawing scenes

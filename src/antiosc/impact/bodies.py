@@ -274,6 +274,7 @@ class NamedImpactor(FieldsRepr):
     speed : speed of the test that the standard prescribes, m/s; None: none is prescribed.
     tip_radius : m; None: not in the source.
     steel : whether its surface is steel.
+    yield_strength : of its surface [Pa]; None: not in the source.
     stiffness : stiffness of its contact with a plane for a law F = k δ, N/m; None: not in the
         source.
     restitution : coefficient of restitution on a rigid surface; None: not in the source.
@@ -286,6 +287,7 @@ class NamedImpactor(FieldsRepr):
     speed: float | None = None
     tip_radius: float | None = None
     steel: bool = False
+    yield_strength: float | None = None
     stiffness: float | None = None
     restitution: float | None = None
     note: str = ""
@@ -300,7 +302,12 @@ class NamedImpactor(FieldsRepr):
         return Gonthier(self.stiffness, self.restitution, exponent=1.0)
 
 
-_HAMMERS = "IEC 60068-2-75, table 1 (striking elements), as interelectronix.com reprints it"
+_HAMMERS = (
+    "IEC 60068-2-75, table 1 (striking elements), as interelectronix.com reprints it; its steel is"
+    " Fe 490-2 of ISO 1052, which yields at 290 MPa (issuhub.com, tensile properties of steels)"
+)
+#: Yield strength of the hammers' steel [Pa].
+_HAMMER_STRENGTH = 290e6
 _POLYAMIDE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in the source"
 _PANES = "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
 _BALLS = (
@@ -320,7 +327,8 @@ def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpact
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
     note = "" if steel else _POLYAMIDE
-    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, note=note)
+    strength = _HAMMER_STRENGTH if steel else None
+    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, strength, note=note)
 
 
 def _pendulum(number: int, height: float) -> NamedImpactor:
@@ -413,7 +421,13 @@ def named_impactor(
     if diameter is not None:
         raise InputError(f"diameter is for the steel ball and the ice ball; got it for {name}.")
     constants = STEEL if impactor.steel else {}
-    return RigidMass(impactor.mass, velocity, tip_radius=impactor.tip_radius, **constants)
+    return RigidMass(
+        impactor.mass,
+        velocity,
+        tip_radius=impactor.tip_radius,
+        yield_strength=impactor.yield_strength,
+        **constants,
+    )
 
 
 #: cosine of the angle beyond which two directions are not taken as one

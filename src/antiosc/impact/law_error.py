@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+from antiosc.base.errors import SiteError
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
@@ -28,6 +29,11 @@ from antiosc.models.body import Body
 
 #: Note for a law given by the caller.
 GIVEN = "The contact's law was given: its error is not in these bars."
+#: Note for a mesh by whose error of the curvature the surfaces may fit into each other.
+UNKNOWN_CURVATURE = (
+    "The total is not known: the curvature of the surface at the site is too uncertain (smaller"
+    " elements around the site)."
+)
 #: Factor for errors of the law that grow with the depth: these change the peak by up to 1.29 times
 #: as much as the same error at all depths (benchmarks/elastoplastic/pairs.py).
 GROWS = 1.4
@@ -56,7 +62,11 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
             f"the error of its elastic law is known up to {LARGEST_STRAIN:g} (a blunter striker)."
         )
     total = dict(NO_ERROR)
-    for cause in causes(raw, choice):
+    try:
+        changed_laws = [list(cause) for cause in causes(raw, choice)]
+    except SiteError:
+        return None, UNKNOWN_CURVATURE
+    for cause in changed_laws:
         relative_changes = [differences(raw, by_law(law, tol)) for law in cause]
         for name in total:
             total[name] += max((shares[name] for shares in relative_changes), default=0.0)

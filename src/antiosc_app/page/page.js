@@ -184,10 +184,10 @@ class Page {
     return total;
   }
 
-  // A number with its bar, with the word for what the bar leaves out.
+  // A number and its bar, with the word for what the bar leaves out: a line may end between both.
   with_bar(plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
-    return `${plain}${word ? ", " : ""}${word || " "}± ${percent(bar)}`;
+    return [`${plain}${word ? "," : ""} `, `${word}± ${percent(bar)}`];
   }
 
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
@@ -213,7 +213,8 @@ class Page {
       if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
-      now.textContent = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : plain;
+      now.textContent = "";
+      for (const text of Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain]) made("span", now, text);
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;

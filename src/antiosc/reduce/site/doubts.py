@@ -142,7 +142,8 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
         is_coarse,
         f"the {entities} at the site {larger}: the patch is not resolved; refine the geometry "
         "there to "
-        f"{times * radius:g} m (refine; on the page: Finer mesh here) or take {remedy}.",
+        f"{times * radius:g} m (refine; on the page: Finer mesh here; a mesh of a file in the "
+        f"program that made it) or take {remedy}.",
         f"the {entities} at {{}} {larger} (a smaller size helps, or {remedy})",
     )
 
