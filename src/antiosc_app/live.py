@@ -50,7 +50,7 @@ from antiosc.extension import (
     weaker_side,
 )
 from antiosc.models.auto_contact import piercing
-from antiosc.models.body import info_of, site_points
+from antiosc.models.body import coarse_cell, info_of, site_points
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
@@ -370,7 +370,7 @@ def headline_of_history(
         ("accuracy", "" if budget is None else _accuracy(budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    caution = " ".join(filter(None, [hit.unfinished, caution_of(budget, structure)]))
+    caution = " ".join(filter(None, [hit.unfinished, caution_of(hit, budget, structure)]))
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
 
 
@@ -619,10 +619,19 @@ def without_bars(structure: Structure) -> str:
     return ""
 
 
-def caution_of(budget: ErrorBudget | None, structure: Structure | None) -> str:
+def caution_of(hit: History | None, budget: ErrorBudget | None, structure: Structure | None) -> str:
     """What must be read before the numbers of an impact: a part that may be cut, missing bars."""
-    sentences = symmetry_note(structure), no_bar(budget, structure)
+    coarse = coarse_cells(hit)
+    reason = f"There is no error bar. {coarse}" if coarse else no_bar(budget, structure)
+    sentences = symmetry_note(structure), reason
     return " ".join(f"{sentence.rstrip('.')}." for sentence in sentences if sentence)
+
+
+def coarse_cells(hit: History | None) -> str:
+    """Sentence if the cell at the only site is too large for the waves of the contact; else ""."""
+    if hit is None or isinstance(hit, SceneHistory) or not hit.run.touches:
+        return ""
+    return coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
 
 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:

@@ -49,7 +49,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import caution_of, map_cautions, mesh_note
+from antiosc_app.live import caution_of, coarse_cells, map_cautions, mesh_note
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
@@ -268,7 +268,11 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
 
 
 def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history; None if it has none."""
+    """The error budget of a history; None if it has none, or leaves out that cells are too large
+    for the contact.
+    """
+    if coarse_cells(history):
+        return None
     try:
         budget = getattr(history, "error_budget", None)
     except AntioscError:  # the model was not extracted for it
@@ -411,7 +415,7 @@ def _impact(results: SceneResults) -> Presentation:
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
-    caution = caution_of(budget, results.structure)
+    caution = caution_of(hit, budget, results.structure)
     text = [caution, hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,

@@ -208,7 +208,10 @@ def test_a_model_without_a_mesh_takes_a_material(tmp_path, radius):
             struck.with_surface(**wrong)
 
 
-def budgets(errors=np.diag([1e3, 1e3, 1e3])):
+ERRORS = np.diag([1e3, 1e3, 1e3])
+
+
+def budgets(errors=ERRORS):
     """The budgets of a blow: all known, no strength, a law of the caller's, and no yield."""
     alloy = model(Surface(ALLOY), strain_error=errors)
     unknown = model(Surface(Matter(69e9, 0.33)), strain_error=errors)
@@ -304,6 +307,28 @@ def test_the_error_by_the_law_is_told_without_an_estimate_of_the_mesh():
     assert "law not known" in shown["unknown"]
     assert "law" not in shown["given"]
     assert f"law {percent(row)}" in error_line(hits["known"])
+
+
+def test_a_curvature_that_may_fit_the_striker_leaves_the_total_unknown():
+    hollow = Surface(ALLOY, curvatures=(-90.0, -90.0), kind="curved")
+    ball = ao.Sphere(0.01, material="100Cr6", velocity=0.2)
+    known, uncertain = (
+        ao.simulate(
+            model(replace(hollow, error=error), strain_error=np.diag([1e3, 1e3, 1e3])),
+            ball,
+            duration=5e-3,
+        ).error_budget
+        for error in (1.0, 20.0)
+    )
+    assert known["peak_force"].total is not None
+    assert uncertain["peak_force"].total is None
+    assert "curvature of the surface at the site is too uncertain" in str(uncertain)
+
+
+def test_hammers_of_steel_have_a_total_bar():
+    struck = model(Surface(ALLOY), strain_error=np.diag([1e3, 1e3, 1e3]))
+    hit = ao.simulate(struck, ao.named_impactor("IK07"), duration=2e-2)
+    assert hit.error_budget["peak_force"].total is not None
 
 
 def error_line(hit):

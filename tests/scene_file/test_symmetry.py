@@ -40,7 +40,7 @@ def test_planes_held_along_their_normal_alone_are_told(supports, planes):
     told = symmetry_note(cut(*supports))
     assert planes in told
     assert bool(planes) == bool(told)
-    assert live.caution_of(None, cut(*supports)).startswith(told or "There is no error bar")
+    assert live.caution_of(None, None, cut(*supports)).startswith(told or "There is no error bar")
 
 
 def test_half_the_mass_and_half_the_contact_on_the_plane_give_half_the_force():

@@ -488,6 +488,6 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
         f"The cell at the site{suffix} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
-        f" {engineering(cell.allowed, 'm')} there (refine; on the page: Finer mesh here; a mesh of a"
-        " file in the program that made it)."
+        f" {engineering(cell.allowed, 'm')} there (refine; on the page: Finer mesh here; a mesh of"
+        " a file in the program that made it)."
     )

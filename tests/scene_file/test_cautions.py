@@ -1,0 +1,23 @@
+"""What is told before the numbers of an impact."""
+
+from __future__ import annotations
+
+import pytest
+
+import antiosc as ao
+import sheets
+from antiosc_app import live, results
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+
+
+@pytest.mark.parametrize(("cells", "is_coarse"), [(4, True), (64, False)])
+def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(cells, is_coarse):
+    """The waves of the contact of a ball on a sheet of 1 mm have a length of some 60 mm."""
+    part = sheets.plate(cells, 0.001, cell="quadrilateral")
+    model = ao.extract(part, ao.Site((0.5, 0.5, 0.0), (0, 0, -1)), n=10)
+    ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    hit = ao.simulate(model, ball, ao.Hertz(1e9), duration=1e-3)
+    caution = live.caution_of(hit, results.error_budget(hit), part)
+    assert caution.startswith("There is no error bar")
+    assert ("The cell at the site measures" in caution) == is_coarse
