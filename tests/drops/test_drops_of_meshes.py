@@ -352,8 +352,7 @@ def test_a_shell_falls_onto_its_edge_with_friction(tmp_path: Path) -> None:
     mesh = ao.read_mesh(tmp_path / "part.geo", size=0.04, gdim=3)
     sheet = ao.Structure(mesh, ao.Shell(70e9, 0.33, 2700.0, 3e-3))
     floor = ao.Floor(ao.Solid(3e10, 0.2, 2400.0), friction=0.2)
-    with pytest.warns(ao.AccuracyWarning, match="spins"):
-        fall = ao.drop(sheet, 0.5, (60, 0, 0), floor, until=2, modes=8)
+    fall = ao.drop(sheet, 0.5, (60, 0, 0), floor, until=2, modes=8)  # its spin is at the limit
     _, energies = fall.energy()
     assert len(fall.impacts) == 2
     assert (np.diff(energies.sum(axis=1)) < 1e-3 * energies[0].sum()).all()
