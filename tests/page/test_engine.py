@@ -15,6 +15,7 @@ import antiosc as ao
 import stretched
 from antiosc.base.texts import engineering
 from antiosc.engine import library
+from antiosc.engine.contact.choice import NO_STRENGTH
 from antiosc.impact.histories import verdict
 from antiosc_app import live as assets
 
@@ -112,7 +113,7 @@ def test_a_slider_through_yield_is_another_modulus():
 def test_a_contact_whose_strength_is_unknown_is_not_said_to_stay_elastic(monkeypatch):
     hit = ao.simulate(MODEL, ao.RigidMass(0.2, 0.1 * YIELDS.yield_speed(0.2)), YIELDS, 3e-3)
     assert on_the_page(hit, [{}])[0]["said"].startswith("The contact stays elastic")
-    unknown = SimpleNamespace(unknown="(give yield_strength)", soft=None, law=YIELDS)
+    unknown = SimpleNamespace(unknown=NO_STRENGTH, soft=None, law=YIELDS)
     monkeypatch.setattr(verdict, "choice_at", lambda _: unknown)
     assert assets.blow_of_history(hit, {})["law"]["yields"]["unknown"].startswith("unknown (give")
     assert on_the_page(hit, [{}])[0]["said"] == hit.verdict
