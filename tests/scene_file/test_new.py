@@ -170,7 +170,8 @@ def test_a_large_sheet_is_fine_at_its_site_and_its_run_can_be_looked_at(tmp_path
     ((point, size),) = written["geometry"]["refine"]
     assert point == written["sites"]["tip"]["point"]
     assert size < 0.25 * written["geometry"]["size"]
-    assert written["simulate"]["duration"] <= 0.15
+    # a ball of 10 mm has a limit of 0.15 s, and contacts are as long as the ball is wide; one digit
+    assert written["simulate"]["duration"] <= 0.2 * written["impactor"]["radius"] / 0.01
 
 
 @pytest.mark.parametrize(("side", "unit"), [(60.0, "mm"), (3.2, "mm"), (2.0, "m")])
