@@ -226,7 +226,9 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert "".join(page.text["pre"]) == BEAM + PROBE
     headings = ["Results", "Errors", "Pictures", "Model", "Origin", "Scene"]
     assert page.text["h2"] == headings
-    pictures = ["Contact force", "Displacements", "Energies", "Probes", "Deformed structure"]
+    whole = ["Displacements", "Energies"]  # each is folded over the whole run, too
+    charts = [text for name in whole for text in (name, f"{name} over the whole run")]
+    pictures = ["Contact force", *charts, "Probes", "Deformed structure"]
     assert page.text["h3"] == [*pictures, "Anti-oscillators", "Dynamic stiffness"]
     cells = page.text["td"]
     result = numbers(folder)
@@ -288,7 +290,7 @@ def test_hostile_names_are_text(tmp_path):
     assert page.tags.count("script") == 2
     assert page.text["h1"][0].startswith("</pre><script>")
     assert "".join(page.text["pre"]) == text
-    assert len(page.images) == 6
+    assert len(page.images) == 8
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),")
 
 
@@ -315,10 +317,11 @@ def test_a_browser_shows_the_page(tmp_path):
     # the page as it is: its title has not been taken, and nothing of it was removed
     seen = browse("--disable-gpu", profile, "--dump-dom", f"file://{tmp_path}/report.html")
     assert "<title>taken" not in seen
-    assert seen.count("<figure ") == 6
+    assert seen.count("<figure ") == 8
     # a copy that may run one script, which measures what is shown
     probe = """<script>addEventListener("load", () => { document.title = "measured " +
-        [...document.images].map(i => i.naturalWidth > 300 && i.getBoundingClientRect().width > 300)
+        [...document.images].filter(i => !i.closest("details"))
+        .map(i => i.naturalWidth > 300 && i.getBoundingClientRect().width > 300)
         + " " + (document.documentElement.scrollWidth <= innerWidth) })</script></body>"""
     policy = re.search(r"<meta http-equiv=[^>]*>", source)
     copy = source.replace(policy.group(), "").replace("</body>", probe)
