@@ -50,7 +50,8 @@ from antiosc.extension import (
     weaker_side,
 )
 from antiosc.models.auto_contact import piercing
-from antiosc.models.body import coarse_cell, info_of, site_points
+from antiosc.models.body import info_of, site_points
+from antiosc_app.scene_file.run import coarse_cells
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
@@ -625,13 +626,6 @@ def caution_of(hit: History | None, budget: ErrorBudget | None, structure: Struc
     reason = f"There is no error bar. {coarse}" if coarse else no_bar(budget, structure)
     sentences = symmetry_note(structure), reason
     return " ".join(f"{sentence.rstrip('.')}." for sentence in sentences if sentence)
-
-
-def coarse_cells(hit: History | None) -> str:
-    """Sentence if the cell at the only site is too large for the waves of the contact; else ""."""
-    if hit is None or isinstance(hit, SceneHistory) or not hit.run.touches:
-        return ""
-    return coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
 
 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:

@@ -584,13 +584,13 @@ def _strengths(blow: PageImpact) -> dict[str, Any]:
 
 def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
     """The headline of an impact."""
-    budget = results.error_budget(blow.hit)
+    budget = run.error_budget(blow.hit)
     return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None)
 
 
 def _told(blow: PageImpact) -> Data:
     """An impact as data for the page, with headline and site."""
-    blow_data = live.blow_of_history(blow.hit, results.error_budget(blow.hit))
+    blow_data = live.blow_of_history(blow.hit, run.error_budget(blow.hit))
     if blow_data is None:
         raise InputError("the page cannot repeat this impact.")
     headline = _headline(blow, {})

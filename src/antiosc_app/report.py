@@ -35,12 +35,11 @@ from antiosc_app.results import (
     Presentation,
     advice_of,
     drawn_pictures,
-    error_budget,
     format_number,
     presentations,
     with_prefixes,
 )
-from antiosc_app.scene_file.run import SceneResults, on_first
+from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
 

@@ -49,10 +49,10 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import caution_of, coarse_cells, map_cautions, mesh_note
+from antiosc_app.live import caution_of, map_cautions, mesh_note
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import label
-from antiosc_app.scene_file.run import RowFacts, SceneResults, varied
+from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
 from antiosc_app.scene_file.scene import probe_times
 
 if TYPE_CHECKING:
@@ -265,21 +265,6 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
         ]
     names = ("quantity", "quantile", "value", "low", "high")
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
-
-
-def error_budget(history: Any) -> ErrorBudget | None:
-    """The error budget of a history; None if it has none, or leaves out that cells are too large
-    for the contact.
-    """
-    if coarse_cells(history):
-        return None
-    try:
-        budget = getattr(history, "error_budget", None)
-    except AntioscError:  # the model was not extracted for it
-        return None
-    if isinstance(budget, ErrorBudget):
-        return budget
-    return None
 
 
 # -- the kinds of results

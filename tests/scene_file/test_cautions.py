@@ -6,7 +6,8 @@ import pytest
 
 import antiosc as ao
 import sheets
-from antiosc_app import live, results
+from antiosc_app import live
+from antiosc_app.scene_file.run import error_budget
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
 
@@ -18,6 +19,6 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(cells, 
     model = ao.extract(part, ao.Site((0.5, 0.5, 0.0), (0, 0, -1)), n=10)
     ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
     hit = ao.simulate(model, ball, ao.Hertz(1e9), duration=1e-3)
-    caution = live.caution_of(hit, results.error_budget(hit), part)
+    caution = live.caution_of(hit, error_budget(hit), part)
     assert caution.startswith("There is no error bar")
     assert ("The cell at the site measures" in caution) == is_coarse

@@ -324,8 +324,7 @@ class ConservingScene(SceneStep):
         if any(law.rate_dependent and R[c, c] > 0 for c, law in enumerate(laws)):
             raise InputError(
                 "the method 'conserving' does not support a rate-dependent law at a massless "
-                "contact"
-                " point (m0 = 0), which has no potential; use the method 'exact'."
+                "contact point (m0 = 0), which has no potential; use the method 'exact'."
             )
 
     def advance(self, start: Step, acting: StepLoads, h: float) -> Step:

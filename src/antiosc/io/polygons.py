@@ -108,7 +108,7 @@ def _ears(x: Array, polygon: Sequence[int], normal: Array) -> list[list[int]]:
     rest = list(polygon)
     ears = []
     while len(rest) > 3:
-        turns = [rest[k:] + rest[:k] for k in range(len(rest))]
+        turns = (rest[k:] + rest[:k] for k in range(len(rest)))
         first = next((turn for turn in turns if _is_ear(x[turn], normal)), rest)
         ears.append(first[:3])
         rest = [first[0], *first[2:]]

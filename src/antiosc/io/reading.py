@@ -166,8 +166,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
             f"{' and '.join(strays)} that are not sides of them, one at ({at}) m: one mesh carries "
             f"one kind of cells, so say which are meant by cells, as {raw.kind.dim} (their "
-            "dimension) or "
-            "the name of their group."
+            "dimension) or the name of their group."
         )
     if lost:
         raw.remarks = [

@@ -213,8 +213,9 @@ class Page {
       if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
-      now.textContent = "";
-      for (const text of Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain]) made("span", now, text);
+      const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
+      now.replaceChildren();
+      for (const text of parts) made("span", now, text);
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;

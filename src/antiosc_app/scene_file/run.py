@@ -14,7 +14,8 @@ import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
 from antiosc.base.texts import STOPPED
-from antiosc.extension import yield_share
+from antiosc.extension import ErrorBudget, yield_share
+from antiosc.models.body import coarse_cell
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
@@ -34,8 +35,8 @@ from antiosc_app.scene_file.schema import (
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc import Batch
-    from antiosc.extension import ErrorBudget, Tradeoff
+    from antiosc import Batch, History
+    from antiosc.extension import Tradeoff
 
 
 T = TypeVar("T")
@@ -237,19 +238,37 @@ def _facts_of_rows(batch: Batch, arguments: Table) -> list[RowFacts]:
 
 def _facts(arguments: Table) -> RowFacts:
     """The facts of an impact."""
-    budget = None
     with warnings_to(lambda _: None):  # the batch has shown them
         try:
             hit = antiosc.simulate(**arguments)
         except AntioscError:
             return RowFacts()
-        with contextlib.suppress(AntioscError):  # its model was not extracted for it
-            budget = hit.error_budget
+        budget = error_budget(hit)
         share = yield_share(hit)
         dent = None if hit.dent is None else hit.dent.depth
         if share is not None and share <= 1:
             dent = 0.0
         return RowFacts(budget, share, dent)
+
+
+def error_budget(history: Any) -> ErrorBudget | None:
+    """The error budget of a history; None if it has none, or leaves out that cells are too large
+    for the contact.
+    """
+    if coarse_cells(history):
+        return None
+    try:
+        budget = getattr(history, "error_budget", None)
+    except AntioscError:  # the model was not extracted for it
+        return None
+    return budget if isinstance(budget, ErrorBudget) else None
+
+
+def coarse_cells(hit: History | None) -> str:
+    """Sentence if the cell at the only site is too large for the waves of the contact; else ""."""
+    if hit is None or isinstance(hit, antiosc.SceneHistory) or not hit.run.touches:
+        return ""
+    return coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
 
 
 def _variable_sections(build: Builder) -> list[str]:

@@ -361,8 +361,7 @@ class AnisotropicSolid(FieldsRepr):
         raise InputError(
             "a site with a radius on an AnisotropicSolid is not supported, for the half-space "
             "compliance of its patch is not known: leave the radius out, or make the cells "
-            "around the "
-            "site a Solid."
+            "around the site a Solid."
         )
 
     def dimensions(self, box: Box, materials: Sequence[Family]) -> Box:

@@ -42,8 +42,7 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     if matrices.mesh.n_cells < 2:
         raise InputError(
             "the error 'estimate' compares the strains of neighbouring cells, and the mesh has "
-            "one: "
-            "give a smaller size."
+            "one: give a smaller size."
         )
     if matrices.kind.sheet:
         return ShellErrors(matrices)

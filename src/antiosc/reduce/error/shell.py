@@ -186,8 +186,7 @@ def _sides(number: IntArray, a: IntArray, b: IntArray, turned: BoolArray, name: 
     if np.any(sides[:count] == sides[count:]):
         raise InputError(
             f"the error 'estimate' needs surfaces with two sides, and {name} has one that turns "
-            "over "
-            "(a Moebius strip)."
+            "over (a Moebius strip)."
         )
     first = np.unique(number, return_index=True)[1]
     return np.where(sides[:count] == sides[first][number], 1.0, -1.0)
