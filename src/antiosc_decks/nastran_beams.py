@@ -27,6 +27,9 @@ SLIGHT = 1e-6
 #: Property -> fields of A, I1, I2, I12, J, NSM; field of K1 (-1: none, or after the sections).
 FIELDS = {"PBAR": ((2, 3, 4, 18, 5, 6), 16), "PBEND": ((2, 3, 4, -1, 5, 18), 16)}
 FIELDS["PBEAM"] = ((2, 3, 4, 5, 6, 7), -1)
+#: Shear coefficient of a plane that is rigid in shear, of a beam that deforms in the other one: its
+#: shear deflection is below 1e-4 of that of bending where the beam is as long as its height.
+RIGID = 1e4
 #: What is ignored of a PBEAM -> its field, counted from the end of the sections.
 BEHIND = {"S1": 2, "S2": 3, "NSI(A)": 4, "NSI(B)": 5, "CW(A)": 6, "CW(B)": 7}
 BEHIND |= {"M1(A)": 8, "M2(A)": 9, "M1(B)": 10, "M2(B)": 11}
@@ -81,13 +84,22 @@ class BeamProfiles:
         mean = (first + second) / 2
         half = math.hypot((first - second) / 2, mixed)
         angle = math.atan2(2 * mixed, first - second) / 2 if mixed else 0.0
+        form = self.form
         if mixed:
             first = mean + half
             second = mean - half
+            form = form.sheared(*self._along_axes(angle))
         message = f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
         self.entry.needs(min(A, first, second) > 0, message)
-        section = replace(self.form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
+        section = replace(form, A=A, I=first, I_side=second, J=J or (first + second) / 2)
         return BeamProfile(section, extra, self.sheared, angle)
+
+    def _along_axes(self, angle: float) -> tuple[float, float]:
+        """Shear coefficients along the principal axes at `angle`, by the compliances in shear."""
+        first, second = self.form.shears
+        share = math.sin(angle) ** 2
+        along = (1 - share) / first + share / second
+        return 1 / along, 1 / (1 / first + 1 / second - along)
 
     def _by_constants(self) -> dict[float, Station]:
         """Stations of PBAR, PBEND and PBEAM, which give areas and moments."""
@@ -127,14 +139,13 @@ class BeamProfiles:
         k1 = entry.real(start, k_if_blank)
         k2 = entry.real(start + 1, k_if_blank)
         entry.needs(min(values[:3]) > 0, f"{entry.name} needs A, I1 and I2 above 0.")
-        shear = (k1 + k2) / 2 if k1 and k2 else 0.0
-        if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
-            remark = "their mean is taken" if shear else "both planes are taken as rigid in shear"
-            self.remarks.append(f"K1 and K2 of {label}, which differ: {remark}")
+        self.sheared = bool(k1 or k2)
+        if self.sheared:
+            self.form = self.form.sheared(k1 or RIGID, k2 or RIGID)
+        if k1 != k2 and any(row[3] for row in rows.values()):
+            self.remarks.append(f"how I12 of {label} couples shear in planes 1 and 2 (K1, K2)")
         if not values[4]:
             self.remarks.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
-        self.form = replace(self.form, shear=shear or self.form.shear)
-        self.sheared = shear > 0
         return rows
 
     def _along(self, rows: dict[float, Station]) -> int:

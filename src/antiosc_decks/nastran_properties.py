@@ -224,7 +224,8 @@ class Properties:
                 )
                 side = np.cross(tangents[members[0]], height)
                 height = math.cos(section.angle) * height + math.sin(section.angle) * side
-            profile = replace(profile, J=profile.J * share, shear=profile.shear * share)
+            shears = (share * shear for shear in profile.shears)
+            profile = replace(profile, J=profile.J * share).sheared(*shears)
             arguments: Json = {
                 "E": E,
                 "nu": min(nu, NU_OF_BEAMS),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -104,22 +104,40 @@ class Profile:
     I: float  # noqa: E741
     I_side: float
     J: float
+    #: shear coefficient along the height
     shear: float
     #: outer dimensions along the height and across it, of which offsets are shares
     height: float = 0.0
     width: float = 0.0
     #: product of inertia, of a section that is symmetric about neither axis
     mixed: float = 0.0
+    #: shear coefficient across the height; None: as along it
+    shear_side: float | None = None
+
+    @property
+    def shears(self) -> tuple[float, float]:
+        """The shear coefficients along the height and across it."""
+        return self.shear, self.shear if self.shear_side is None else self.shear_side
+
+    def sheared(self, along: float, across: float) -> Profile:
+        """This cross-section with other shear coefficients along the height and across it."""
+        return replace(
+            self, shear=along, shear_side=None if math.isclose(across, along) else across
+        )
 
     def section(self, length: float) -> dict[str, float]:
         """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
         second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
-        return {"A": self.A * length**2, **second, "shear": self.shear}
+        arguments = {"A": self.A * length**2, **second, "shear": self.shear}
+        if self.shear_side is not None:
+            arguments["shear_side"] = self.shear_side
+        return arguments
 
     def rotated(self) -> Profile:
         """This cross-section rotated by 90°."""
         sides = self.width, self.height
-        return Profile(self.A, self.I_side, self.I, self.J, self.shear, *sides, -self.mixed)
+        turned = Profile(self.A, self.I_side, self.I, self.J, self.shear, *sides, -self.mixed)
+        return turned.sheared(*reversed(self.shears))
 
 
 def rectangle(height: float, width: float) -> Profile:

@@ -247,7 +247,7 @@ def beam_section_forces(at: PointsInCells, place: Place) -> Array:
 
     def stiffness(beam: Beam) -> list[float]:
         s = beam.section
-        shear = [beam.shear_stiffness(s.I, size), beam.shear_stiffness(s.side, size)]
+        shear = [beam.shear_stiffness(plane, size) for plane in (0, 1)]
         return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
 
     forces = strains * at.each(stiffness)[:, :, None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,6 +144,16 @@ def test_the_matrices_of_a_bolt_know_rigid_motions():
     total = motions.T @ m @ motions
     assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
     assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
+
+
+def test_a_bolt_deforms_in_shear_by_the_coefficient_of_each_plane():
+    """L³/3EI + L/GκA under a force along the height, and across it."""
+    section = replace(BEAM.section, I_side=BEAM.section.I / 4, shear=0.7, shear_side=0.3)
+    k, _ = element(replace(BEAM, section=section), 0.3)
+    flexibility = np.linalg.inv(k[6:, 6:])
+    for row, I, shear in ((1, section.I, 0.7), (2, section.I_side, 0.3)):  # noqa: E741
+        exact = 0.3**3 / (3 * E * I) + 0.3 / (BEAM.G * section.A * shear)
+        assert flexibility[row, row] == pytest.approx(exact, rel=1e-9)
 
 
 def test_a_mass_that_turns_in_a_plane_is_one_on_a_part_and_on_an_assembly():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import dolfinx
 import numpy as np
@@ -153,14 +154,17 @@ def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (2, -1, 2)])
 @pytest.mark.parametrize("order", [1, 2])
 def test_orientation_in_space(direction, order):
-    """Forces along and across the height, a torque and a pull, on a cantilever in space."""
+    """Forces along and across the height, a torque and a pull, on a cantilever in space.
+
+    Its shear coefficients along the height and across it differ.
+    """
     L = 0.6
     t = np.asarray(direction) / np.linalg.norm(direction)
     tilted = np.array([0.2, 1.0, 0.3])
     y = tilted - tilted @ t * t
     y /= np.linalg.norm(y)
     z = np.cross(t, y)
-    b = beam(orientation=tuple(tilted))
+    b = beam(replace(FLAT, shear_side=0.3), orientation=tuple(tilted))
     n = 4 if order == 2 else 40
     structure = ao.Structure(parts.line(L, n, direction), b, [ao.Support("left")], order=order)
     tip = L * t
@@ -170,7 +174,7 @@ def test_orientation_in_space(direction, order):
     for axis, compliance in [
         (t, L / E / A),
         (y, L**3 / 3 / E / FLAT.I + L / G / A / FLAT.shear - L * lack / E / FLAT.I),
-        (z, L**3 / 3 / E / FLAT.side + L / G / A / FLAT.shear - L * lack / E / FLAT.side),
+        (z, L**3 / 3 / E / FLAT.side + L / G / A / 0.3 - L * lack / E / FLAT.side),
     ]:
         u = solve(structure, tip, dict(zip("xyz", axis, strict=True)))
         moved = np.array([u[c] for c in "xyz"])
@@ -180,6 +184,14 @@ def test_orientation_in_space(direction, order):
     np.testing.assert_allclose(
         turn, L / G / FLAT.torsion * t, rtol=1e-8, atol=1e-12 * np.abs(turn).max()
     )
+
+
+def test_a_section_with_two_shear_coefficients_needs_an_orientation():
+    """Also where both second moments are equal."""
+    channel = ao.Section(A=1e-3, I=2e-7, shear=0.7, shear_side=0.25)
+    with pytest.raises(ao.InputError, match="shear coefficients needs an orientation"):
+        ao.Structure(parts.line(0.6, 2, (1, 0, 0)), beam(channel))
+    ao.Structure(parts.line(0.6, 2, (1, 0, 0)), beam(replace(channel, shear_side=0.7)))
 
 
 def by_hand() -> tuple[np.ndarray, np.ndarray]:

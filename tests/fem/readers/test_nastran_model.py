@@ -137,17 +137,14 @@ def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
     pbeam = "PBEAM,7,1,6.,5.,3.,,4.,,\n,,,,,,,,,\n,.8,.6,1.,2.,3.,4.,5.,6.\n,1.,2.,3.,4.\n"
     model, _ = read(tmp_path, GRIDS + beam + pbeam + MAT1)
     assert sorted(model["ignored"]) == [
-        "K1 and K2 of PBEAM 7, which differ: their mean is taken",
         "S1, S2, NSI(A), NSI(B), CW(A), CW(B), M1(A), M2(A), M1(B), M2(B) of PBEAM 7",
     ]
-    assert model["families"][0][2]["section"]["shear"] == pytest.approx(0.7)
     walls = "PBARL,7,1,,T\n,3.,2.,.2,.1\n"
     model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + walls + MAT1)
     assert "torsion constant that Nastran gives PBARL 7 (T)" in model["ignored"][0]
-    pbar = "PBAR,7,1,6.,5.,3.,4.,,,\n,,,,,,,,,\n,.8\n"
-    model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + pbar + MAT1)
-    assert "both planes are taken as rigid in shear" in model["ignored"][0]
-    assert not model["families"][0][2]["shear"]
+    mixed = "PBEAM,7,1,6.,5.,3.,1.,4.,,\n,,,,,,,,,\n,.8,.6\n"
+    model, _ = read(tmp_path, GRIDS + beam + mixed + MAT1)
+    assert model["ignored"] == ["how I12 of PBEAM 7 couples shear in planes 1 and 2 (K1, K2)"]
 
 
 def test_directions_that_turn_are_given_at_the_middles_of_elements(tmp_path):

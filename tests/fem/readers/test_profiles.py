@@ -17,7 +17,7 @@ from antiosc_decks import (
     properties as profiles,
 )
 from antiosc_decks.abaqus_cards import Card
-from antiosc_decks.nastran_beams import BeamProfiles, arc
+from antiosc_decks.nastran_beams import RIGID, BeamProfiles, arc
 from antiosc_decks.nastran_cards import Entry
 
 PLACE = DeckPlace(Path("a deck"), 1)
@@ -181,7 +181,72 @@ def test_constants_of_the_general_sections():
     fields[16:] = [".8", ".6"]
     one = beam("PBAR", fields)
     assert one.sheared
-    assert one.profile.shear == pytest.approx(0.7)
+    assert one.profile.shears == (0.8, 0.6)
+
+
+#: K1 and K2 of PBEAM, blank 1 and 0 rigid in shear; of PBAR, blank is 0.
+@pytest.mark.parametrize(
+    ("name", "K", "wanted"),
+    [
+        ("PBEAM", ("", ""), (1, 1)),
+        ("PBEAM", ("", ".3"), (1, 0.3)),
+        ("PBEAM", (".3", "0."), (0.3, RIGID)),
+        ("PBEAM", ("0.", ".3"), (RIGID, 0.3)),
+        ("PBEAM", ("0.", "0."), None),
+        ("PBAR", ("", ""), None),
+        ("PBAR", ("", ".3"), (RIGID, 0.3)),
+        ("PBAR", (".3", "0."), (0.3, RIGID)),
+    ],
+)
+def test_shear_coefficients_that_are_blank_or_0(name, K, wanted):
+    fields = ["1", "1", "6.", "4.5", "2.", "", "4.7", *9 * [""], *K]
+    if name == "PBAR":
+        fields[5:7] = ["4.7", ""]
+    one = beam(name, fields)
+    assert one.sheared == bool(wanted)
+    assert not wanted or one.profile.shears == wanted
+
+
+def test_shear_coefficients_along_principal_axes():
+    """By the compliances in shear, as a tensor: those of plane 1 and 2 are exchanged at 90°."""
+    fields = ["1", "1", "6.", "3.", "3.", "1.", "4.7", *9 * [""], ".8", ".2"]
+    for mixed, angle in (("1.", 45), ("-1.", -45)):
+        fields[5] = mixed
+        one = beam("PBEAM", fields)
+        assert np.degrees(one.angle) == pytest.approx(angle)
+        assert one.profile.shears == pytest.approx((0.32, 0.32))
+    fields[3:6] = ["3.", "5.", "1e-9"]
+    assert beam("PBEAM", fields).profile.shears == pytest.approx((0.2, 0.8))
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("v", ["0.,0.,1.", "0.,.6,.8"])
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("name", "K2"), [("PBEAM", 0.25), ("PBAR", 0.25), ("PBEAM", 0.0)])
+def test_a_cantilever_bends_and_shears_in_both_planes(tmp_path, v, turned, name, K2):
+    """L³/3EI + L/GKA (Timoshenko) in plane 1 and in plane 2, also of a beam that is turned about
+    its axis, and whichever of the planes is the first.
+    """
+    L, A, I, K = 0.4, 2e-3, (9e-7, 3e-7), (0.7, K2)  # noqa: E741
+    height = np.array([float(word) for word in v.split(",")])
+    across = np.cross([1.0, 0, 0], height)
+    exact = [
+        L**3 / (3 * E * i) + (L / (k * E / 2.6 * A) if k else 0) for i, k in zip(I, K, strict=True)
+    ]
+    if turned:  # plane 2 becomes plane 1
+        v = ",".join(f"{x!r}" for x in across.tolist())
+        I, K = I[::-1], K[::-1]  # noqa: E741
+    moments = f"{I[0]},{I[1]},," if name == "PBEAM" else f"{I[0]},{I[1]},"
+    path = tmp_path / "arm.bdf"
+    path.write_text(
+        f"GRID,1,,0.,0.,0.\nGRID,2,,{L},0.,0.\nC{name[1:]},1,1,1,2,{v}\n"
+        f"{name},1,1,{A},{moments}1.-7\n,,,,,,,,,\n,{K[0]},{K[1]}\n"
+        f"MAT1,1,{E},,.3,7800.\nSPC1,1,123456,1\n"
+    )
+    part = ao.read_model(path)
+    for direction, flexibility in zip((height, across), exact, strict=True):
+        k0 = ao.extract(part, ao.Site((L, 0, 0), tuple(direction)), n=2).k0
+        assert 1 / k0 == pytest.approx(flexibility, rel=1e-5)
 
 
 def test_unequal_walls_are_refused():

@@ -24,6 +24,9 @@ from antiosc.fem.elements.beam import Beam, heights
 
 #: Gauss points for the mass matrix, whose integrands are products of two cubics.
 GAUSS_POINTS = 5
+#: Dofs of bending along y and along z, and the sign of their rotations: about z bending is along y,
+#: about y it is along z with the opposite sign.
+PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
 
 
 @dataclass(frozen=True)
@@ -107,10 +110,9 @@ def element(beam: Beam, length: float) -> tuple[Array, Array]:
         pair = np.ix_((first, first + 6), (first, first + 6))
         k[pair] += stiffness / length * bar
         m[pair] += inertia * length * line
-    # rotation about z bends along y; about y it bends along z with the opposite sign
-    for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
+    for plane, (dofs, sign) in enumerate(PLANES):
         signs = np.array([1.0, sign, 1.0, sign])
-        own_k, own_m = _bending(beam, I, length)
+        own_k, own_m = _bending(beam, plane, length)
         k[np.ix_(dofs, dofs)] += own_k * np.outer(signs, signs)
         m[np.ix_(dofs, dofs)] += own_m * np.outer(signs, signs)
     return k, m
@@ -132,19 +134,20 @@ def lengthening(beam: Beam, length: float) -> tuple[Array, Array]:
     x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     s = (x + 1) / 2
     w = w / 2 * length
-    for dofs, sign, I in (((1, 5, 7, 11), 1.0, section.I), ((2, 4, 8, 10), -1.0, section.side)):  # noqa: E741
+    for plane, (dofs, sign) in enumerate(PLANES):
         signs = np.array([1.0, sign, 1.0, sign])
-        slopes = _slopes(_shear_share(beam, I, length), length, s)
+        slopes = _slopes(_shear_share(beam, plane, length), length, s)
         product = np.einsum("iq,jq,q->ij", slopes, slopes, w)
         B[np.ix_(dofs, dofs)] += product * np.outer(signs, signs)
     return a, B
 
 
-def _shear_share(beam: Beam, I: float, L: float) -> float:  # noqa: E741
+def _shear_share(beam: Beam, plane: int, L: float) -> float:
     """Timoshenko's φ = 12 EI/(GκA L²); 0 for a beam without shear deformation."""
     if not beam.shear:
         return 0.0
-    return 12 * beam.E * I / (beam.G * beam.section.A * beam.section.shear * L**2)
+    I, shear = beam.section.planes[plane]  # noqa: E741
+    return 12 * beam.E * I / (beam.G * beam.section.A * shear * L**2)
 
 
 def _slopes(phi: float, L: float, s: Array) -> Array:
@@ -159,13 +162,14 @@ def _slopes(phi: float, L: float, s: Array) -> Array:
     ) / (1 + phi)
 
 
-def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E741
+def _bending(beam: Beam, plane: int, L: float) -> tuple[Array, Array]:
     """Bending stiffness (4, 4) of a Timoshenko beam for the deflection and slope of both ends.
 
     Przemieniecki, *Theory of Matrix Structural Analysis* (1968), chapters 5 and 11.
     """
+    I, _ = beam.section.planes[plane]  # noqa: E741
     EI = beam.E * I
-    phi = _shear_share(beam, I, L)
+    phi = _shear_share(beam, plane, L)
     k = (
         EI
         / ((1 + phi) * L**3)

@@ -49,9 +49,10 @@ class Section(Checked):
     `I` is the second moment of area for bending in the plane of the height (sufficient for a plane
     frame), `I_side` for bending in the other plane (default: `I`), `J` Saint-Venant's torsion
     constant (default: the polar moment `I + I_side`, correct for circular sections only), `shear`
-    Timoshenko's shear coefficient κ. `outline` has points (y, z) [m] on the edge of the section,
-    y along the height and z across it. `peak_field` evaluates the stresses at these points;
-    `rectangle`, `circle` and `tube` set them.
+    Timoshenko's shear coefficient κ along the height and `shear_side` that across it (default:
+    `shear`). `outline` has points (y, z) [m] on the edge of the section, y along the height and z
+    across it. `peak_field` evaluates the stresses at these points; `rectangle`, `circle` and `tube`
+    set them.
     """
 
     A: float = field(metadata=checked_by(positive, "m²"))
@@ -59,6 +60,7 @@ class Section(Checked):
     I_side: float | None = field(default=None, metadata=checked_by(positive, "m⁴"))
     J: float | None = field(default=None, metadata=checked_by(positive, "m⁴"))
     shear: float = field(default=5 / 6, metadata=checked_by(positive))
+    shear_side: float | None = field(default=None, kw_only=True, metadata=checked_by(positive))
     outline: Sequence[tuple[float, float]] = field(
         default=(), kw_only=True, repr=False, metadata=checked_by(_points)
     )
@@ -71,6 +73,12 @@ class Section(Checked):
         return self.I_side
 
     @property
+    def planes(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """(second moment [m⁴], shear coefficient) of bending along the height, and across it."""
+        across = self.shear if self.shear_side is None else self.shear_side
+        return (self.I, self.shear), (self.side, across)
+
+    @property
     def torsion(self) -> float:
         """Torsion constant, m⁴."""
         if self.J is None:
@@ -80,7 +88,8 @@ class Section(Checked):
     @property
     def isotropic(self) -> bool:
         """Whether every axis is a principal one, so that no orientation is required."""
-        return math.isclose(self.I, self.side, rel_tol=1e-9)
+        along, across = self.planes
+        return all(math.isclose(a, b, rel_tol=1e-9) for a, b in zip(along, across, strict=True))
 
     @classmethod
     @within_range

@@ -50,8 +50,8 @@ class Beam(Isotropic):
         The cross-section.
     orientation : sequence of 3 floats or function, optional
         A vector whose component normal to the axis is the direction of the section's height (y).
-        Required in space unless both second moments are equal; in a plane frame the height lies in
-        the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
+        Required in space unless both second moments and both shear coefficients are equal; in a
+        plane frame the height lies in the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
         rings.
     offset : float
         In space: distance in m of the centroid from the line of the mesh, along `orientation`, for
@@ -83,12 +83,13 @@ class Beam(Isotropic):
                 "as (0, 0, 1)."
             )
 
-    def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
-        """Shear stiffness G κ A [N], or a penalty for `shear=False`; `I` is the second moment of
-        the bending.
+    def shear_stiffness(self, plane: int, size: float) -> float:
+        """Shear stiffness G κ A [N] along the height (plane 0) or across it (1); for `shear=False`
+        a penalty.
         """
+        I, shear = self.section.planes[plane]  # noqa: E741
         if self.shear:
-            return self.G * self.section.A * self.section.shear
+            return self.G * self.section.A * shear
         return RIGID_IN_SHEAR * self.E * I / size**2
 
     def rotary_inertia(self, I: float) -> float:  # noqa: E741
@@ -147,7 +148,7 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
     size = mesh.extent()
-    GA = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
+    GA = _root(mesh, parts, lambda b: b.shear_stiffness(0, size))
     EI = _root(mesh, parts, lambda b: b.E * b.section.I)
 
     def strains(q: Expr) -> Expr:  # times √stiffness
@@ -188,8 +189,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int, on_sheet: bool = False) -> We
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
     size = mesh.extent()
-    GAy = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
-    GAz = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.side, size))
+    GAy = _root(mesh, parts, lambda b: b.shear_stiffness(0, size))
+    GAz = _root(mesh, parts, lambda b: b.shear_stiffness(1, size))
     EIz = _root(mesh, parts, lambda b: b.E * b.section.I)
     EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
     GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
@@ -278,8 +279,8 @@ def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
-                "a section with two different second moments of area needs an orientation in "
-                "space; the orientation (0, 0, 1) puts its height along z."
+                "a section with two different second moments of area or shear coefficients needs "
+                "an orientation in space; the orientation (0, 0, 1) puts its height along z."
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
