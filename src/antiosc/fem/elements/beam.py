@@ -51,8 +51,8 @@ class Beam(Isotropic):
     orientation : sequence of 3 floats or function, optional
         A vector whose component normal to the axis is the direction of the section's height (y).
         Required in space unless both second moments and both shear coefficients are equal; in a
-        plane frame the height lies in the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
-        rings.
+        plane frame the height lies in the plane. A function of points x (3, n) returns such vectors
+        (3, n), for instance for rings.
     offset : float
         In space: distance in m of the centroid from the line of the mesh, along `orientation`, for
         instance of a stiffener on the edges of a shell.
