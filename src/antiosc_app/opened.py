@@ -34,6 +34,7 @@ from antiosc.base.errors import (
     warnings_to,
     without_warnings,
 )
+from antiosc.base.process import one_thread
 from antiosc.base.texts import capitalised, engineering
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
@@ -71,11 +72,12 @@ from antiosc_app.set_up import (
     scene_of,
     toml,
 )
-from antiosc_studies.drops.body import CORNER, RATIO
+from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
     from antiosc import Fall, Site, Structure
     from antiosc_studies.drops.fall import WorstField
+    from antiosc_studies.drops.free_body import FreeBody
 
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
@@ -168,6 +170,7 @@ class Opened:
         self._structures: ResultCache[Structure] = ResultCache(STRUCTURES)
         self._models: ResultCache[AntiOscillators] = ResultCache(MOST_MODELS)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
+        self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
@@ -420,10 +423,21 @@ class Opened:
 
         def dropped() -> Dropped:
             scene = self._compiled(sections)
-            evaluate = _evaluation(scene, structure=self._structure(scene))
+            evaluate = _evaluation(scene, structure=self._body(scene, set_up).untouched())
             return Dropped(sections, scene, evaluate(scene.fall))
 
         return self._falls.of(toml(sections), dropped)
+
+    def _body(self, scene: CompiledScene, set_up: SetUp) -> FreeBody:
+        """The free body of a fall's part, whatever the floor, the height and the orientation are."""
+        structure = self._structure(scene)
+        options = set_up.damping, set_up.striker.corner_radius
+
+        def body() -> FreeBody:
+            with one_thread(), progress.doing("computing the free modes"):
+                return free_body(structure, MODES, *options)
+
+        return self._bodies.of(f"{_key(scene, OF_STRUCTURE)} {options}", body)
 
     # -- the steps of an answer
 

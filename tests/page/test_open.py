@@ -416,6 +416,39 @@ def test_a_soft_layer_takes_the_place_of_the_material_of_the_floor(opened):
     assert "range" not in floor["layer"]
 
 
+@pytest.mark.slow
+def test_falls_onto_other_floors_share_the_body_and_do_not_depend_on_each_other(
+    tmp_path, monkeypatch
+):
+    from antiosc_app import opened as module
+
+    def counted(*given):
+        built.append(given)
+        return free_body(*given)
+
+    built, free_body = [], module.free_body
+    monkeypatch.setattr(module, "free_body", counted)
+    mesh = ao.box_mesh((0.1, 0.06, 0.02), size=0.02)
+    part = ao.Structure(mesh, ao.material("steel S235"))
+    (tmp_path / "block").touch()
+    page, alone = (module.Opened(tmp_path / "block", part) for _ in range(2))
+    for one in (page, alone):
+        setup = asked(one)
+    setup["striker"] |= {"kind": "floor", "height": 0.05, "tilt": [4, 3, 0]}
+    peaks = []
+    for layer in ("none", "cork"):
+        setup["striker"] |= {"layer": layer, "layer_thickness": 0.003}
+        peaks.append(peaks_of(call(page, "blow", setup)))
+    assert len(built) == 1
+    assert peaks_of(call(alone, "blow", setup)) == pytest.approx(peaks[1], rel=1e-9)
+    for one in (page, alone):
+        one.close()
+
+
+def peaks_of(told):
+    return [impact["peak_force"] for impact in told["fall"]["impacts"]]
+
+
 def test_a_limit_is_compared_as_it_is_printed():
     assert not exceeds(0.0204, 0.02, 2)
     assert exceeds(0.0206, 0.02, 2)

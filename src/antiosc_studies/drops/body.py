@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -154,7 +154,9 @@ def _elastic(
         structure=structure,
         basis=phi,
         skin=skin,
-        residual=partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded),
+        residual=cache(
+            partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded)
+        ),
         lines=skin.points[skin.lines] - centre,
     )
     body.cylinders = cylinders(body, skin, hull_points)
@@ -197,7 +199,7 @@ def _residual(
     skin: Skin,
     hull_points: IntArray,
     corner: float,
-    which: IntArray,
+    which: tuple[int, ...],
 ) -> tuple[Array, Array, Array]:
     """Shapes, residual compliances and radii of patches at some vertices of the hull.
 
@@ -205,7 +207,7 @@ def _residual(
     """
     from antiosc.reduce.site import functionals
 
-    skin_points = hull_points[which]
+    skin_points = hull_points[list(which)]
     sites = [_site(skin, k, corner) for k in skin_points.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)

@@ -76,7 +76,7 @@ class FreeBody:
     structure: Structure | None = None
     basis: Array | None = None
     skin: Skin | None = None
-    residual: Callable[[IntArray], tuple[Array, Array, Array]] | None = None
+    residual: Callable[[tuple[int, ...]], Known] | None = None
     layer_contact: LayerContact | None = None
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
@@ -168,13 +168,20 @@ class FreeBody:
         if len(new):
             r = np.zeros((len(new), 3, 3))
             if self.residual is not None:
-                self.shapes[new], r, self.radii[new] = self.residual(new)
+                self.shapes[new], r, self.radii[new] = self.residual(tuple(new.tolist()))
             pairs = zip(self.shapes[new], r, self.radii[new].copy(), strict=True)
             self._known.update(zip(new.tolist(), pairs, strict=True))
         site_data = [self._placed.get(i) or self._known[i] for i in which.tolist()]
         phi, r, self.radii[which] = (np.array(column) for column in zip(*site_data, strict=True))
         self.shapes[which] = phi
         return phi, r
+
+    def untouched(self) -> FreeBody:
+        """A copy for one fall: the falls of such copies do not depend on each other, and share the
+        patches that they compute.
+        """
+        shapes = self.shapes.copy()
+        return replace(self, shapes=shapes, radii=self.radii.copy(), _known=dict(self._known))
 
     def alone(self) -> FreeBody:
         """A copy for other processes: without the structure, with the data of all sites

@@ -188,8 +188,9 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
         cells[cosine] = cells[cosine][:, [0, 2, 1]]
         new_pieces = replace(new_pieces, cells=cells)
     values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(new_pieces)
+    carried = {dim: _carried(new, dim, support) for dim in set().union(*pieces.groups.values())}
     groups = {
-        name: {dim: _in_group(new, dim, support, rows) for dim, rows in parts.items()}
+        name: {dim: _in_group(*carried[dim], rows) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
     return replace(new_pieces, groups=groups, values=values)
@@ -250,8 +251,14 @@ def _positions(rows: IntArray, among: IntArray) -> IntArray:
     return np.where(code[order][position] == row_keys, order[position], -1)
 
 
-def _in_group(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray, group: IntArray) -> IntArray:
-    """Vertices of the entities of the new mesh that lie in the old entities `group`."""
+def _carried(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray) -> tuple[IntArray, IntArray]:
+    """Vertices (n, dim + 1) of the new entities that lie in old ones, and of these old ones."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
     carriers = _carriers(support, entities)
-    return entities[(carriers[:, 0] >= 0) & (_positions(carriers, group) >= 0)]
+    inside = carriers[:, 0] >= 0
+    return entities[inside], carriers[inside]
+
+
+def _in_group(entities: IntArray, carriers: IntArray, group: IntArray) -> IntArray:
+    """Vertices of the new entities whose old ones are among `group`."""
+    return entities[_positions(carriers, group) >= 0]
