@@ -429,7 +429,7 @@ class Opened:
         return self._falls.of(toml(sections), dropped)
 
     def _body(self, scene: CompiledScene, set_up: SetUp) -> FreeBody:
-        """The free body of a fall's part, whatever the floor, the height and the orientation are."""
+        """The free body of a fall's part, for all floors, heights and orientations."""
         structure = self._structure(scene)
         options = set_up.damping, set_up.striker.corner_radius
 
