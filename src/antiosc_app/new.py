@@ -172,6 +172,7 @@ class Inspection:
     material : name of the material; unused for a deck.
     bars : whether its models have error bars of mesh and truncation.
     plate : whether it is a solid as thin as a plate.
+    measure : volume [m³], area [m²] or length [m] of its cells.
     points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
@@ -196,6 +197,7 @@ class Inspection:
     points: Array = field(repr=False)
     faces: IntArray = field(repr=False)
     held: BoolArray = field(repr=False)
+    measure: float = 0.0
     of_deck: bool = False
     on_plane: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -303,6 +305,23 @@ class Inspection:
             if key in self.read
         }
 
+    @property
+    def mass(self) -> float:
+        """Mass [kg] of the part with its materials, or with the guessed ones."""
+        if self.structure is not None:
+            return self.structure.mass
+        across = {"Solid": 1.0, "Shell": self.thickness, "Beam": pi / 4 * self.thickness**2}
+        return materials.record(self.material).rho * across[self.family] * self.measure
+
+    def mass_text(self) -> str:
+        """The mass, and whether its density is guessed."""
+        mass = engineering(self.mass, "kg", 4)
+        if "density" in self.read:
+            return f"{mass}, with {self.read['density']:g} kg/m³ where the deck states no density"
+        if not self.of_deck:
+            return f"{mass}, if it is of {self.material}"
+        return mass
+
     def ball_text(self) -> str:
         """The ball and its mass, chosen by the size of the part."""
         density = materials.record(BALL_MATERIAL).rho
@@ -326,6 +345,8 @@ class Inspection:
             rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
         elif self.family == "Beam" and not self.of_deck:
             rows.append(("section", f"a bar of {self.thickness:g} m", "[material] section"))
+        key = "[deck] unit" if self.of_deck else "[material] name"
+        rows.append(("mass", self.mass_text(), key))
         if drop:
             fall = f"from {FALL_HEIGHT:g} m, without supports, z up, tilted by {list(TILT)}°"
             return [*rows, ("fall", fall, "[drop] height, tilt")]
@@ -389,7 +410,6 @@ def inspect_part(
         inspection,
         notes=notes,
         pieces=part.pieces,
-        structure=part.structure,
         inferred=part.inferred,
         modulus=part.modulus,
     )
@@ -405,7 +425,7 @@ def inspect_structure(part: Structure) -> Inspection:
 
 def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspection:
     """Inspect a mesh; `structure`: that of a deck, with its own supports."""
-    from antiosc.extension import Faces
+    from antiosc.extension import Faces, measure
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -485,7 +505,9 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         x,
         faces,
         supported,
+        measure=compat.integrate(1 * measure(mesh, None), mesh.dolfinx),
         of_deck=structure is not None,
+        structure=structure,
         on_plane=_groups_on(mesh, supported) if plane else (),
         flat=flat,
         room=_room(outer, (point, direction, radius)),

@@ -551,6 +551,8 @@ def _told_of_file(look: new.Inspection) -> str:
         choices = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
     for key, taken in look.unstated().items():
         choices += f"; {key} {taken}; a field changes it"
+    if look.of_deck:
+        choices += f"; mass {look.mass_text()}"
     striker = f"The first striker is a {look.ball_text()}."
     return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
 

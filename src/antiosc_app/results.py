@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import islice
@@ -19,7 +20,7 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, without_warnings
+from antiosc.base.errors import AntioscError, InputError, without_warnings
 from antiosc.base.texts import (
     engineering,
     percent,
@@ -58,7 +59,7 @@ from antiosc_app.scene_file.scene import probe_times
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc import Drops, Fall, PeakField, Sample
+    from antiosc import Drops, Fall, PeakField, Sample, Structure
 
 
 #: Most curves of one chart.
@@ -300,12 +301,16 @@ def _model(results: SceneResults) -> Presentation:
     structure = results.structure
     model = results.model
     blocks: list[Block] = []
+    mass: Rows = []
     if structure is not None:
-        presentation.text = [structure.describe()]
+        mass = mass_of(structure)
+        presentation.text = [structure.describe(), *([] if model else [format_rows(mass)])]
         presentation.numbers["structure"] = structure.describe()
+        with suppress(InputError):  # some matrices do not know it
+            presentation.numbers["mass"] = structure.mass
     if model is not None:
         rows = _model_rows(model)
-        presentation.text = [*presentation.text, format_rows(rows)]
+        presentation.text = [*presentation.text, format_rows([*mass, *rows])]
         names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
         attributes = {name: getattr(model, name, None) for name in names}
         presentation.numbers["model"] = attributes | {"points": site_points(model)}
@@ -339,7 +344,7 @@ def advice_of(results: SceneResults) -> Rows:
     """Rows on the structure, and on `advise`'s choice of the family if it has one."""
     if results.structure is None:
         return []
-    rows = [("structure", results.structure.describe())]
+    rows = [("structure", results.structure.describe()), *mass_of(results.structure)]
     if not hasattr(results.impactor, "hertz"):
         return rows
     try:
@@ -353,6 +358,14 @@ def advice_of(results: SceneResults) -> Rows:
         ("highest relevant frequency", engineering(advice.frequency, "Hz")),
         ("reasons", "; ".join(advice.reasons)),
     ]
+
+
+def mass_of(structure: Structure) -> Rows:
+    """A row with the mass of a part, or why it is not known."""
+    try:
+        return [("mass", engineering(structure.mass, "kg", 4))]
+    except InputError as error:
+        return [("mass", f"not known: {error}")]
 
 
 def _model_rows(model: AntiOscillators) -> Rows:

@@ -19,7 +19,7 @@ import antiosc as ao
 from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
-from antiosc_app import new, units
+from antiosc_app import new, opened, units
 from antiosc_app.foreign import foreign_part
 from antiosc_app.new import inspect_part
 from parts import gmsh_session
@@ -68,6 +68,8 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     found = inspect_part(deck(tmp_path / "a.inp", unit))
     assert (found.read, found.of_deck) == ({"unit": unit}, True)
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
+    assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
+    assert f"mass {found.mass_text()}" in opened._told_of_file(found)
 
 
 def test_a_deck_is_assembled_and_reduced_once(tmp_path, monkeypatch):
@@ -97,6 +99,8 @@ def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     scene = tomllib.loads(new.text("a.toml", "a.inp", found))
     assert scene["deck"] == {"path": "a.inp", "unit": "mm", "density": 7850.0}
     assert any("density" in what and "[deck]" in key for what, _, key in found.taken(False))
+    assert found.mass == pytest.approx(7850 * np.prod(SIDES))
+    assert found.mass_text().endswith(" kg, with 7850 kg/m³ where the deck states no density")
 
 
 def test_pieces_that_meet_at_other_nodes_are_not_joined_at_the_few_that_coincide(tmp_path):

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("jinja2")
 
 import antiosc as ao
+from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.reduce.site import functional
 from antiosc_app import cli, new as template
@@ -24,6 +25,9 @@ from scene_files import antiosc, numbers
 
 pytestmark = pytest.mark.fem
 
+#: Corners of a box in the order of a hexahedron.
+BOX = np.array([(0, 0), (0.2, 0), (0.2, 0.08), (0, 0.08)])
+BOX = np.vstack([np.column_stack([BOX, np.full(4, z)]) for z in (0.0, 0.06)])
 PARTS = [path for kind in ("msh", "geo", "step") for path in sorted(MESHES.glob(f"*.{kind}"))]
 PARTS.append(DEMOS / "scenes/bar.inp")
 
@@ -125,6 +129,29 @@ def test_a_scene_has_error_bars_where_its_part_can_have_them(cell, tmp_path):
     assert antiosc("new", tmp_path / "a.toml", tmp_path / "sheet.vtu") == 0
     extract = tomllib.loads((tmp_path / "a.toml").read_text())["extract"]
     assert ("error" in extract) == (cell == "triangle")
+
+
+@pytest.mark.parametrize(
+    ("kind", "corners", "wanted"),
+    [
+        ("hexahedron", BOX, 0.2 * 0.08 * 0.06),
+        ("quad", BOX[:4], 0.2 * 0.08 * 1e-3),  # sheets are 0.5 % of their length thick,
+        ("line", BOX[:2], 0.2 * np.pi / 4 * 0.006**2),  # and bars 3 %
+    ],
+)
+def test_the_mass_of_a_part_is_that_of_its_material(kind, corners, wanted, tmp_path, capsys):
+    """Density times volume: in what `new` tells, and of the structure that is run."""
+    blocks = 4  # along x
+    x = np.concatenate([np.add(corners, (0.2 * k, 0, 0)) / (blocks, 1, 1) for k in range(blocks)])
+    x, nodes = np.unique(x.round(9), axis=0, return_inverse=True)
+    cells = nodes.reshape(blocks, -1)
+    meshio.write(tmp_path / "a.vtu", meshio.Mesh(x, [(kind, cells)]))
+    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.vtu", "--unit", "m") == 0
+    told = f"mass {engineering(7850 * wanted, 'kg', 4)}"
+    row = next(line for line in capsys.readouterr().out.splitlines() if " mass " in line)
+    assert " ".join(row.split()).startswith(f"{told}, if it is of steel S235")
+    assert antiosc("run", tmp_path / "a.toml", "--dry-run") == 0
+    assert told in [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
 
 
 @pytest.mark.parametrize("given", [[], ["--drop"]])
