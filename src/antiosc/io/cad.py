@@ -48,7 +48,7 @@ class Attempt:
         (false).
         """
         if is_cad:
-            return self.options != PATCHES
+            return self.sharp == Attempt.sharp
         return not self.curved
 
     def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
@@ -72,6 +72,10 @@ HXT = {"Mesh.Algorithm3D": 10.0}
 #: For scripts: an optimiser that Debian's gmsh does not have, and gmsh's default algorithms.
 NETGEN = {"Mesh.OptimizeNetgen": 0.0}
 USUAL = {"Mesh.Algorithm": 6.0, "Mesh.Algorithm3D": 1.0, "Mesh.HighOrderOptimize": 0.0}
+#: Angles, degrees, from which on edges are kept. For triangulated surfaces whose curved sides,
+#: meshed anew, pierce each other, or touch themselves at a corner: from 10 on, cylinders keep their
+#: facets; from 1 on, all sides are flat, so that the mesh has the surface of the file.
+FACETED = (10.0, 1.0)
 #: For triangulated surfaces whose sides cannot be parametrised, such as holes that touch the rim.
 PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
 #: The attempts in order; the first is gmsh's default. Of 91 CAD files by others, with elements of a
@@ -80,6 +84,7 @@ PATCHES = {"Mesh.ReparamMaxTriangles": 100.0}
 ATTEMPTS = (
     Attempt("as it is"),
     Attempt("with elements that follow the curvature", options=AROUND),
+    *(Attempt(f"with all edges from {angle:g}° on", sharp=angle) for angle in FACETED),
     Attempt("at half the element size", share=0.5),
     Attempt("by HXT", options=HXT),
     Attempt("with elements that follow the curvature closely", options=CLOSELY),

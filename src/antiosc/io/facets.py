@@ -32,6 +32,10 @@ FLAT = 1e-6
 SMALL_HOLE = 0.05
 #: Mean thickness 2 V/A over the size from which a closed surface is that of a solid.
 THICK = 1e-3
+#: Number of gmsh's algorithm for sides. Of 48 closed surfaces by others it meshes all that the
+#: default, Frontal-Delaunay, does; the default takes 18 s where it takes 1 s, and does not end in a
+#: minute where it takes 0.6 s.
+DELAUNAY = 5
 #: Surfaces of few triangles are cut into as many at most.
 MOST_CUT = 4000
 #: More closed surfaces than this are not sorted into bodies and cavities.
@@ -339,6 +343,7 @@ def fill(
             skin.remarks.append(message)
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
     if not flat:
+        gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
         gmsh.model.mesh.classifySurfaces(math.radians(sharp), True, True, math.pi)
         gmsh.model.mesh.createGeometry()
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]

@@ -119,14 +119,17 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
             "longer timeout in s (--timeout of `antiosc new` and `antiosc open`)"
             + (", or a larger element size." if geometry else ".")
         )
+    kind = UnmeshableError if geometry else MeshError
     if code < 0:
-        kind = UnmeshableError if geometry else MeshError
         return kind(
             f"the reader of {name} broke off ({signal.Signals(-code).name}; it had "
             f"{memory / 2**30:.1f} GiB): "
             + ("give another element size." if geometry else "write the file anew.")
         )
-    return MeshError(f"the reader of {name} ended with code {code} and gave no mesh.")
+    return kind(
+        f"the reader of {name} ended with code {code} and gave no mesh: "
+        + ("give another element size." if geometry else "write the file anew.")
+    )
 
 
 def _answer(name: str, answer: bytes, memory: int) -> FileMesh:

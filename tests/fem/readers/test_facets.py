@@ -166,6 +166,31 @@ def test_a_side_of_one_triangle_is_cut_to_the_size_of_the_elements(tmp_path):
     assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-6 / 6, rel=1e-6)
 
 
+def tube(n: int, outer: float, inner: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points and triangles of a prism over a ring of n sides, inner ones half a side behind."""
+    k = np.arange(n)
+    angles = 2 * np.pi / n * np.vstack([k, k, k - 0.5, k - 0.5])
+    radii = np.array([outer, outer, inner, inner])[:, None]
+    z = np.array([0, height, 0, height])[:, None] * np.ones(n)
+    points = np.stack([radii * np.cos(angles), radii * np.sin(angles), z], axis=2).reshape(-1, 3)
+    following = (k + 1) % n
+    rings = [(0, 1), (1, 3), (3, 2), (0, 2)]
+    triangles = []
+    for a, b in rings:
+        triangles.append(np.column_stack([k + a * n, following + a * n, following + b * n]))
+        triangles.append(np.column_stack([k + a * n, following + b * n, k + b * n]))
+    return points, np.vstack(triangles)
+
+
+def test_a_wall_that_larger_elements_would_pierce_keeps_its_facets(tmp_path):
+    """Chords of 5 mm in one side of the wall cross its other side 0.1 mm away."""
+    path = write(tmp_path / "tube.stl", *tube(24, 10.0, 9.9, 6.0))
+    with pytest.warns(ao.AntioscWarning, match="with all edges from 10° on"):
+        mesh = ao.read_mesh(path, size=5e-3, unit="mm", solid=True)
+    ring = 12 * np.sin(2 * np.pi / 24) * (10.0**2 - 9.9**2)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * 6.0 * ring, rel=1e-6)
+
+
 #: A prism 1 high over an L of three unit squares, of which the corner 4 is re-entrant; its faces
 #: start at different corners, and one continues on the next line.
 L_PRISM = """\

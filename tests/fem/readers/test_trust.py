@@ -225,7 +225,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
         (-signal.SIGABRT, b"{}", "broke off (SIGABRT"),
         (-signal.SIGALRM, b"", "give a longer timeout"),
         (-signal.SIGPROF, b"", "give a longer timeout"),
-        (3, b"", "ended with code 3"),
+        (3, b"", "ended with code 3 and gave no mesh: "),
         (0, b"", "gave no mesh"),
         (0, b"no JSON", "is damaged"),
         (0, b'{"arrays": [["float64", [99]]]}\n', "is damaged"),
