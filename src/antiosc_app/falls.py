@@ -11,7 +11,7 @@ from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, exceeds, percent, point_text
-from antiosc_app.live import Data, Headline, stress_sentences
+from antiosc_app.live import FIRST_TO_LAST, Data, Headline, bar_of_fall, stress_sentences
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
@@ -120,10 +120,8 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
     if bar := _law_bar(strongest):
         values[0] += f" ± {percent(bar)}"
-    numbers += [
-        (name.replace("_", " "), value)
-        for (name, _), value in zip(NUMBERS[:3], values, strict=True)
-    ]
+    labels = "peak force", FIRST_TO_LAST, "impulse"
+    numbers += zip(labels, values, strict=True)
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
     caution = _caution(fall, hardest)
     sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
@@ -151,7 +149,7 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
     sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
-        sentences += stress_sentences({worst.quantity: worst}, None)
+        sentences += stress_sentences({worst.quantity: worst}, None, bar_of_fall(fall, worst))
         sentences.append(fall.stress_limits)
     sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
     if fall.missed:

@@ -12,6 +12,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -55,7 +56,8 @@ from antiosc_app.scene_file.run import coarse_cells
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
-    from antiosc import PeakField, Structure
+    from antiosc import Fall, PeakField, Structure
+    from antiosc_studies.drops.fall import WorstField
 
 
 #: Data of the page: numbers, texts, arrays, and lists and tables of these.
@@ -354,18 +356,20 @@ def headline_of_history(
 
     `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
     """
+    labels = {"contact_time": _time_label(hit)}
     numbers = [
         (
-            name.replace("_", " "),
+            labels.get(name, name.replace("_", " ")),
             budget.shown(name, 3) if budget else engineering(getattr(hit, name), unit),
         )
         for name, unit in QUANTITIES.items()
     ]
+    stresses = stress_sentences(fields, worst, force_bar(budget))
     e = hit.restitution
     numbers.append(("restitution", "not defined" if e is None else restitution_text(e)))
     sentences_of_kind = [
         ("contact", hit.verdict),
-        *(("doubt" if i else "stress", s) for i, s in enumerate(stress_sentences(fields, worst))),
+        *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
         ("doubt", piercing(hit.model, hit.impactor)),
         ("accuracy", "" if budget is None else _accuracy(budget)),
@@ -390,6 +394,8 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     return cautions
 
 
+#: Name of a time from the first touch to the last release that contains flights.
+FIRST_TO_LAST = "first to last contact"
 #: How a map gets stresses: in a scene, and on the page that opens a part.
 IN_SCENE = "give the [map] of a scene stress = true"
 ON_PAGE = "the button beside the map adds them"
@@ -519,13 +525,35 @@ def _named(described: str) -> str:
     return re.split("[:,]", described, maxsplit=1)[0]
 
 
-def stress_sentences(fields: Mapping[str, PeakField], worst: Data | None) -> list[str]:
-    """Sentences on strengths, where they are reached; else on the largest stress of the picture."""
+def _time_label(hit: History) -> str:
+    """Name of `contact_time`: whether the main impact has flights between its contacts."""
+    longest = max((end - start for start, end in hit.contacts), default=0.0)
+    return FIRST_TO_LAST if hit.contact_time > longest * (1 + 1e-9) else "contact time"
+
+
+def force_bar(budget: ErrorBudget | None) -> float | None:
+    """Relative error of the largest force, its law's included; None if it is not known."""
+    bar = None if budget is None else budget.get("peak_force")
+    return None if bar is None else bar.total
+
+
+def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
+    """The relative error by its law of the force of the impact with the judged stress."""
+    return fall.impacts[int(worst.impact[worst.judged])].law_error
+
+
+def stress_sentences(
+    fields: Mapping[str, PeakField], worst: Data | None, force: float | None
+) -> list[str]:
+    """Sentences on strengths, where they are reached; else on the largest stress of the picture.
+
+    `force`: relative error of the force, which the stresses follow; None: unknown.
+    """
     sentences = []
     for peak in fields.values():
         if peak.exposure is not None:
-            sentences.append(f"{capitalised(peak.margin().sentence)}.")
-        if note := mesh_note(peak):
+            sentences.append(f"{capitalised(judgement(peak, force))}.")
+        if note := stress_note(peak, force):
             sentences.append(f"{capitalised(note)}.")
         if peak.doubt:
             sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
@@ -539,7 +567,18 @@ def stress_sentences(fields: Mapping[str, PeakField], worst: Data | None) -> lis
     return sentences
 
 
-def stress_bar(peak: PeakField) -> float | None:
+def judgement(peak: PeakField, force: float | None) -> str:
+    """Sentence on the margin, in whose verdict the error of the force counts."""
+    return replace(peak.margin(), force_error=force or 0.0).sentence
+
+
+def stress_bar(peak: PeakField, force: float | None) -> float | None:
+    """Relative error of the judged stress by mesh and force; None if one of both is not known."""
+    share = _mesh_bar(peak)
+    return None if share is None or force is None else share + force
+
+
+def _mesh_bar(peak: PeakField) -> float | None:
     """Mesh error of the judged stress, over this stress; None without an estimate."""
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
@@ -556,28 +595,38 @@ def _judged(peak: PeakField) -> float:
     return margin.exposure if peak.quantity == "yield" else margin.stress
 
 
-def mesh_note(peak: PeakField) -> str:
-    """Text: the judged stress with its mesh error, and beyond yield that it is not reached."""
-    share = stress_bar(peak)
+def stress_note(peak: PeakField, force: float | None) -> str:
+    """Text: the judged stress with its error, and beyond yield that it is not reached."""
+    share = _mesh_bar(peak)
     if share is None:
         return ""
     value = engineering(_judged(peak), peak.unit)
-    text = f"with its error by the mesh this stress is {value} ± {percent(share)}"
+    text = f"with the errors of mesh and force this stress is {value}"
+    if force is None:
+        text = (
+            f"the mesh alone makes {percent(share)} of error in this stress, {value}; that of the"
+        )
+        text += " force adds to it, and is not known"
+    else:
+        text += f" ± {percent(share + force)}"
     if peak.exposure is not None and peak.margin().reached:
         return f"{text}; it is elastic and not reached, because the material yields first"
     return text
 
 
-def largest_stress(fields: Mapping[str, PeakField], worst: Data | None) -> Data:
+def largest_stress(
+    fields: Mapping[str, PeakField], worst: Data | None, force: float | None
+) -> Data:
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
-    `scope`: where it is judged, as text, "" anywhere; `stress_bar`: its error by the mesh, over it.
+    `scope`: where it is judged, as text, "" anywhere; `stress_bar`: its relative error by the mesh
+    and by the force, whose own is `force`.
     """
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
         if margin is not None and margin.criterion == "yield":
             judged: Data = {"stress": margin.stress, "strength": margin.strength}
-            judged["stress_bar"] = stress_bar(peak)
+            judged["stress_bar"] = stress_bar(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time
             return judged

@@ -466,7 +466,8 @@ class Opened:
         blow = self._struck(set_up)
         self._work.submit(self._search_modes)
         stresses = _strengths(blow)
-        judged = live.largest_stress(stresses, None)
+        force = live.force_bar(run.error_budget(blow.hit))
+        judged = live.largest_stress(stresses, None, force)
         return {"verdict": _headline(blow, stresses).sentences, "judged": judged}
 
     def _map(self, set_up: SetUp, values: Table) -> Data:

@@ -326,7 +326,7 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
     worst = ((data or {}).get("part") or {}).get("worst")
     stresses = results.stresses or {}
     if data is not None:
-        data |= live.largest_stress(stresses, worst)
+        data |= live.largest_stress(stresses, worst, live.force_bar(budget))
     return data, live.headline_of_history(hit, results.structure, budget, stresses, worst)
 
 

@@ -50,7 +50,15 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
-from antiosc_app.live import caution_of, map_cautions, mesh_note
+from antiosc_app.live import (
+    FIRST_TO_LAST,
+    bar_of_fall,
+    caution_of,
+    force_bar,
+    judgement,
+    map_cautions,
+    stress_note,
+)
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
@@ -394,8 +402,8 @@ def _impact(results: SceneResults) -> Presentation:
     for probe in probes:
         probe.fewer = fewer.get(probe.name)
     probe_rows = _probe_rows(probes)
-    stresses = _stress_rows(peaks)
     budget = error_budget(hit)
+    stresses = _stress_rows(peaks, force_bar(budget))
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     groups: list[Columns] = []  # of probes with equal times
@@ -517,13 +525,16 @@ def _probes_of_fewer(results: SceneResults, probes: Sequence[Probe]) -> dict[str
     return {probe.name: Probe(halved, probe.name) for probe in probes}
 
 
-def _stress_rows(peaks: Mapping[str, PeakField]) -> Rows:
-    """Rows with the verdicts on stresses, or the largest values if no strength is known."""
+def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
+    """Rows with the verdicts on stresses, or the largest values if no strength is known.
+
+    `force`: relative error of the force, if it is known.
+    """
     rows = []
     for name, peak in peaks.items():
-        sentence = _largest(peak) if peak.exposure is None else peak.margin().sentence
+        sentence = _largest(peak) if peak.exposure is None else judgement(peak, force)
         rows.append((_spaced(name), sentence))
-        if note := mesh_note(peak):
+        if note := stress_note(peak, force):
             rows.append(("", note))
         if peak.doubt:
             rows.append(("", peak.doubt))
@@ -745,7 +756,8 @@ def _fall(results: SceneResults) -> Presentation:
         )
         for name, peak in peaks.items()
     ]
-    rows += [] if worst is None else _stress_rows({worst.quantity: worst})
+    if worst is not None:
+        rows += _stress_rows({worst.quantity: worst}, bar_of_fall(fall, worst))
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
@@ -778,7 +790,7 @@ def narrow_table(fall: Fall) -> Columns:
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
-        "contact time (s)": impacts.column("contact_time"),
+        f"{FIRST_TO_LAST} (s)": impacts.column("contact_time"),
         "speed before, after (m/s)": [
             f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)
         ],

@@ -23,7 +23,7 @@ from antiosc.base.texts import engineering, exceeds, percent
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
-from antiosc_app import new, set_up
+from antiosc_app import live, new, set_up
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
@@ -170,7 +170,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     assert "edge cuts" not in " ".join(call(opened, "settle", away)["warnings"])
 
 
-def test_the_stress_has_its_error_by_the_mesh(opened):
+def test_the_stress_has_the_errors_of_mesh_and_force(opened):
     setup = asked(opened)
     # The contact stays elastic: near one that yields Hertz's stress counts.
     setup["striker"]["speed"] = 1e-3
@@ -178,6 +178,7 @@ def test_the_stress_has_its_error_by_the_mesh(opened):
     blow = opened._struck(set_up.read(setup))
     peak = ao.peak_field(blow.structure, blow.hit)
     share = peak.largest_mesh_error / peak.values[peak.judged]
+    share += blow.hit.error_budget["peak_force"].total  # which the stress follows
     assert found["judged"]["stress_bar"] == pytest.approx(share)
     assert found["judged"]["scope"] == peak.margin().scope
     told = f"{engineering(found['judged']['stress'], 'Pa')} ± {percent(share)}"
@@ -373,6 +374,9 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     assert first @ [1, 0, 0] == pytest.approx([0, 0, -1], abs=0.05)  # the base's end is below
     assert impacts[0]["place"][2] == pytest.approx(0, abs=1e-4)
     assert impacts[0]["curve"]["force"].max() == pytest.approx(impacts[0]["peak_force"], rel=1e-3)
+    worst = opened._dropped(set_up.read(setup)).worst
+    strongest = impacts[worst.impact[worst.judged]]
+    assert live.bar_of_fall(opened._dropped(set_up.read(setup)).fall, worst) == strongest["bar"] > 0
     names = opened.calls["save"]({})["names"]
     call(opened, "write", setup, agreed=names)
     scene, page = (block.with_name(name) for name in names)

@@ -22,3 +22,14 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(cells, 
     caution = live.caution_of(hit, error_budget(hit), part)
     assert caution.startswith("There is no error bar")
     assert ("The cell at the site measures" in caution) == is_coarse
+
+
+@pytest.mark.parametrize(("mass", "label"), [(0.005, "contact time"), (0.5, live.FIRST_TO_LAST)])
+def test_a_time_that_contains_flights_is_not_called_the_time_of_the_contact(mass, label):
+    model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
+    striker = ao.RigidMass(mass=mass, velocity=1.0)
+    hit = ao.simulate(model, striker, ao.Hertz(1e9), duration=2e-2)
+    numbers = dict(live.headline_of_history(hit, None, None, {}, None).numbers)
+    assert label in numbers
+    in_contact = sum(end - start for start, end in hit.contacts)
+    assert (in_contact < 0.9 * hit.contact_time) == (label == live.FIRST_TO_LAST)

@@ -80,6 +80,8 @@ class Margin(ReprMixin):
     thin : thickness of such a part under the contact over its radius, if the faces of the mesh are
         larger than that radius; else inf.
     mesh_error : estimated error of the value by the mesh, in its unit; 0 without an estimate.
+    force_error : relative error of the forces of the contacts, which the stresses follow; 0 if it
+        is not known. Like `mesh_error` it counts in the verdict alone.
     nearer : the worst point in the balls that are left out; None without balls.
     """
 
@@ -96,6 +98,7 @@ class Margin(ReprMixin):
     spread: float = 0.0
     edge_stress: float = 0.0
     mesh_error: float = 0.0
+    force_error: float = 0.0
     thin: float = inf
 
     @property
@@ -182,8 +185,9 @@ class Margin(ReprMixin):
         out.
         """
         noun = CRITERIA[self.criterion][0]
-        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress)
+        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress) * (1 - self.force_error)
         largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
+        largest *= 1 + self.force_error
         is_certain = least >= self.strength
         is_possible = largest >= self.strength
         if is_possible and not is_certain:

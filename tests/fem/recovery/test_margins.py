@@ -323,6 +323,10 @@ def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     assert not undecided.reached
     certain = dataclasses.replace(undecided, value=1.01 * YIELD)
     assert certain.sentence.startswith("yield is reached")
+    for value, share in ((0.8, 0.27), (1.2, 0.27), (0.5, 0.27), (2.0, 0.27), (2.0, 3.3)):
+        judged = dataclasses.replace(margin, value=value * YIELD, force_error=share)
+        is_open = value * (1 - share) < 1 <= value * (1 + share)
+        assert ("may be" in judged.sentence) == is_open
 
 
 def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():
