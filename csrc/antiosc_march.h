@@ -557,19 +557,22 @@ AOM_API void aom_cell_products(const aom_cells *of, int64_t begin, int64_t end, 
 AOM_API void aom_cell_blocks(const aom_cells *of, int64_t begin, int64_t end, double factor,
                              double *memory, double *out);
 
-/* A Cholesky factor as CHOLMOD holds it, its values in single precision. */
+/* A Cholesky factor as CHOLMOD holds it, its values in single precision or in 16 bits. */
 typedef struct aom_supernodes {
     int64_t n_supernodes;
     const int64_t *start; /* [n_supernodes + 1] first column of each */
     const int64_t *row;   /* [n_supernodes + 1] its first row among `rows` */
     const int64_t *rows;  /* those of its columns come first */
     const int64_t *value; /* [n_supernodes] its first value */
-    const float *values;  /* of each supernode, column by column */
+    const void *values;   /* of each supernode, column by column, over `scale` of their column */
+    const float *scale;   /* [columns] */
 } aom_supernodes;
 
 /* x = L⁻¹x and x = L⁻ᵀx in the order of L; `own` holds as many numbers as a supernode has rows. */
-AOM_API void aom_supernodes_forward(const aom_supernodes *L, float *x, float *own);
-AOM_API void aom_supernodes_backward(const aom_supernodes *L, float *x, float *own);
+AOM_API void aom_supernodes_forward_float(const aom_supernodes *L, float *x, float *own);
+AOM_API void aom_supernodes_backward_float(const aom_supernodes *L, float *x, float *own);
+AOM_API void aom_supernodes_forward_int16_t(const aom_supernodes *L, float *x, float *own);
+AOM_API void aom_supernodes_backward_int16_t(const aom_supernodes *L, float *x, float *own);
 
 #define AOM_LANES 8       /* cells that are taken at a time */
 #define AOM_TETRA_DATA 12 /* numbers of a cell below */
@@ -583,7 +586,8 @@ typedef struct aom_tetra {
     const void *data;     /* [groups][AOM_TETRA_DATA][AOM_LANES] in the precision of the product */
 } aom_tetra;
 
-/* out += (k K + m M) u, both [nodes][3] */
+/* out += (k K + m M) u, both [nodes][3] and AOM_BEYOND numbers more, which stay */
+#define AOM_BEYOND 5
 AOM_API void aom_tetra_product_double(const aom_tetra *of, double k, double m, const double *u,
                                       double *out);
 AOM_API void aom_tetra_product_float(const aom_tetra *of, float k, float m, const float *u, float *out);

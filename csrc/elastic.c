@@ -12,24 +12,49 @@
 /* nodes between the corners, in dolfinx's order */
 static const int BETWEEN[CORNERS][CORNERS] = {{-1, 9, 8, 7}, {9, -1, 6, 5}, {8, 6, -1, 4}, {7, 5, 4, -1}};
 
+/* places of σ_ab among the stresses xx, yy, zz, yz, zx, xy */
+static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
+
+/* numbers of two vectors by their places, those of the second from AOM_LANES on */
+#if defined(__clang__)
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (picks){__VA_ARGS__})
+#endif
+/* of each half: the first two numbers of both in turn, the last two; the first pair of both, the last */
+#define ALTERNATE_FIRST 0, 8, 1, 9, 4, 12, 5, 13
+#define ALTERNATE_LAST 2, 10, 3, 11, 6, 14, 7, 15
+#define PAIRS_FIRST 0, 1, 8, 9, 4, 5, 12, 13
+#define PAIRS_LAST 2, 3, 10, 11, 6, 7, 14, 15
+
 /* names of functions and types in each precision */
-#define JOINED(name, real) name##_##real
-#define NAMED(name, real) JOINED(name, real)
 #define wide NAMED(wide, REAL)
+#define quad NAMED(quad, REAL)
+#define picks NAMED(picks, REAL)
+#define gather_node NAMED(gather_node, REAL)
+#define scatter_node NAMED(scatter_node, REAL)
 #define slopes NAMED(slopes, REAL)
+#define stresses NAMED(stresses, REAL)
 #define forces NAMED(forces, REAL)
-#define stiffness NAMED(stiffness, REAL)
 #define inertia NAMED(inertia, REAL)
 
 #define REAL double
+#define INTEGER int64_t
 #include "elastic_cells.h"
 #undef REAL
+#undef INTEGER
 #define REAL float
+#define INTEGER int32_t
 #include "elastic_cells.h"
 #undef REAL
+#undef INTEGER
 
 #undef wide
+#undef quad
+#undef picks
+#undef gather_node
+#undef scatter_node
 #undef slopes
+#undef stresses
 #undef forces
-#undef stiffness
 #undef inertia

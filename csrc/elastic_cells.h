@@ -1,57 +1,96 @@
 /* Products with the cells of `elastic.c` in the precision REAL. */
 typedef REAL wide __attribute__((vector_size(sizeof(REAL) * AOM_LANES), may_alias, aligned(sizeof(REAL))));
+typedef REAL quad __attribute__((vector_size(4 * sizeof(REAL)), may_alias, aligned(sizeof(REAL))));
+typedef INTEGER picks __attribute__((vector_size(sizeof(REAL) * AOM_LANES)));
 
-/* slopes [3][3] of u along x, y, z at a corner, from grad λ_1, λ_2, λ_3 */
-INLINE void slopes(wide u[NODES][3], int v, const wide *grad, wide H[3][3]) {
-    for (int a = 0; a < 3; a++) {
-        wide c[CORNERS];
-        for (int i = 0; i < CORNERS; i++)
-            c[i] = i == v ? 3.0 * u[v][a] : 4.0 * u[BETWEEN[v][i]][a] - u[i][a];
-        for (int b = 0; b < 3; b++)
-            H[a][b] = (c[1] - c[0]) * grad[b] + (c[2] - c[0]) * grad[3 + b] + (c[3] - c[0]) * grad[6 + b];
+/* values x, y, z at a node of each cell: two cells share a vector, which are then transposed */
+INLINE void gather_node(const REAL *u, const int32_t *nodes, wide own[3]) {
+    wide rows[4]; /* x y z and a number beyond, of the cells l and l + 4 */
+    for (int l = 0; l < 4; l++) {
+        wide first, second;
+        memcpy(&first, u + 3 * (int64_t)nodes[l], sizeof first);
+        memcpy(&second, u + 3 * (int64_t)nodes[l + 4], sizeof second);
+        rows[l] = SHUFFLE(first, second, 0, 1, 2, 3, 8, 9, 10, 11);
+    }
+    wide xy[2], z[2];
+    for (int i = 0; i < 2; i++) {
+        xy[i] = SHUFFLE(rows[2 * i], rows[2 * i + 1], ALTERNATE_FIRST);
+        z[i] = SHUFFLE(rows[2 * i], rows[2 * i + 1], ALTERNATE_LAST);
+    }
+    own[0] = SHUFFLE(xy[0], xy[1], PAIRS_FIRST);
+    own[1] = SHUFFLE(xy[0], xy[1], PAIRS_LAST);
+    own[2] = SHUFFLE(z[0], z[1], PAIRS_FIRST);
+}
+
+/* add x, y, z and 0 to a node of each cell: the transpose of `gather_node` */
+INLINE void scatter_node(wide f[3], const int32_t *nodes, REAL *out) {
+    wide zero, rows[4];
+    memset(&zero, 0, sizeof zero);
+    wide xy[2] = {SHUFFLE(f[0], f[1], ALTERNATE_FIRST), SHUFFLE(f[0], f[1], ALTERNATE_LAST)};
+    wide z[2] = {SHUFFLE(f[2], zero, ALTERNATE_FIRST), SHUFFLE(f[2], zero, ALTERNATE_LAST)};
+    for (int i = 0; i < 2; i++) {
+        rows[2 * i] = SHUFFLE(xy[i], z[i], PAIRS_FIRST);
+        rows[2 * i + 1] = SHUFFLE(xy[i], z[i], PAIRS_LAST);
+    }
+    for (int l = 0; l < AOM_LANES; l++) {
+        quad own;
+        memcpy(&own, (const REAL *)&rows[l % 4] + (l < 4 ? 0 : 4), sizeof own);
+        *(quad *)(out + 3 * (int64_t)nodes[l]) += own;
     }
 }
 
-/* forces of stresses [3][3] at a corner: the transpose of `slopes` */
-INLINE void forces(wide T[3][3], int v, const wide *grad, wide f[NODES][3]) {
+/* slopes H[v][a][b] of u_a along b at the corners v, from grad λ_1, λ_2, λ_3 */
+INLINE void slopes(wide u[NODES][3], const wide *grad, wide H[CORNERS][3][3]) {
     for (int a = 0; a < 3; a++) {
-        wide c[CORNERS];
-        for (int i = 1; i < CORNERS; i++)
-            c[i] = T[a][0] * grad[3 * i - 3] + T[a][1] * grad[3 * i - 2] + T[a][2] * grad[3 * i - 1];
-        c[0] = -(c[1] + c[2] + c[3]);
-        for (int i = 0; i < CORNERS; i++) {
-            if (i == v) {
-                f[v][a] += 3.0 * c[v];
-            } else {
-                f[BETWEEN[v][i]][a] += 4.0 * c[i];
-                f[i][a] -= c[i];
-            }
-        }
-    }
-}
-
-/* f += k K u */
-INLINE void stiffness(REAL k, wide u[NODES][3], const wide *data, wide f[NODES][3]) {
-    wide T[CORNERS][3][3], sum[3][3], lame = k * data[9], shear = k * data[10];
-    memset(sum, 0, sizeof sum);
-    for (int v = 0; v < CORNERS; v++) {
-        wide H[3][3];
-        slopes(u, v, data, H);
-        wide mean = lame * (H[0][0] + H[1][1] + H[2][2]);
-        for (int a = 0; a < 3; a++) {
-            for (int b = 0; b < 3; b++) {
-                T[v][a][b] = shear * (H[a][b] + H[b][a]);
-                if (a == b)
-                    T[v][a][b] += mean;
-                sum[a][b] += T[v][a][b];
-            }
-        }
-    }
-    for (int v = 0; v < CORNERS; v++) {
-        for (int a = 0; a < 3; a++)
+        for (int v = 0; v < CORNERS; v++) {
+            wide c[CORNERS];
+            for (int i = 0; i < CORNERS; i++)
+                c[i] = i == v ? 3.0 * u[v][a] : 4.0 * u[BETWEEN[v][i]][a] - u[i][a];
+            for (int i = 1; i < CORNERS; i++)
+                c[i] -= c[0];
             for (int b = 0; b < 3; b++)
-                T[v][a][b] += sum[a][b];
-        forces(T[v], v, data, f);
+                H[v][a][b] = c[1] * grad[b] + c[2] * grad[3 + b] + c[3] * grad[6 + b];
+        }
+    }
+}
+
+/* stresses at the corners, with their sum over the corners added, in the order of PLACE */
+INLINE void stresses(wide H[CORNERS][3][3], REAL k, const wide *data, wide T[CORNERS][6]) {
+    wide lame = k * data[9], shear = k * data[10];
+    for (int v = 0; v < CORNERS; v++) {
+        wide mean = lame * (H[v][0][0] + H[v][1][1] + H[v][2][2]);
+        for (int a = 0; a < 3; a++) {
+            int b = (a + 1) % 3, c = (a + 2) % 3;
+            T[v][a] = 2.0 * shear * H[v][a][a] + mean;
+            T[v][3 + a] = shear * (H[v][b][c] + H[v][c][b]);
+        }
+    }
+    for (int i = 0; i < 6; i++) {
+        wide sum = T[0][i] + T[1][i] + T[2][i] + T[3][i];
+        for (int v = 0; v < CORNERS; v++)
+            T[v][i] += sum;
+    }
+}
+
+/* forces of stresses at the nodes: the transpose of `slopes` */
+INLINE void forces(wide T[CORNERS][6], const wide *grad, wide f[NODES][3]) {
+    for (int a = 0; a < 3; a++) {
+        wide c[CORNERS][CORNERS];
+        for (int v = 0; v < CORNERS; v++) {
+            for (int i = 1; i < CORNERS; i++) {
+                const wide *g = grad + 3 * i - 3;
+                c[v][i] = T[v][PLACE[a][0]] * g[0] + T[v][PLACE[a][1]] * g[1] + T[v][PLACE[a][2]] * g[2];
+            }
+            c[v][0] = -(c[v][1] + c[v][2] + c[v][3]);
+        }
+        for (int v = 0; v < CORNERS; v++) {
+            f[v][a] = 3.0 * c[v][v];
+            for (int w = 0; w < CORNERS; w++)
+                if (w != v)
+                    f[v][a] -= c[w][v];
+            for (int w = 0; w < v; w++)
+                f[BETWEEN[v][w]][a] = 4.0 * (c[v][w] + c[w][v]);
+        }
     }
 }
 
@@ -85,17 +124,17 @@ void NAMED(aom_tetra_product, REAL)(const aom_tetra *of, REAL k, REAL m, const R
         const wide *data = (const wide *)((const REAL *)of->data + g * AOM_TETRA_DATA * AOM_LANES);
         wide own[NODES][3], f[NODES][3];
         for (int n = 0; n < NODES; n++)
-            for (int l = 0; l < AOM_LANES; l++)
-                for (int a = 0; a < 3; a++)
-                    own[n][a][l] = u[3 * (int64_t)nodes[n * AOM_LANES + l] + a];
+            gather_node(u, nodes + n * AOM_LANES, own[n]);
         memset(f, 0, sizeof f);
-        if (k != 0.0)
-            stiffness(k, own, data, f);
+        if (k != 0.0) {
+            wide H[CORNERS][3][3], T[CORNERS][6];
+            slopes(own, data, H);
+            stresses(H, k, data, T);
+            forces(T, data, f);
+        }
         if (m != 0.0)
             inertia(m, own, data, f);
         for (int n = 0; n < NODES; n++)
-            for (int l = 0; l < AOM_LANES; l++)
-                for (int a = 0; a < 3; a++)
-                    out[3 * (int64_t)nodes[n * AOM_LANES + l] + a] += f[n][a][l];
+            scatter_node(f[n], nodes + n * AOM_LANES, out);
     }
 }

@@ -23,6 +23,10 @@
 #endif
 #define INLINE static inline __attribute__((always_inline))
 
+/* names of functions that one source gives for several types */
+#define JOINED(name, type) name##_##type
+#define NAMED(name, type) JOINED(name, type)
+
 enum {
     LEVELS = 64,          /* steps H, H/2, H/4 ... */
     SCRATCH = LEVELS,     /* slot of a step of any length; its half stands in the next */

@@ -1,64 +1,23 @@
-/* Solves with a Cholesky factor in single precision, whose time is that of reading it.
- *
- * A supernode is a run of columns that meet the same rows below; `own` holds its rows of x.
- */
+/* Solves with a Cholesky factor in single precision or in 16 bits, whose time is that of reading it. */
 #include "internal.h"
 
-#define LANES 16 /* sums that run beside each other */
+#define RUN 16    /* rows that are taken at a time */
+#define COLUMNS 4 /* columns that are taken at a time: their rows of x are read once */
 
-/* one column of a supernode: own[i] -= c[i] x */
-INLINE void subtract(int64_t n, const float *c, float x, float *own) {
-    for (int64_t i = 0; i < n; i++)
-        own[i] -= c[i] * x;
-}
+typedef float many __attribute__((vector_size(RUN * sizeof(float)), may_alias, aligned(sizeof(float))));
 
-INLINE float product(int64_t n, const float *c, const float *own) {
-    float sums[LANES] = {0}, total = 0.0F;
-    int64_t i = 0;
-    for (; i + LANES <= n; i += LANES)
-        for (int l = 0; l < LANES; l++)
-            sums[l] += c[i + l] * own[i + l];
-    for (; i < n; i++)
-        total += c[i] * own[i];
-    for (int l = 0; l < LANES; l++)
-        total += sums[l];
-    return total;
-}
+/* names of functions and types for each type of the values */
+#define packed NAMED(packed, VALUE)
+#define forward_columns NAMED(forward_columns, VALUE)
+#define backward_columns NAMED(backward_columns, VALUE)
 
-FOR_PROCESSORS
-void aom_supernodes_forward(const aom_supernodes *L, float *x, float *own) {
-    for (int64_t s = 0; s < L->n_supernodes; s++) {
-        const int64_t *rows = L->rows + L->row[s];
-        int64_t height = L->row[s + 1] - L->row[s], width = L->start[s + 1] - L->start[s];
-        const float *column = L->values + L->value[s];
-        for (int64_t i = 0; i < width; i++)
-            own[i] = x[L->start[s] + i];
-        memset(own + width, 0, (size_t)(height - width) * sizeof *own);
-        for (int64_t j = 0; j < width; j++, column += height) {
-            own[j] /= column[j];
-            subtract(height - j - 1, column + j + 1, own[j], own + j + 1);
-        }
-        for (int64_t i = 0; i < width; i++)
-            x[rows[i]] = own[i];
-        for (int64_t i = width; i < height; i++)
-            x[rows[i]] += own[i];
-    }
-}
+#define VALUE float
+#include "supernode_columns.h"
+#undef VALUE
+#define VALUE int16_t
+#include "supernode_columns.h"
+#undef VALUE
 
-FOR_PROCESSORS
-void aom_supernodes_backward(const aom_supernodes *L, float *x, float *own) {
-    for (int64_t s = L->n_supernodes - 1; s >= 0; s--) {
-        const int64_t *rows = L->rows + L->row[s];
-        int64_t height = L->row[s + 1] - L->row[s], width = L->start[s + 1] - L->start[s];
-        const float *column = L->values + L->value[s] + width * height;
-        for (int64_t i = 0; i < height; i++)
-            own[i] = x[rows[i]];
-        for (int64_t j = width - 1; j >= 0; j--) {
-            column -= height;
-            own[j] -= product(height - j - 1, column + j + 1, own + j + 1);
-            own[j] /= column[j];
-        }
-        for (int64_t i = 0; i < width; i++)
-            x[rows[i]] = own[i];
-    }
-}
+#undef packed
+#undef forward_columns
+#undef backward_columns

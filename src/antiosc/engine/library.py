@@ -238,7 +238,7 @@ class CTetra(Structure):
 class CSupernodes(Structure):
     """The C structure `aom_supernodes`."""
 
-    _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values")
+    _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values, scale")
 
 
 _PACKAGE = Path(__file__).parents[1]
@@ -247,6 +247,11 @@ FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
 SOURCE = _PACKAGE.parent.parent / "csrc"
 _REMEDY = "build it with `make` in the source folder, or install antiosc anew"
 
+_SUPERNODES = [
+    f"aom_supernodes_{half}_{type_name}"
+    for half in ("forward", "backward")
+    for type_name in ("float", "int16_t")
+]
 _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_version": (c_int,),
     "aom_source_hash": (c_char_p,),
@@ -298,15 +303,14 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_cell_blocks": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 2),
     "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
-    "aom_supernodes_forward": (None, c_void_p, c_void_p, c_void_p),
-    "aom_supernodes_backward": (None, c_void_p, c_void_p, c_void_p),
+    **dict.fromkeys(_SUPERNODES, (None, c_void_p, c_void_p, c_void_p)),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
 _LONG = (
     "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
     "aom_cell_products", "aom_cell_blocks", "aom_tetra_product_double",
-    "aom_tetra_product_float", "aom_supernodes_forward", "aom_supernodes_backward",
+    "aom_tetra_product_float", *_SUPERNODES,
 )  # fmt: skip
 
 

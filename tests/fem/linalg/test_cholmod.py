@@ -8,6 +8,7 @@ import itertools
 import re
 import weakref
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -69,6 +70,32 @@ def test_a_factor_in_single_precision_takes_the_memory_of_the_other(monkeypatch,
     del factor
     gc.collect()
     np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
+
+
+def dense(n: int) -> scipy.sparse.csr_matrix:
+    """A matrix whose factor is one supernode, with rows of different size."""
+    root = np.random.default_rng(3).standard_normal((n, n)) + n * np.eye(n)
+    size = np.geomspace(0.1, 10.0, n)
+    return scipy.sparse.csr_matrix(size[:, None] * (root @ root.T) * size)
+
+
+@pytest.mark.parametrize("of", [lambda: grid(12), *(partial(dense, n) for n in (3, 16, 39))])
+def test_a_rounded_factor_solves_as_the_exact_one(of):
+    A = of()
+    b = np.sqrt(A.diagonal()) * np.random.default_rng(2).standard_normal(A.shape[0])
+    exact = Cholesky(A).solve(b)
+    size = np.sqrt(b @ exact)  # errors in energy
+    single = cholmod.SinglePrecision(Cholesky(A))
+    short = single.in_16_bits()
+    for solver, tolerance in ((single, 2e-6), (short, 5e-3), (single, 2e-6)):
+        error = solver.solve(b) - exact
+        assert 0 < np.sqrt(error @ (A @ error)) < tolerance * size
+
+
+def test_a_factor_whose_rows_differ_too_much_for_16_bits_stays_finite():
+    A = scipy.sparse.csr_matrix(np.diag([1.0, 1e12]) + 0.9e6 * np.eye(2)[::-1])
+    short = cholmod.SinglePrecision(Cholesky(A)).in_16_bits()
+    assert np.isfinite(short.solve(np.ones(2))).all()
 
 
 def test_the_factor_cannot_be_written_to():

@@ -26,6 +26,8 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
+#: `AOM_BEYOND` of the C library: numbers behind a vector that a kernel may read
+BEYOND = 5
 
 
 class CellByCell(ABC):
@@ -99,10 +101,9 @@ class CellByCell(ABC):
 
     def _of_vector(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for one vector."""
-        u = np.empty(self._dofs, x.dtype)
+        u, product = (np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs] for _ in range(2))
         u[: self.rows] = x
         u[self._held] = 0.0
-        product = np.zeros_like(u)
         arrived = self._exchange.fetch(u)
         self._add(0, k, m, u, product)
         arrived()

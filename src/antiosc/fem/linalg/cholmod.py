@@ -21,6 +21,7 @@ import ctypes
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from ctypes import POINTER, byref, c_double, c_float, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -539,6 +540,10 @@ class Cholesky:
         return permutation[columns], block
 
 
+#: Largest value of a factor in 16 bits.
+LARGEST = 32767
+
+
 class SinglePrecision:
     """Solves with a factor in single precision: a fourth of the time, half the memory.
 
@@ -552,11 +557,37 @@ class SinglePrecision:
         self.permutation = factor.permutation.copy()
         self._lists = [np.array(array, np.int64) for array in (L.start, L.row, L.rows, L.value)]
         del L
-        self._values = factor.rounded()
-        places = [*(library.address(array) for array in self._lists), library.address(self._values)]
-        start, row, *_ = self._lists
-        self._supernodes = library.CSupernodes(len(start) - 1, *places)
-        self._own = np.empty(np.diff(row).max(initial=1), dtype=np.float32)
+        self._own = np.empty(np.diff(self._lists[1]).max(initial=1), dtype=np.float32)
+        self._take(factor.rounded(), np.ones(len(self.permutation), np.float32))
+
+    def _take(self, values: NDArray[Any], scale: NDArray[np.float32]) -> None:
+        """Take the values of L over the scale of their column."""
+        self._values, self._scale = values, scale
+        arrays = map(library.address, (*self._lists, values, scale))
+        self._supernodes = library.CSupernodes(len(self._lists[0]) - 1, *arrays)
+        places = ("forward", "backward")
+        kind = "float" if values.dtype == np.float32 else "int16_t"
+        self._halves = [getattr(library.library, f"aom_supernodes_{half}_{kind}") for half in places]
+
+    def in_16_bits(self) -> SinglePrecision:
+        """Solves with L in 16 bits, whose error may be 1e-4 times the condition number of A: half
+        the time and memory again.
+        """
+        start, row, _, value = self._lists
+        values = np.zeros(self._values.shape, np.int16)
+        scale = np.empty(start[-1], np.float32)
+        for s, first in enumerate(value[: len(start) - 1]):
+            width, height = start[s + 1] - start[s], row[s + 1] - row[s]
+            columns = slice(first, first + width * height)
+            block = self._values[columns].reshape(width, height)
+            largest = np.abs(block).max(axis=1) / LARGEST
+            scale[start[s] : start[s + 1]] = largest
+            short = np.rint(block / largest[:, None])
+            np.fill_diagonal(short, np.maximum(short.diagonal(), 1.0))  # no division by zero
+            values[columns] = short.ravel()
+        result = copy(self)
+        result._take(values, scale)
+        return result
 
     def solve(self, b: Array) -> Array:
         """A⁻¹b of a vector (n,)."""
@@ -566,15 +597,16 @@ class SinglePrecision:
 
     def forward(self, b: Array) -> Array:
         """L⁻¹b of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(library.library.aom_supernodes_forward, b)
+        return self._solved(0, b)
 
     def backward(self, y: Array) -> Array:
         """L⁻ᵀy of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(library.library.aom_supernodes_backward, y)
+        return self._solved(1, y)
 
-    def _solved(self, half: Callable[..., None], b: Array) -> Array:
+    def _solved(self, half: int, b: Array) -> Array:
         x: NDArray[Any] = b.astype(np.float32)
-        half(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
+        solve = self._halves[half]
+        solve(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
         return x
 
 

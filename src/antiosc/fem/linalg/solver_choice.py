@@ -292,7 +292,7 @@ class Substructures(Factorization):
             X[self._inner] = self._halves.backward(Y)[self._to[-len(self._inner) :]]
         return X
 
-    def in_single_precision(self) -> Callable[[Array], Array]:
+    def in_single_precision(self) -> Substructures:
         """Solves of vectors with the factors of the ranks, which become single precision."""
         result = copy(self)
         result._real = np.float32
@@ -304,7 +304,14 @@ class Substructures(Factorization):
         del result.A
         if self._S is not None:
             result._S = self._S.astype(np.float32)
-        return result.solve
+        return result
+
+    def in_16_bits(self) -> Substructures:
+        """Solves with the factors of the ranks in 16 bits, from those in single precision."""
+        result = copy(self)
+        if isinstance(self._halves, SinglePrecision):
+            result._halves = self._halves.in_16_bits()
+        return result
 
 
 def _triangle(L: Array, X: Array, trans: int = 0) -> Array:
@@ -424,9 +431,9 @@ class OnOneRank(Factorization):
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
 
-    def in_single_precision(self) -> Callable[[Array], Array]:
+    def in_single_precision(self) -> SinglePrecision:
         """Solves of vectors with the factor in single precision, which it becomes."""
-        return SinglePrecision(self.cholesky).solve
+        return SinglePrecision(self.cholesky)
 
 
 def analysed(A: PETSc.Mat) -> Analysis:
@@ -495,7 +502,7 @@ class ByPetsc(PetscSolver, Factorization):
 
 
 #: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered
-#: by the softest motions, which single precision knows worst.
+#: by the softest motions, which a rounded factor knows worst.
 PRECONDITIONER_ERROR = 0.03
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
@@ -618,8 +625,8 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
 def preconditioner(
     A: PETSc.Mat, analysis: Callable[[], Analysis | None] = lambda: None
 ) -> Callable[[Array], Array]:
-    """Approximate A⁻¹ on the coarse level; by a single-precision factor where that is accurate
-    enough.
+    """Approximate A⁻¹ on the coarse level; by a factor in 16 bits or in single precision where that
+    is accurate enough.
 
     `analysis` hands over the symbolic factor. The factor in double precision is converted to single
     precision, and is computed again where this is not accurate enough.
@@ -631,12 +638,20 @@ def preconditioner(
     comm = factor.comm
     b = np.random.default_rng(comm.rank).standard_normal(A.getLocalSize()[0])
     exact = factor.solve(b)
+    largest = PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact)
+
+    def accurate(solver: SinglePrecision | Substructures) -> bool:
+        error = solver.solve(b) - exact
+        return bool(comm.allreduce(error @ multiply(A, error)) <= largest)
+
     single = factor.in_single_precision()
     del factor
-    error = single(b) - exact
-    error_energy = comm.allreduce(error @ multiply(A, error))
-    if error_energy <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact):
-        return single
+    short = single.in_16_bits()
+    if accurate(short):
+        return short.solve
+    del short
+    if accurate(single):
+        return single.solve
     del single
     return factorize(A).solve
 

@@ -8,9 +8,9 @@ element thick or nearly incompressible: more iterations (benchmarks/large_parts.
 whose fill is small in a thin part, is better.
 
 The time of a cycle is that of reading its data: where products are computed from the cells, the
-fine level is in single precision, as is the factor of the coarse level where this is accurate
-enough. The residual after the coarse correction is in double precision, since it is far smaller
-than its terms.
+fine level is in single precision, and the factor of the coarse level in 16 bits or in single
+precision where this is accurate enough. The residual after the coarse correction is in double
+precision, since it is far smaller than its terms.
 """
 
 from __future__ import annotations
@@ -119,17 +119,18 @@ class Cycle:
     def apply(self, _: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to one cycle's approximation of A⁻¹x."""
         load = np.array(x.array_r)
-        smoothed = self._smoothed(load)
-        self._fine.setArray(load - multiply(self._A, smoothed))
+        smoothed, residual = self._smoothed(load)
+        self._fine.setArray(residual)
         self._P.multTranspose(self._fine, self._load)
         self._load.setArray(self._coarse(self._load.array_r))
         self._P.mult(self._load, self._fine)
         corrected = smoothed + self._fine.array_r
-        y.setArray(corrected + self._smoothed(load - multiply(self._A, corrected)))
+        final, _ = self._smoothed(load - multiply(self._A, corrected), last=True)
+        y.setArray(corrected + final)
 
-    def _smoothed(self, load: Array) -> Array:
-        """Approximation of A⁻¹ load by Chebyshev's iteration, in the precision of the fine
-        level.
+    def _smoothed(self, load: Array, last: bool = False) -> tuple[Array, Array]:
+        """(approximation of A⁻¹ load by Chebyshev's iteration, its residual; not up to date if
+        `last`), in the precision of the fine level.
         """
         residual: Array = np.array(load, dtype=self._real)
         sigma = self._middle / self._half
@@ -142,7 +143,9 @@ class Cycle:
             step = next_rho * rho * step + 2 * next_rho / self._half * (self._inverse @ residual)
             total += step
             rho = next_rho
-        return np.asarray(total)
+        if not last:
+            residual -= multiply(self._A, step)
+        return np.asarray(total), residual
 
 
 class Aggregation:
