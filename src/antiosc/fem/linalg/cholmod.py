@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from copy import copy
 from ctypes import POINTER, byref, c_double, c_float, c_int, c_int64, c_size_t, c_void_p
@@ -565,9 +565,11 @@ class SinglePrecision:
         self._values, self._scale = values, scale
         arrays = map(library.address, (*self._lists, values, scale))
         self._supernodes = library.CSupernodes(len(self._lists[0]) - 1, *arrays)
-        places = ("forward", "backward")
+        halves = ("forward", "backward")
         kind = "float" if values.dtype == np.float32 else "int16_t"
-        self._halves = [getattr(library.library, f"aom_supernodes_{half}_{kind}") for half in places]
+        self._halves = [
+            getattr(library.library, f"aom_supernodes_{half}_{kind}") for half in halves
+        ]
 
     def in_16_bits(self) -> SinglePrecision:
         """Solves with L in 16 bits, whose error may be 1e-4 times the condition number of A: half
