@@ -88,6 +88,8 @@ BALL_OVER_PATCH = {False: 10.0, True: 5.0}
 BALL_OVER_LENGTH = 0.1
 #: A site is in a hollow if its concave curvature exceeds this share of the ball's curvature.
 HOLLOW = 0.5
+#: Distance over the longest side of the part below which a face before a site is the site's own.
+GRAZING = 1e-3
 #: Radius of the ball of a new scene over that of the largest one that touches the site alone.
 BALL_OVER_ROOM = 0.9
 #: Sites nearer to held nodes than this share of the longest side are tried last.
@@ -472,6 +474,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         sites = _outside_hollows(mesh, outer, sites, largest_ball_on(longest))
     if family != "Beam" and mesh.gdim == 3:
         sites = _with_room(outer, sites, largest_ball_on(longest))
+        if not len(site_nodes):
+            sites = _in_sight(x[faces], sites, GRAZING * longest)
     point, direction, radius = next(sites)
     radius = radius if family == "Solid" or mesh.gdim == 2 else None
     if structure is not None:
@@ -621,6 +625,44 @@ def _with_room(
         else:
             yield site
     yield from sorted(narrow_sites, key=lambda site: -_room(outer, site))
+
+
+def _in_sight(
+    corners: Array, sites: Iterator[tuple[Array, Array, float | None]], gap: float
+) -> Iterator[tuple[Array, Array, float | None]]:
+    """The sites; those that the part itself hides, as the inside of a box, come last.
+
+    Parameters
+    ----------
+    corners : (F, k, 3), in cyclic order
+    gap : distance [m] below which a face before the site is that of the site
+    """
+    triangles = np.concatenate([corners[:, [0, i, i + 1]] for i in range(1, corners.shape[1] - 1)])
+    hidden = []
+    for site in sites:
+        point, direction, _ = site
+        if _meets(triangles, point, -direction, gap):
+            hidden.append(site)
+        else:
+            yield site
+    yield from hidden
+
+
+def _meets(triangles: Array, point: Array, direction: Array, least: float) -> bool:
+    """Whether a ray from a point meets one of the triangles (F, 3, 3) beyond a distance (Möller and
+    Trumbore).
+    """
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    start = point - triangles[:, 0]
+    across = np.cross(direction, second)
+    turned = np.cross(start, first)
+    volume = np.einsum("fi,fi->f", first, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.einsum("fi,fi->f", start, across) / volume
+        v = turned @ direction / volume
+        distance = np.einsum("fi,fi->f", second, turned) / volume
+    inside = np.minimum(np.minimum(u, v), 1 - u - v) > -1e-9  # an edge belongs to both triangles
+    return bool((inside & (distance > least)).any())
 
 
 def _room(outer: Faces, site: tuple[Array, Array, float | None]) -> float:

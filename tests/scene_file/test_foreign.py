@@ -262,6 +262,27 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     assert found == [flat.tolist(), hollow.tolist()]
 
 
+@pytest.mark.parametrize("lid", [True, False])
+def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
+    path = tmp_path / "box.geo"
+    height = 0.016 if lid else 0.02
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.04, 0.03, 0.02};\n'
+        f"Box(2) = {{0.002, 0.002, 0.002, 0.036, 0.026, {height}}};\n"
+        "BooleanDifference(3) = {Volume{1}; Delete;}{Volume{2}; Delete;};\n"
+        'Physical Volume("all") = {3};\n'
+    )
+    mesh = ao.read_mesh(path, size=4e-3)
+    outer = Faces(mesh, False)
+    corners = mesh.dolfinx.geometry.x[outer.vertices]
+    down = np.array([0.0, 0.0, -1.0])
+    bottom, rim = (np.array([0.02, 0.015, 0.002]), np.array([0.001, 0.015, 0.02]))
+    sites = iter([(bottom, down, 1e-3), (rim, down, 1e-3)])
+    found = [x.tolist() for x, _, _ in new._in_sight(corners, sites, 1e-5)]
+    expected = [rim, bottom] if lid else [bottom, rim]
+    assert found == [point.tolist() for point in expected]
+
+
 def test_a_face_whose_nodes_are_all_held_is_not_struck(tmp_path):
     """A tub with a bottom of two triangles, which is its largest face, and walls of many."""
     levels = 12
