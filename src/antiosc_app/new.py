@@ -661,7 +661,8 @@ def _meets(triangles: Array, point: Array, direction: Array, least: float) -> bo
         u = np.einsum("fi,fi->f", start, across) / volume
         v = turned @ direction / volume
         distance = np.einsum("fi,fi->f", second, turned) / volume
-    inside = np.minimum(np.minimum(u, v), 1 - u - v) > -1e-9  # an edge belongs to both triangles
+        # an edge belongs to both its triangles; nan of a triangle along the ray is no place in it
+        inside = np.minimum(np.minimum(u, v), 1 - u - v) > -1e-9
     return bool((inside & (distance > least)).any())
 
 
