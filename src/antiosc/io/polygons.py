@@ -19,6 +19,8 @@ from antiosc.io.neutral import IntArray
 
 #: Corner of a facet of an ASCII STL file.
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+#: The word at the beginning of an OFF file, which the numbers may follow without a space.
+OFF_HEADER = re.compile(r"^\s*(ST)?C?N?4?N?OFF", re.IGNORECASE)
 #: Bytes in which an ASCII STL file names a facet.
 BEGINNING = 4096
 #: Scalar types of PLY files (G. Turk, "The PLY Polygon File Format", 1994) as NumPy's.
@@ -144,8 +146,7 @@ def _of_off(lines: Sequence[str], name: str) -> tuple[Array, IntArray]:
     """Triangles of an OFF file: header, numbers of points and faces, points, faces with sizes."""
     rows: list[tuple[list[str], DeckPlace]] = []
     for number, line in enumerate(lines, 1):
-        words = line.split("#")[0].split()
-        words = words[1:] if words and words[0].upper().endswith("OFF") else words
+        words = OFF_HEADER.sub("", line.split("#")[0]).split()
         if words:
             rows.append((words, DeckPlace(name, number)))
     if not rows or len(rows[0][0]) < 2:

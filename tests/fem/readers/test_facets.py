@@ -224,7 +224,10 @@ OFF = "OFF\n# a cube\n8 6 0\n" + "".join(
 ) + "4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 1 2 6 5\n4 2 3 7 6\n4 3 0 4 7\n"  # fmt: skip
 
 
-@pytest.mark.parametrize(("ending", "text"), [("obj", OBJ), ("off", OFF)])
+@pytest.mark.parametrize(
+    ("ending", "text"),
+    [("obj", OBJ), ("off", OFF), ("off", OFF.replace("OFF\n# a cube\n", "  OFF"))],
+)
 def test_polygons_are_read_without_their_textures(tmp_path, ending, text):
     path = tmp_path / f"cube.{ending}"
     path.write_text(text)
