@@ -930,13 +930,14 @@ def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
         label = "height over its lowest point (mm)"
         part = Deformed(points, points, faces, height, label, float(height.max()))
         figure = deformed_figure(part, whole_scale=True)
-    else:  # each face has points of its own, so that it is held or not
+    else:  # each face has points of its own, so that it is held (yellow) or not (nan, grey)
         count = faces.shape[1]
-        fixed = np.repeat(inspection.held[faces].any(axis=1), count).astype(float)
+        fixed = np.repeat(inspection.held[faces].any(axis=1), count)
         points = points[faces.ravel()]
         faces = np.arange(len(points)).reshape(-1, count)
         arrow = np.array(inspection.point), np.array(inspection.direction)
-        part = Deformed(points, points, faces, fixed, "", 1.0)
+        shade = np.where(fixed, 1.0, np.nan)
+        part = Deformed(points, points, faces, shade, "", 1.0)
         figure = deformed_figure(part, arrow=arrow, whole_scale=True)
         held_text = "yellow: held; " if fixed.any() else ""
         figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")
