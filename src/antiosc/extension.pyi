@@ -34,6 +34,10 @@ from antiosc.fem.mesh.closest import (
 from antiosc.fem.mesh.curvature import (
     curvature as curvature,
 )
+from antiosc.fem.mesh.halving import (
+    longest_cell as longest_cell,
+    with_cells_of as with_cells_of,
+)
 from antiosc.fem.mesh.reading import (
     flattened as flattened,
     numbered_elements as numbered_elements,

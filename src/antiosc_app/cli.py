@@ -122,6 +122,11 @@ def _parser() -> argparse.ArgumentParser:
         if name in ("new", "open"):
             about_unit = "of the file, as mm, in or m (default: what its size and materials tell)"
             command.add_argument("--unit", metavar="UNIT", help=about_unit)
+            about_size = (
+                "largest cell of the mesh; the cells of a finished mesh are halved until none is"
+                " longer (default: a geometry's by its size, else as in the file)"
+            )
+            command.add_argument("--size", type=float, metavar="METRES", help=about_size)
             about_time = "limit of reading and meshing the file (default: by its kind and size)"
             command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
         if name == "export":

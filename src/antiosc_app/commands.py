@@ -63,6 +63,7 @@ def _new(options: Namespace) -> int:
         options.material,
         options.unit,
         options.timeout,
+        options.size,
     )
     for sentence in sentences:
         print_text(sentence)
@@ -75,7 +76,7 @@ def _open(options: Namespace) -> int:
     from antiosc_app import view
 
     view.until_interrupted(
-        options.part, options.unit, options.timeout, browser=not options.no_browser
+        options.part, options.unit, options.timeout, options.size, browser=not options.no_browser
     )
     return 0
 

@@ -73,6 +73,8 @@ class ForeignPart:
     Attributes
     ----------
     read : arguments of `read_mesh`, or of `read_model`, besides the file.
+    meshed : whether the file is a geometry that is meshed here.
+    kept : why the elements of a deck cannot be halved; "" if they can.
     structure : structure of a deck with a model.
     notes : decisions that were made, one sentence each.
     pieces : if the mesh is in several pieces, these, the largest first.
@@ -87,14 +89,21 @@ class ForeignPart:
     pieces: Sequence[Piece] = ()
     inferred: bool = False
     modulus: float | None = None
+    meshed: bool = False
+    kept: str = ""
 
 
 def foreign_part(
-    path: Path, free: bool = False, unit: str | None = None, timeout: float | None = None
+    path: Path,
+    free: bool = False,
+    unit: str | None = None,
+    timeout: float | None = None,
+    size: float | None = None,
 ) -> ForeignPart:
     """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
 
-    `timeout` [s]: limit of each reading; None: by kind and size of the file.
+    `timeout` [s]: limit of each reading; None: by kind and size of the file. `size` [m]: largest
+    cell; None: by the size of a geometry, that of the cells of a mesh or a deck.
 
     Raises
     ------
@@ -105,17 +114,19 @@ def foreign_part(
         importlib.import_module("antiosc.fem.mesh")
     limit: Read = {} if timeout is None else {"timeout": timeout}
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        options = limit | ({"free": True} if free else {})
+        options = (
+            limit | ({"free": True} if free else {}) | ({} if size is None else {"size": size})
+        )
         return _of_deck(path, options, UNITS if unit is None else (unit,))
     with without_warnings():
-        return _of_mesh(path, unit, limit)
+        return _of_mesh(path, unit, limit, size)
 
 
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
-    """Read a mesh, or mesh a geometry; `limit`: the timeout, if one is given."""
+def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> ForeignPart:
+    """Read a mesh, or mesh a geometry; `limit`: the timeout, `given`: the size, if there is one."""
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
@@ -134,7 +145,7 @@ def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
             read["unit"] = unit_of_length(length, choices)
         factor = UnitSystem.of(read.get("unit", "m")).length
         file_outline.points = factor * file_outline.points
-        size = float(f"{factor * length / ELEMENTS:.1g}")
+        size = given or float(f"{factor * length / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
             read["size"] = size
             ways = _of_solids(file_outline, notes)
@@ -145,7 +156,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
     mesh, options, pieces = _first(path, read, ways)
     read |= options
-    if "size" in read and mesh.n_cells > MOST_CELLS:
+    meshed = "size" in read
+    if meshed and given is None and mesh.n_cells > MOST_CELLS:
         larger = float(f"{read['size'] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim):.2g}")
         notes.append(
             f"elements of {read['size']:g} m would be {mesh.n_cells} cells: larger ones "
@@ -156,7 +168,7 @@ def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
         read["order"] = 1
         mesh = antiosc.read_mesh(str(path), **read)
-    if "size" not in read and "unit" not in read:
+    if not meshed and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if suffix not in STATES_UNIT:
             read["unit"] = unit_of_length(length, UNITS_OF_MESHES)
@@ -168,11 +180,14 @@ def _of_mesh(path: Path, unit: str | None, limit: Read) -> ForeignPart:
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         read["gdim"] = 3
-    if {"unit", "gdim"} & set(read):
+    if given is not None and not meshed:
+        read["size"] = given
+    if {"unit", "gdim"} & set(read) or (given is not None and not meshed):
         mesh = antiosc.read_mesh(str(path), **read)
     if file_outline is not None and suffix in GEOMETRIES:
         pieces = _solids(file_outline)
-    return ForeignPart(mesh, read, None, [*notes, *_option_notes(read)], pieces)
+    all_notes = [*notes, *_option_notes(read)]
+    return ForeignPart(mesh, read, None, all_notes, pieces, meshed=meshed)
 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
@@ -267,12 +282,16 @@ def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
 
     guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
     read = dict(options)
-    unit, (families, extent), pieces = _first_unit(materials_of_deck, path, units, read, guesses)
+    size = {"size": read.pop("size")} if "size" in read else {}
+    unit, (families, extent, kept), pieces = _first_unit(
+        materials_of_deck, path, units, read, guesses
+    )
     best, modulus = unit_of(families, extent, unit, units, read)
     inferred = len(units) > 1
     if modulus is not None:
         guesses["density"] = density_like(modulus * UnitSystem.of(best).stress)
     units = list(dict.fromkeys([best, *units]))
+    read |= size
     unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses)
     read = {"unit": unit, **read}
     pieces = pieces or more
@@ -283,7 +302,7 @@ def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
         *_option_notes(read),
         *structure.plausibility.get("doubts", ()),
     ]
-    return ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus)
+    return ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus, kept=kept)
 
 
 def _first_unit(

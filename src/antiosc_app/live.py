@@ -32,7 +32,14 @@ from antiosc import (
 )
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, warnings_to
-from antiosc.base.texts import capitalised, engineering, percent, point_text, restitution_text
+from antiosc.base.texts import (
+    SMALLER_CELLS,
+    capitalised,
+    engineering,
+    percent,
+    point_text,
+    restitution_text,
+)
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.contact.dent import RIM
@@ -315,11 +322,10 @@ def _computed(hit: History) -> Data:
 
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
-    "mesh": "use smaller elements around the site (on the page: Finer mesh here; in a scene: refine"
-    " in [geometry])",
+    "mesh": f"use smaller elements around the site ({SMALLER_CELLS})",
     "truncation": "extract more anti-oscillators (in a scene: n in [extract])",
     "time": "use a smaller tol (in a scene: in [simulate])",
-    "patch": "take a smaller patch on smaller elements (on the page: Finer mesh here)",
+    "patch": f"take a smaller patch on smaller elements ({SMALLER_CELLS})",
     "geometry": "use smaller or curved elements along the curved surface",
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",

@@ -175,6 +175,9 @@ class Inspection:
     bars : whether its models have error bars of mesh and truncation.
     plate : whether it is a solid as thin as a plate.
     measure : volume [m³], area [m²] or length [m] of its cells.
+    meshed : whether its file is a geometry that is meshed here.
+    largest : largest distance between two corners of a cell of its mesh.
+    kept : as of a `ForeignPart`.
     points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
@@ -214,6 +217,9 @@ class Inspection:
     material: str = MATERIAL
     bars: bool = True
     plate: bool = False
+    meshed: bool = False
+    largest: float = 0.0
+    kept: str = ""
 
     @property
     def length(self) -> float:
@@ -223,9 +229,14 @@ class Inspection:
     @property
     def finest(self) -> float | None:
         """Size [m] of the cells at the site of a part that is meshed here; None: as elsewhere."""
-        if "size" in self.read:
+        if self.meshed:
             return self.radius or self.cell
         return None
+
+    @property
+    def size(self) -> float:
+        """The size that is asked of its cells, or the largest length of a cell of its file [m]."""
+        return float(self.read.get("size", self.largest))
 
     @property
     def thickness(self) -> float:
@@ -336,10 +347,11 @@ class Inspection:
         rows = []
         if "unit" in self.read:
             rows.append(("unit of the file", self.unit_text(), f"{section} unit"))
-        if "size" in self.read:
-            finer = f", {self.finest:g} m at the site" if self.finest and not drop else ""
-            key = f"{section} size, refine" if finer else f"{section} size"
-            rows.append(("elements", f"{self.read['size']:g} m{finer}", key))
+        finer = f", {self.finest:g} m at the site" if self.finest and not drop else ""
+        key = f"{section} size, refine" if finer else f"{section} size"
+        if not self.kept:
+            at_most = "" if "size" in self.read else "up to "
+            rows.append(("elements", f"{at_most}{self.size:.3g} m{finer}", key))
         rows += [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
         if not self.of_deck:
             rows.append(("material", self.material, "[material] name"))
@@ -392,12 +404,17 @@ def aligned(rows: Sequence[tuple[str, str, str]]) -> list[str]:
 
 
 def inspect_part(
-    path: Path, free: bool = False, unit: str | None = None, timeout: float | None = None
+    path: Path,
+    free: bool = False,
+    unit: str | None = None,
+    timeout: float | None = None,
+    size: float | None = None,
 ) -> Inspection:
     """Read or mesh the file of a part and inspect it.
 
     `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known;
-    `timeout` [s]: limit of each reading; None: by kind and size of the file.
+    `timeout` [s]: limit of each reading; None: by kind and size of the file; `size` [m]: largest
+    cell, if it is asked for.
 
     Raises
     ------
@@ -405,8 +422,8 @@ def inspect_part(
         It cannot be read or meshed, or is too large to be looked at.
     """
     check_size(path)
-    part = foreign_part(path, free, unit, timeout)
-    inspection = _inspect_mesh(part.mesh, part.read, part.structure)
+    part = foreign_part(path, free, unit, timeout, size)
+    inspection = _inspect_mesh(part.mesh, part.read, part.structure, part.meshed)
     notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
     return replace(
         inspection,
@@ -414,6 +431,7 @@ def inspect_part(
         pieces=part.pieces,
         inferred=part.inferred,
         modulus=part.modulus,
+        kept=part.kept,
     )
 
 
@@ -425,9 +443,11 @@ def inspect_structure(part: Structure) -> Inspection:
     return _inspect_mesh(max(meshes, key=lambda mesh: (mesh.tdim, mesh.n_cells)), {}, part)
 
 
-def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspection:
-    """Inspect a mesh; `structure`: that of a deck, with its own supports."""
-    from antiosc.extension import Faces, measure
+def _inspect_mesh(
+    mesh: Mesh, read: Read, structure: Structure | None, meshed: bool = False
+) -> Inspection:
+    """Inspect a mesh; `structure`: that of a deck with its supports; `meshed`: of a geometry."""
+    from antiosc.extension import Faces, longest_cell, measure
     from antiosc.fem.platform import compat
 
     x = np.array(mesh.dolfinx.geometry.x)
@@ -459,7 +479,6 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         sites = _on_rim(x, faces, supported)
     else:
         candidates = _on_faces(x, faces, outer, supported, site_nodes, size)
-        meshed = "size" in read
         largest = LARGEST_RADIUS * longest
         if family == "Solid":
             largest = min(largest, thickness)
@@ -518,6 +537,8 @@ def _inspect_mesh(mesh: Mesh, read: Read, structure: Structure | None) -> Inspec
         others=other_sites,
         plate=plate,
         bars=_has_bars(mesh, structure),
+        meshed=meshed,
+        largest=longest_cell(x[nodes[:, : len(mesh.geometry.corners)]]),
     )
 
 
@@ -835,6 +856,14 @@ def _from_supports(x: Array, supported: BoolArray, points: Array) -> Array:
     return np.asarray(cKDTree(x[supported]).query(points)[0])
 
 
+def of_mesh(inspection: Inspection, mesh: Mesh) -> Inspection:
+    """The inspection with the skin of another mesh of the part."""
+    from antiosc.extension import Faces
+
+    points = np.array(mesh.dolfinx.geometry.x)
+    return replace(inspection, points=points, faces=_around(Faces(mesh, mesh.tdim < 3)))
+
+
 def _around(outer: Faces) -> IntArray:
     """Corners of faces in cyclic order."""
     return outer.vertices[:, [0, 1, 3, 2] if outer.vertices.shape[1] == 4 else slice(None)]
@@ -1038,11 +1067,12 @@ def write_scene(
     material: str | None = None,
     unit: str | None = None,
     timeout: float | None = None,
+    size: float | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
     `material`: name of the material of a part that is no deck; `unit`: unit of the file;
-    `timeout` [s]: limit of each reading of the file.
+    `timeout` [s]: limit of each reading of the file; `size` [m]: largest cell, if it is asked for.
 
     Raises
     ------
@@ -1070,7 +1100,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            inspection = inspect_part(source, drop, unit, timeout)
+            inspection = inspect_part(source, drop, unit, timeout, size)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:

@@ -60,6 +60,7 @@ from antiosc_app.set_up import (
     HAMMERS,
     LAYERS,
     MATERIALS,
+    MOST_OSCILLATORS,
     NO_LAYER,
     STRIKERS,
     InspectedFile,
@@ -150,6 +151,7 @@ class Opened:
     structure : instead of a file, with its material and supports; nothing is saved.
     unit : unit of the file; None: it is guessed.
     timeout : limit [s] of reading the file; None: by its kind and size.
+    size : largest cell [m]; None: as `antiosc new` takes it.
     """
 
     def __init__(
@@ -158,11 +160,13 @@ class Opened:
         structure: Structure | None = None,
         unit: str | None = None,
         timeout: float | None = None,
+        size: float | None = None,
     ) -> None:
         self._path = path
         self._given = structure
         self._unit = unit
         self._timeout = timeout
+        self._size = size
         self._work = ThreadPoolExecutor(max_workers=1, thread_name_prefix="antiosc")
         self._waiting = 0
         self._lock = threading.Lock()
@@ -290,8 +294,7 @@ class Opened:
         from antiosc_app.skin import skin
 
         inspection = self._inspected()
-        geometry = "size" in inspection.read and not inspection.of_deck
-        self._source = InspectedFile(self._path.name, inspection, {}, geometry)
+        self._source = InspectedFile(self._path.name, inspection, {})
         thickness = (
             None if inspection.family == "Solid" or inspection.of_deck else inspection.thickness
         )
@@ -301,7 +304,7 @@ class Opened:
             material="" if inspection.of_deck else FIRST,
             thickness=thickness,
             striker=Striker(radius=inspection.ball),
-            finer=inspection.plate and geometry,
+            finer=inspection.plate and inspection.meshed,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
         shape, faces, faces_held = skin(self._structure(scene), inspection)
@@ -319,7 +322,9 @@ class Opened:
             "layers": [NO_LAYER, *LAYERS],
             "moduli": {name: modulus for name, (modulus, *_) in LAYERS.items()},
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
-            "geometry": geometry,
+            "geometry": inspection.meshed,
+            "size": 0.0 if self._given or inspection.kept else inspection.size,
+            "most_n": MOST_OSCILLATORS,
             "unstated": {key: inspection.read[key] for key in inspection.unstated()},
             "n": inspection.count,
             "saves": self._given is None,
@@ -333,7 +338,9 @@ class Opened:
         if self._given is not None:
             return new.inspect_structure(self._given)
         with progress.doing(f"looking at {self._path.name}"):
-            return new.inspect_part(self._path, unit=self._unit, timeout=self._timeout)
+            return new.inspect_part(
+                self._path, unit=self._unit, timeout=self._timeout, size=self._size
+            )
 
     # -- a set-up as a scene, and its objects
 
@@ -379,9 +386,9 @@ class Opened:
 
         `quickly`: by a model from free modes, if they are known.
         """
-        source = self._opened()
         if set_up.striker.kind == FLOOR:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
+        source = self._in_cells_of(set_up)
         chosen = source.look.duration if source.look.family == "Shell" else DURATION
         duration = set_up.duration or chosen
         for _ in range(LONGER):
@@ -416,6 +423,15 @@ class Opened:
         if self._source is None:
             raise InputError("the part is not open yet.")
         return self._source
+
+    def _in_cells_of(self, set_up: SetUp) -> InspectedFile:
+        """The opened part with the skin of its mesh in the size of a set-up."""
+        source = self._opened()
+        if set_up.size is None or source.look.family != "Solid":
+            return source
+        scene = self._compiled(scene_of(source, replace(set_up, finer=False), DURATION))
+        mesh = self._structure(scene).mesh
+        return source._replace(look=new.of_mesh(source.look, mesh))
 
     def _dropped(self, set_up: SetUp) -> Dropped:
         """The fall of a set-up."""
@@ -554,6 +570,8 @@ def _told_of_file(look: new.Inspection) -> str:
         choices += f"; {key} {taken}; a field changes it"
     if look.of_deck:
         choices += f"; mass {look.mass_text()}"
+    if look.kept:
+        choices += f"; the deck keeps its elements, for {look.kept}"
     striker = f"The first striker is a {look.ball_text()}."
     return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
 

@@ -70,7 +70,6 @@ class InspectedFile(NamedTuple):
     name : name of the file.
     look : the inspected part.
     faces : name -> table of the support that fixes this face.
-    geometry : whether it is meshed here.
     """
 
     def size_at(self, point: Sequence[float]) -> float:
@@ -98,7 +97,6 @@ class InspectedFile(NamedTuple):
     name: str
     look: Inspection
     faces: Mapping[str, Mapping[str, Any]]
-    geometry: bool
 
 
 @dataclass(frozen=True)
@@ -164,6 +162,8 @@ class SetUp:
     held: tuple[str, ...] = ()
     #: damping ratio; None: none of an impact, that of `antiosc.drop` of a fall
     damping: float | None = None
+    #: largest cell of the mesh [m]; None: as the file was read
+    size: float | None = None
     #: whether the mesh is refined around the site
     finer: bool = False
     #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
@@ -180,7 +180,7 @@ class SetUp:
     def __post_init__(self) -> None:
         for name in ("point", "direction"):
             checks.floats(name, getattr(self, name), (3,))
-        for name in ("radius", "thickness"):
+        for name in ("radius", "thickness", "size"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
         for name, unit in (("duration", "s"), ("density", "kg/m³"), ("modulus", "Pa")):
@@ -241,7 +241,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
     site: Table = {"point": list(set_up.point), "direction": list(set_up.direction), "snap": True}
     if inspection.family == "Solid":
-        finer = FINER if set_up.finer and source.geometry else 1.0
+        finer = FINER if set_up.finer and inspection.meshed else 1.0
         site["radius"] = set_up.radius or rounded_up(
             RESOLVED * source.size_at(set_up.point) / finer
         )
@@ -265,11 +265,13 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
     """The sections of the part: mesh or geometry with material, or the deck."""
     inspection = source.look
     read = dict(source.look.read)
+    if set_up.size is not None:
+        read["size"] = set_up.size
     if inspection.of_deck:
         names = ("yield_strength", "density", "modulus")
         given = {name: value for name in names if (value := getattr(set_up, name))}
         return {"deck": {"path": source.name, **read, **given}}
-    if set_up.finer and source.geometry:
+    if set_up.finer and inspection.meshed:
         read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
     material: Table = {"name": set_up.material}
     thickness = set_up.thickness or inspection.thickness

@@ -104,11 +104,13 @@ def view(part: Structure | str | os.PathLike[str]) -> View:
     return _open_page(_file(part), None, NOTEBOOKS)
 
 
-def until_interrupted(path: str, unit: str | None, timeout: float | None, browser: bool) -> None:
+def until_interrupted(
+    path: str, unit: str | None, timeout: float | None, size: float | None, browser: bool
+) -> None:
     """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known; `timeout` [s]:
-    limit of reading it.
+    limit of reading it; `size` [m]: largest cell, if it is asked for.
     """
-    page = _open_page(_file(path), None, NOBODY, unit, timeout)
+    page = _open_page(_file(path), None, NOBODY, unit, timeout, size)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
         webbrowser.open(page.address)
@@ -135,10 +137,11 @@ def _open_page(
     frames: str,
     unit: str | None = None,
     timeout: float | None = None,
+    size: float | None = None,
 ) -> View:
     """The page of a file or of a structure."""
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure, unit, timeout), title, frames)
+    return View(Opened(path, structure, unit, timeout, size), title, frames)

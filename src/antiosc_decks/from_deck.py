@@ -49,6 +49,7 @@ from antiosc.extension import (
     flattened,
     numbered_elements,
     sound,
+    with_cells_of,
 )
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
@@ -160,6 +161,7 @@ def read_model(
     density: float | None = None,
     modulus: float | None = None,
     yield_strength: float | None = None,
+    size: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -191,8 +193,9 @@ def read_model(
     yield_strength
         Yield strength in Pa of the isotropic materials, which decks do not state; margins and
         contacts that yield need it.
-    merge, timeout, comm
-        As for `read_mesh`.
+    size, merge, timeout, comm
+        As for `read_mesh`: materials, sections and supports follow the halved elements. Decks whose
+        constraints join nodes keep their elements.
     parts
         Names of parts, instances or sets of elements: only these are read. Constraints, springs
         and masses on nodes of other elements alone are left out; a warning counts them.
@@ -243,6 +246,7 @@ def read_model(
         unit,
         density=density,
         modulus=modulus,
+        size=size,
         merge=merge,
         parts=parts,
         piece=piece,
@@ -284,6 +288,7 @@ def outline_of_deck(
     option_names = (
         "density",
         "modulus",
+        "size",
         "merge",
         "parts",
         "piece",
@@ -303,15 +308,16 @@ def outline_of_deck(
 
 def materials_of_deck(
     path: str | Path, unit: str | float = "m", **options: Any
-) -> tuple[list[Family], float]:
-    """(families of a deck, length [m] of the longest side of its largest part).
+) -> tuple[list[Family], float, str]:
+    """(families of a deck, length [m] of the longest side of its largest part, `not_halved`).
 
     Nothing is assembled. Materials without a density are massless. `options` are those of
     `read_model` for its reader.
     """
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, None).values()]
-    return families, max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
+    longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
+    return families, longest, not_halved(_model(next(iter(raws.values()))))
 
 
 def _families(raw: RawMesh, yield_strength: float | None) -> dict[str, Family]:
@@ -330,6 +336,7 @@ def _reader(
     *,
     density: float | None = None,
     modulus: float | None = None,
+    size: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -341,9 +348,10 @@ def _reader(
 ) -> Callable[[], dict[str, RawMesh]]:
     """A function that reads the deck into cells by part; checks the caller's arguments."""
     units = UnitSystem.of(unit)
-    merge, density, modulus, timeout = (
+    size, merge, density, modulus, timeout = (
         None if value is None else positive(name, value, unit_name)
         for name, value, unit_name in (
+            ("size", size, "m"),
             ("merge", merge, "m"),
             ("density", density, "kg/m³"),
             ("modulus", modulus, "Pa"),
@@ -388,9 +396,59 @@ def _reader(
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
             meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
-        return meshes
+        if size is None:
+            return meshes
+        raws = _with_cells_of(size, list(meshes.values()), file.name)
+        return dict(zip(meshes, raws, strict=True))
 
     return work
+
+
+def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
+    """The parts of a deck with cells of at most `size` [m], and with the directions in each."""
+    model = _model(raws[0])
+    if reason := not_halved(model):
+        raise InputError(
+            f"{name} keeps its elements, for {reason}: read it without a size, or mesh it in the"
+            " program that made it."
+        )
+    finer = with_cells_of(size, raws, name)
+    families = [
+        (group, kind, _in_each_cell(arguments, group, raws, finer), place)
+        for group, kind, arguments, place in model["families"]
+    ]
+    return [replace(raw, model={**model, "families": families}) for raw in finer]
+
+
+def not_halved(model: Model) -> str:
+    """Why the elements of a deck cannot be halved; "" if they can."""
+    if count := len(model["joints"]["equations"]):
+        return f"{count} equations of its constraints join their nodes, and none those between them"
+    if any(kind == "Truss" for _, kind, _, _ in model["families"]):
+        return "its bars have hinges at their ends, which halves of them must not have"
+    return ""
+
+
+def _in_each_cell(
+    arguments: dict[str, Any], group: str, raws: Sequence[RawMesh], finer: Sequence[RawMesh]
+) -> dict[str, Any]:
+    """Arguments of a section whose directions in elements are given in the cells of `finer`."""
+    new = dict(arguments)
+    for name in ("axis", "top"):
+        if not isinstance(arguments.get(name), dict):
+            continue
+        of_old = Nearest(**arguments[name])
+        places, directions = [], []
+        for old, halves in zip(raws, finer, strict=True):
+            rows = old.groups.get(group, {}).get(old.kind.dim)
+            if rows is None:
+                continue
+            cells = halves.groups[group][old.kind.dim]
+            vectors = of_old(old.points[rows].mean(axis=1).T).T
+            directions += np.repeat(vectors, len(cells) // len(rows), axis=0).tolist()
+            places += halves.points[cells].mean(axis=1).tolist()
+        new[name] = {"places": places, "directions": directions}
+    return new
 
 
 def _choices(raw: RawMesh) -> str:

@@ -242,6 +242,50 @@ def test_a_deck_without_a_density_tells_the_one_that_is_taken(tmp_path):
         one.close()
 
 
+@pytest.mark.slow
+def test_the_size_of_the_cells_is_that_of_a_set_up(opened, step):
+    """Of the mesh, of the patch, which has a size by the mesh, and of the scene that is saved."""
+    first = opened.calls["look"]({})
+    size = first["size"]
+    setups = [asked(opened, size=part) for part in (None, size, 2 * size)]
+    meshes = [opened._struck(set_up.read(setup)).structure.mesh for setup in setups]
+    assert meshes[0].n_cells == meshes[1].n_cells
+    assert meshes[1].n_cells > 4 * meshes[2].n_cells
+    found = [call(opened, "blow", setup) for setup in setups[1:]]
+    assert found[0]["site"]["radius"] < 0.8 * found[1]["site"]["radius"]
+    names = opened.calls["save"]({})["names"]
+    assert call(opened, "write", setups[2], agreed=names)["written"] == names
+    scene, page = (step.with_name(name) for name in names)
+    assert tomllib.loads(scene.read_text(encoding="utf-8"))["geometry"]["size"] == 2 * size
+    for path in (scene, page):
+        path.unlink()
+
+
+@pytest.mark.filterwarnings("ignore")  # of sections that are guessed
+@pytest.mark.parametrize("name", ["meshes/beam.msh", "demos/scenes/bar.inp", "tests/decks/mpc.inp"])
+def test_finished_meshes_and_decks_have_a_size_unless_constraints_join_their_nodes(name):
+    from antiosc_app.opened import Opened
+
+    one = Opened(ROOT / name)
+    try:
+        first = one.calls["look"]({})
+        size = first["size"]
+        keeps = name.endswith("mpc.inp")
+        assert (size == 0) == keeps == ("keeps its elements" in first["told"])
+        if keeps:
+            with pytest.raises(InputError, match="keeps its elements"):
+                call(one, "blow", asked(one, size=1e-3))
+            return
+        counts = [
+            one._struck(set_up.read(asked(one, size=part))).structure.mesh.n_cells
+            for part in (None, size / 2)
+        ]
+        assert counts[1] in (2 * counts[0], 8 * counts[0])
+        assert len(call(one, "settle", asked(one, size=size / 2))["verdict"]) > 0
+    finally:
+        one.close()
+
+
 def found_in(table, name):
     """The first number of a name in nested tables."""
     for key, value in table.items():
@@ -464,6 +508,7 @@ WRONG = [
     {"held": ["../../etc"]}, {"held": [1]}, {"direction": [0, 0, 0]}, {"radius": -1.0},
     {"radius": "big"}, {"material": "unobtainium"}, {"material": "/etc/passwd"}, {"material": 3},
     {"damping": 2.0}, {"finer": "yes"}, {"thickness": 0}, {"striker": {"kind": "bomb"}},
+    {"size": 0}, {"size": "small"},
     {"striker": {"mass": 0.0}}, {"striker": {"path": "x"}}, {"striker": []}, {"point": [9, 9, 9]},
     {"striker": {"tilt": 3}}, {"striker": {"down": [0, 0, "a"]}},
     {"striker": {"kind": "floor", "height": 0}}, {"striker": {"floor": "lava"}},
@@ -634,7 +679,7 @@ def test_the_size_at_a_point_is_that_of_the_facets_under_its_patch():
     """
     part = ao.Structure(parts.box((4, 3, 2), (0.08, 0.06, 0.1)), ao.Solid(**parts.STEEL))
     look = new.inspect_structure(part)
-    source = set_up.InspectedFile("box", look, {}, False)
+    source = set_up.InspectedFile("box", look, {})
     for x in ((0.03, 0.03, 0.1), (0.075, 0.05, 0.1), (0.01, 0.055, 0.1)):
         size = source.size_at(x)
         at = np.array([x]), np.array([[0.0, 0.0, -1.0]]), np.array([set_up.RESOLVED * size])

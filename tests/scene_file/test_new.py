@@ -17,6 +17,7 @@ pytest.importorskip("jinja2")
 import antiosc as ao
 from antiosc.base.texts import engineering
 from antiosc.extension import Faces
+from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
@@ -73,6 +74,30 @@ def test_a_new_scene_runs(part, tmp_path, monkeypatch):
     assert scene.name == (f"{part.partition('.')[0]}.toml" if part else "scene.toml")
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
     assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
+
+
+@pytest.mark.parametrize(("part", "size"), [("block.vtu", 6e-2), ("block.geo", 1e-2)])
+def test_a_size_is_that_of_the_cells_and_of_the_scene(part, size, tmp_path):
+    path = tmp_path / part
+    if part == "block.vtu":
+        meshio.write(path, meshio.Mesh(BOX / 2, [("hexahedron", [range(8)])]))
+    else:
+        path.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 100, 60, 40};')
+    counts, finest = [], []
+    for k, asked in enumerate((size, size / 2)):
+        scene = tmp_path / f"{k}.toml"
+        assert antiosc("new", scene, path, "--size", asked) == 0
+        table = tomllib.loads(scene.read_text())["geometry"]
+        assert table["size"] == asked
+        mesh = ao.read_mesh(path, unit=table["unit"], size=asked)
+        assert inspect_part(path, size=asked).size == asked
+        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+        longest = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1).max()
+        assert longest <= (asked if part.endswith("vtu") else 2 * asked)  # gmsh aims at a size
+        counts.append(mesh.n_cells)
+        finest.append(longest)
+    assert counts[1] > 4 * counts[0]
+    assert finest[1] < 0.7 * finest[0]
 
 
 def test_a_structure_is_struck_away_from_what_holds_it():

@@ -18,6 +18,8 @@ from antiosc.base.errors import AntioscError
 
 #: Most lines of numbers of an object.
 LINES = 4
+#: What makes cells smaller: around a site, or all of them.
+SMALLER_CELLS = "refine, or size; on the page: Finer mesh here, or cell size"
 #: Most characters of one value.
 WIDTH = 72
 

@@ -560,7 +560,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
             f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
             " resolve it; make the cells there smaller: of a geometry by refine ="
             f" [[[{', '.join(f'{c:.4g}' for c in x)}], SIZE]] in [geometry] of its scene, in m,"
-            " which the page saves; a mesh file in the program that made it"
+            " which the page saves; of a finished mesh by a smaller size (on the page: cell size)"
         )
     return ""
 

@@ -198,6 +198,17 @@ def keys(rows: IntArray) -> NDArray[np.uint64]:
     return mixed
 
 
+def positions(rows: NDArray[Any], among: NDArray[Any]) -> IntArray:
+    """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
+    code = keys(among)
+    order = np.argsort(code)
+    row_keys = keys(rows)
+    position = np.minimum(np.searchsorted(code[order], row_keys), max(len(code) - 1, 0))
+    if not len(code):
+        return np.full(len(rows), -1)
+    return np.where(code[order][position] == row_keys, order[position], -1)
+
+
 def _add_cells(raw: RawMesh, group: str, blocks: Rows) -> None:
     for label, block in blocks.items():
         _add(raw, group, kind_of(label).dim, block[:, : kind_of(label).vertices])
@@ -536,10 +547,10 @@ def _content(
         raise MeshError(
             f"{path.name} is a geometry, not a mesh: give the element size in metres, as 5e-3."
         )
-    if not geometry and (size is not None or options.get("refine")):
+    if not geometry and options.get("refine"):
         raise MeshError(
-            f"{path.name} is a finished mesh: size and refine apply to geometry files only "
-            f"({', '.join(GEOMETRY)})."
+            f"{path.name} is a finished mesh: refine applies to geometry files only "
+            f"({', '.join(GEOMETRY)}); size halves all of its cells."
         )
     if unit is not None and suffix in STATES_UNIT:
         raise MeshError(f"{path.name} states its own unit of length: leave unit out.")

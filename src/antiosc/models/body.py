@@ -20,7 +20,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin, engineering
+from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
@@ -488,6 +488,5 @@ def coarse_cell(model: object, site: str, contact_time: float) -> str:
         f"The cell at the site{suffix} measures {engineering(cell.size, 'm')}, and the wave that a"
         f" contact of {engineering(contact_time, 's')} sends out {engineering(cell.wave, 'm')}:"
         " forces come out too large; take cells of at most"
-        f" {engineering(cell.allowed, 'm')} there (refine; on the page: Finer mesh here; a mesh of"
-        " a file in the program that made it)."
+        f" {engineering(cell.allowed, 'm')} there ({SMALLER_CELLS})."
     )

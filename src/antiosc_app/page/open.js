@@ -8,7 +8,7 @@ const FIELDS = {
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]],
     ["layer_thickness", "layer thickness", "mm", 1, 200, ["floor"]], ["layer_modulus", "layer modulus", "MPa", 0.05, 1000, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100],
-    ["n", "anti-oscillators", "", 5, 400]],
+    ["n", "anti-oscillators", "", 5]],
   part: [["thickness", "thickness", "mm", 0.1, 100], ["damping", "damping ratio", "", 0, 0.1],
     ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000],
     ["modulus", "Young's modulus", "GPa", 0.001, 1000]],
@@ -215,9 +215,9 @@ class Bench {
     if (page && page.into && page.near(x, y) >= 0) return page.pick(x, y);
     const seen = this.seen(x, y);
     if (!seen) return;
-    if (!hold && document.querySelector("input[name=click]:checked").value === "strike") {
+    if (this.falls() || !hold && document.querySelector("input[name=click]:checked").value === "strike") {
       this.face = seen.name;
-      if (this.setup.striker.kind === "floor") this.striker({ down: seen.normal.map(rounded) });
+      if (this.falls()) this.striker({ down: seen.normal.map(rounded) });
       else this.change({ point: seen.point.map(rounded), direction: seen.normal.map((c) => rounded(-c)) });
     } else if (seen.name) this.toggle(seen.name);
     else this.wrong("This face is not flat and has no name in the file: it cannot be held by a click.", false);
@@ -248,9 +248,8 @@ class Bench {
   // -- fields
 
   make_fields() {
-    const { facts } = this, of_file = facts.faces.length > 0;
+    const { facts } = this;
     find("file").textContent = facts.told;
-    for (const one of document.querySelectorAll(".of-file")) one.hidden = !of_file;
     const names = facts.faces.map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.change({ material }));
@@ -258,12 +257,14 @@ class Bench {
     this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
       (material) => this.striker({ material }), {}, ["ball", "mass"]);
     this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
-    this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"]);
+    this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"],
+      () => !this.layered());
     this.choice(find("striker"), "soft layer", facts.layers, () => this.setup.striker.layer, (layer) => this.striker({ layer, layer_modulus: null }), {}, ["floor"]);
     this.triple("site-fields", "point", "place", "mm");
     this.triple("site-fields", "direction", "direction", "");
     this.triple("striker", "down", "what points down", "", ["floor"]);
     this.triple("striker", "tilt", "then tilted about x, y, z", "°", ["floor"]);
+    this.cell_size();
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
     find("undo").onclick = () => this.undo(this.past, this.future);
     find("redo").onclick = () => this.undo(this.future, this.past);
@@ -281,12 +282,22 @@ class Bench {
     this.show_fields();
   }
 
-  choice(where, label, options, get, set, texts = {}, kinds = null) {
+  // The largest cell of the mesh: a number alone, for every value makes another mesh.
+  cell_size() {
+    if (!this.facts.size) return;
+    const row = made("label", find("part"), "cell size", { className: "slider" });
+    const number = made("input", row, "", { type: "number", step: "any", min: 0, name: "size", ariaLabel: "cell size in mm" });
+    made("span", row, "mm");
+    number.onchange = () => this.change({ size: number.value === "" ? null : exact(number.value * SIZES.mm) });
+    this.shown.push(() => { number.value = Number(((this.setup.size ?? this.facts.size) / SIZES.mm).toPrecision(4)); });
+  }
+
+  choice(where, label, options, get, set, texts = {}, kinds = null, counts = () => true) {
     if (!options.length) return;
     const row = made("label", where, label), select = made("select", row, "", { name: label });
     for (const one of options) made("option", select, texts[one] || one, { value: one });
     select.onchange = () => set(select.value);
-    this.shown.push(() => { select.value = get(); row.hidden = Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
+    this.shown.push(() => { select.value = get(); row.hidden = !counts() || Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
   }
 
   // Three coordinates, of the set-up or of the striker of some kinds.
@@ -304,7 +315,7 @@ class Bench {
     });
   }
 
-  slider(where, name, label, unit, least, most, kinds = null) {
+  slider(where, name, label, unit, least, most = this.facts.most_n, kinds = null) {
     const { setup } = this.facts, open = (kinds ? setup.striker : setup)[name] === null; // an emptied field leaves the choice to the server
     if (open && name === "thickness") return;
     const deck = !this.facts.materials.length && this.facts.saves;
@@ -337,23 +348,25 @@ class Bench {
     });
   }
 
+  falls() { return this.setup.striker.kind === "floor"; }
+
   layered() { return this.setup.striker.layer in this.facts.moduli; }
 
   // The value of a field that the set-up leaves open.
   taken(name) {
     if (name === "layer_modulus") return this.facts.moduli[this.setup.striker.layer] || 0;
-    const falls = this.setup.striker.kind === "floor";
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
     if (UNSTATED.includes(name)) return this.facts.unstated[name];
     if (name === "n") return this.facts.n;
-    return falls || name !== "damping" ? this.facts.fall[name] : 0;
+    return this.falls() || name !== "damping" ? this.facts.fall[name] : 0;
   }
 
   show_fields() {
     for (const one of this.shown) one();
-    const falls = this.setup.striker.kind === "floor";
+    const falls = this.falls();
     find("site-fields").hidden = falls;
+    for (const one of document.querySelectorAll(".of-file")) one.hidden = falls || !this.facts.faces.length;
     find("in-python").hidden = falls || Boolean(this.chosen);
     if (falls) find("stresses").hidden = true;
     for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
@@ -405,6 +418,7 @@ class Bench {
     this.wrote("");
     if (this.page && this.page.sites) this.page = null;
     this.chosen = null;
+    this.draw_awaited();
     const found = await this.step("blow");
     if (!found) return;
     if (found.fall) return this.fall(found);
@@ -412,6 +426,21 @@ class Bench {
     this.shown_blow = turn;
     this.show(found, null);
     this.later = setTimeout(() => this.settle(found), found.settled ? 0 : PAUSE);
+  }
+
+  // The new arrow and the held faces at once; the arrow is grey until the answer.
+  draw_awaited() {
+    const { page, setup, view } = this;
+    const site = JSON.stringify([setup.point, setup.direction, setup.held]);
+    if (!view || this.falls() || !page || !page.data.place || site === this.drawn_site) return;
+    this.drawn_site = site;
+    page.stop();
+    const held = this.shade().map((value) => value === DARK), { point, direction } = setup;
+    Object.assign(page.data, { part: { ...this.skin, held }, place: { ...page.data.place, point, direction } });
+    page.part = new Part(page.data.part, page.blow, view, page.data.place, true);
+    page.kind = "";
+    page.make_views();
+    page.picture();
   }
 
   // A fall, then with its largest stress.
@@ -455,6 +484,7 @@ class Bench {
 
   show({ blow, place, about, caution, verdict, settled, python, site }, part) {
     [this.site, this.lasts] = [site, blow.duration];
+    this.drawn_site = JSON.stringify([this.setup.point, this.setup.direction, this.setup.held]);
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
     if (this.page) this.page.stop();

@@ -7,8 +7,9 @@ const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; //
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {
-  constructor(data, blow, view, place) {
-    Object.assign(this, { data, blow, view, place, count: data.points.length / 3 });
+  // `awaited`: whether the numbers of this site are still to come.
+  constructor(data, blow, view, place, awaited = false) {
+    Object.assign(this, { data, blow, view, place, awaited, count: data.points.length / 3 });
     this.rest = Float32Array.from(data.points, (x, i) => data.middle[i % 3] + x * data.half / 32767);
     this.fields = { motion: data.motion && [data.motion], stress: data.stress };
     this.outside = place && outward(this.rest, data.faces, place.point, place.direction);
@@ -114,7 +115,7 @@ class Part {
     // the arrow begins behind the ball, whose surface is left along d at twice its cosine
     const tip = point.map((x, i) => x - 1.05 * this.through() * d[i]);
     const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };
-    this.view.put("arrow", shaft.points, new Float32Array(shaft.points.length / 3).fill(MARK), shaft.faces);
+    this.view.put("arrow", shaft.points, new Float32Array(shaft.points.length / 3).fill(this.awaited ? BALL : MARK), shaft.faces);
   }
 }
 

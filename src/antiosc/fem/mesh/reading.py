@@ -27,6 +27,7 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed, parallel
+from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io.by_gmsh import GEOMETRY
@@ -79,7 +80,8 @@ def read_mesh(
         (see `unit`). Wedges, pyramids and mixed volumes are cut into tetrahedra, quadrilaterals
         beside triangles into triangles, and cells with 8 and 20 nodes get the missing nodes.
     size
-        Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
+        Largest element size in m: of the mesh of a geometry (needed unless a `.geo` sets its own);
+        the cells of a finished mesh are all halved until none is longer, and its groups follow.
     gdim
         2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
         faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
@@ -193,12 +195,15 @@ def read_mesh(
     def checked(raw: RawMesh) -> RawMesh:
         if size is not None:
             plausible.refuse_size(size, raw.points, file.name)
-        return sound(flattened(raw, gdim, file.name), file.name, made_here, by=BY_PIECE)
+        mesh = sound(flattened(raw, gdim, file.name), file.name, made_here, by=BY_PIECE)
+        if size is None or made_here:
+            return mesh
+        return with_cells_of(size, [mesh], file.name)[0]
 
     def work() -> RawMesh:
         return read(
             file,
-            size,
+            size if made_here else None,
             order,
             refine,
             cells=cells,

@@ -24,7 +24,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import KINDS, RawMesh
-from antiosc.io.reading import keys
+from antiosc.io.reading import positions
 
 #: Least ratio of sizes in one step.
 FINEST = 0.15
@@ -182,7 +182,7 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     support = _supports(pieces, x)
     cells = compat.geometry_nodes(new).astype(np.int64)
     new_pieces = replace(pieces, points=x, cells=cells, groups={})
-    parent = _positions(_carriers(support, cells), pieces.cells)
+    parent = positions(_carriers(support, cells), pieces.cells)
     if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
         cosine = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
         cells[cosine] = cells[cosine][:, [0, 2, 1]]
@@ -240,17 +240,6 @@ def _carriers(support: IntArray, entities: IntArray) -> IntArray:
     return carriers
 
 
-def _positions(rows: IntArray, among: IntArray) -> IntArray:
-    """Index (n,) of each row in `among`, whatever the order of its entries; -1 if absent."""
-    code = keys(among.astype(np.int64))
-    order = np.argsort(code)
-    row_keys = keys(rows.astype(np.int64))
-    position = np.minimum(np.searchsorted(code[order], row_keys), max(len(code) - 1, 0))
-    if not len(code):
-        return np.full(len(rows), -1)
-    return np.where(code[order][position] == row_keys, order[position], -1)
-
-
 def _carried(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray) -> tuple[IntArray, IntArray]:
     """Vertices (n, dim + 1) of the new entities that lie in old ones, and of these old ones."""
     entities = compat.entity_vertices(mesh, dim).astype(np.int64)
@@ -261,4 +250,4 @@ def _carried(mesh: dolfinx.mesh.Mesh, dim: int, support: IntArray) -> tuple[IntA
 
 def _in_group(entities: IntArray, carriers: IntArray, group: IntArray) -> IntArray:
     """Vertices of the new entities whose old ones are among `group`."""
-    return entities[_positions(carriers, group) >= 0]
+    return entities[positions(carriers, group) >= 0]

@@ -181,7 +181,8 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
-    if model.info.converged == 0 and model.n >= SETTLED_FROM:
+    settled = bool(model.info.converged) or model.n < SETTLED_FROM
+    if not settled and model.strain_error is None:  # else the bar of the truncation tells it
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance, so that "
             "none of their frequencies is one of the part: take more anti-oscillators (n); if these"

@@ -10,7 +10,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning
-from antiosc.base.texts import percent
+from antiosc.base.texts import SMALLER_CELLS, percent
 from antiosc.fem.mesh.closest import closest, size_at
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -137,14 +137,13 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
     if not is_coarse.any():
         return Doubt(is_coarse, "", "")
     larger = f"measure {size:.2g} m, more than {rule}the radius {radius:g} m"
-    remedy = f"a radius of {rounded_up(size / times):g} m"
+    # where an edge cuts the patch, its radius must not be larger
+    remedy = "" if _cut(sites).any() else f", or a radius of {rounded_up(size / times):g} m"
     return Doubt(
         is_coarse,
-        f"the {entities} at the site {larger}: the patch is not resolved; refine the geometry "
-        "there to "
-        f"{times * radius:g} m (refine; on the page: Finer mesh here; a mesh of a file in the "
-        f"program that made it) or take {remedy}.",
-        f"the {entities} at {{}} {larger} (a smaller size helps, or {remedy})",
+        f"the {entities} at the site {larger}: the patch is not resolved; take cells of at most "
+        f"{times * radius:g} m there ({SMALLER_CELLS}){remedy}.",
+        f"the {entities} at {{}} {larger} (smaller cells help: {SMALLER_CELLS}{remedy})",
     )
 
 

@@ -1,0 +1,237 @@
+"""Finished meshes and decks with smaller cells: measures, groups, materials, supports, impacts."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import antiosc as ao
+from antiosc.base.errors import InputError, MeshError
+from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
+from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.platform import compat
+from antiosc.io.neutral import KINDS, RawMesh
+from scene_files import antiosc, numbers
+
+pytestmark = pytest.mark.fem
+basix = pytest.importorskip("basix")
+#: Linear maps of the cells of the tests, with a shear, so that no two directions are alike.
+SHEAR = np.array([[1.0, 0.3, 0.1], [0.0, 0.8, 0.2], [0.0, 0.0, 1.3]])
+
+
+def one_cell(shape: str, order: int, bend: float = 0.0) -> RawMesh:
+    """One cell as a mesh, all facets of it a group; its second-order sides are bent by `bend`."""
+    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (shape, order))
+    cell = getattr(basix.CellType, shape)
+    corners = np.asarray(basix.geometry(cell))
+    nodes = [corners[k] for k in range(len(corners))]
+    if order == 2:
+        between = sorted(compat.nodes_between(shape), key=lambda pair: pair[1])
+        nodes += [corners[vertices].mean(axis=0) for vertices, _ in between]
+    x = np.array(nodes)
+    points = x @ SHEAR[: x.shape[1], : x.shape[1]]
+    points[:, 0] += bend * x[:, 1] * (1 - x[:, 1])
+    facets = np.array(basix.topology(cell)[kind.dim - 1])
+    to_dolfinx = compat.node_order(shape, kind.nodes, "vtk")
+    cells = np.arange(kind.nodes)[None, np.argsort(to_dolfinx)]
+    of_side = {2: "interval", 3: "triangle", 4: "quadrilateral"}[facets.shape[1]]
+    facets = facets[:, np.argsort(compat.node_order(of_side, facets.shape[1], "vtk"))]
+    groups = {"skin": {kind.dim - 1: facets}, "all": {kind.dim: cells[:, : kind.vertices]}}
+    groups["corner"] = {0: np.array([[0]])}
+    return RawMesh(points, cells, kind, "vtk", groups, numbers=np.arange(len(points)))
+
+
+def measure(raw: RawMesh) -> float:
+    """Length, area or volume of a mesh, by quadrature on its curved cells."""
+    cell = getattr(basix.CellType, raw.kind.shape)
+    element = basix.create_element(basix.ElementFamily.P, cell, raw.kind.order)
+    X, weights = basix.make_quadrature(cell, 6)
+    gradients = element.tabulate(1, X)[1:, :, :, 0]
+    nodes = raw.cells[:, compat.node_order(raw.kind.shape, raw.kind.nodes, raw.convention)]
+    J = np.einsum("dqk,cki->cqid", gradients, raw.points[nodes])
+    return float((np.abs(np.linalg.det(J)) @ weights).sum())
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("shape", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
+def test_halves_fill_their_cell_and_groups_follow(shape, order):
+    raw = one_cell(shape, order, 0.2 * (order - 1))
+    fine = raw
+    for count in (1, 2):
+        (fine,) = halved([fine])
+        assert len(fine.cells) == 2 ** (raw.kind.dim * count)
+        assert measure(fine) == pytest.approx(measure(raw), rel=1e-12)  # bent sides stay
+        sound(fine, "cells", made_here=False)  # no cracks, no overlaps
+        assert len(np.unique(fine.cells)) == len(fine.points)  # common nodes are one
+        sides = fine.groups["skin"][raw.kind.dim - 1]
+        assert len(sides) == len(raw.groups["skin"][raw.kind.dim - 1]) * 2 ** (
+            (raw.kind.dim - 1) * count
+        )
+        x = np.linalg.solve(SHEAR[: raw.kind.dim, : raw.kind.dim].T, fine.points.T).T
+        if order == 1:  # all vertices of the group lie on the skin
+            on_skin = np.minimum(np.abs(x), np.abs(1 - x)).min(axis=1) < 1e-12
+            on_skin |= np.abs(1 - x.sum(axis=1)) < 1e-12
+            assert on_skin[sides].all()
+        assert fine.groups["all"][raw.kind.dim].shape[0] == len(fine.cells)
+        assert fine.groups["corner"][0].tolist() == [[0]]
+
+
+def test_repeated_halves_of_a_tetrahedron_have_three_shapes_at_most():
+    raws = [one_cell("tetrahedron", 1)]
+    for _ in range(3):
+        raws = halved(raws)
+    x = raws[0].points[raws[0].cells]
+    pairs = np.triu_indices(4, 1)
+    edges = np.sort(np.linalg.norm(x[:, pairs[0]] - x[:, pairs[1]], axis=2), axis=1)
+    assert len(np.unique(np.round(edges, 9), axis=0)) <= 3
+
+
+def test_weights_of_a_cell_are_those_of_its_corners():
+    assert scheme("hexahedron").weights[0].sum(axis=-1) == pytest.approx(1.0)
+    assert scheme("tetrahedron").weights[0].max() == pytest.approx(0.5)
+
+
+def test_too_many_cells_are_refused():
+    with pytest.raises(MeshError, match="choose a larger size"):
+        with_cells_of(1e-4, [one_cell("hexahedron", 1)], "a")
+
+
+# -- decks
+
+
+def deck(path, n: int, beam: str = "", more: str = "") -> str:
+    """A sheet of 0.4 m x 0.2 m in 2n x n quadrilaterals: two thicknesses, an edge clamped; with a
+    rib along its middle, a post of n elements in its middle, or a fold and an offset, with fibres
+    across its thin part.
+    """
+    # the columns beside the fold are of unlike widths: halves of one are nearest to the middle of
+    # the other, where the fibres and the side of the offset differ
+    fold = beam == "fold"
+    columns = np.interp(
+        np.arange(2 * n + 1) * 2 / n, range(5), [0, 0.02 if fold else 0.1, 0.2, 0.3, 0.4]
+    )
+    heights = 4.0 * np.abs(columns - 0.02) * fold
+    a, b = 2 * n + 1, n + 1
+    lines = ["*NODE"]
+    lines += [
+        f"{1 + i + a * j}, {columns[i]:.17g}, {0.2 * j / n!r}, {heights[i]:.17g}"
+        for j in range(b)
+        for i in range(a)
+    ]
+    lines += [f"{5000 + k}, 0.2, 0.1, {0.1 * k / n!r}" for k in range(1, n + 1)]
+    for name, cells in (("THIN", range(n)), ("THICK", range(n, 2 * n))):
+        lines.append(f"*ELEMENT, TYPE=S4, ELSET={name}")
+        for j in range(n):
+            for i in cells:
+                first = 1 + i + a * j
+                corners = f"{first}, {first + 1}, {first + 1 + a}, {first + a}"
+                lines.append(f"{1 + i + 2 * n * j}, {corners}")
+    if beam in ("rib", "post"):
+        lines.append("*ELEMENT, TYPE=B31, ELSET=RIB")
+        middle = 1 + a * (n // 2)
+        nodes = [middle + i for i in range(2 * n + 1)]
+        if beam == "post":
+            nodes = [middle + n, *range(5001, 5001 + n)]
+        lines += [f"{10000 + k}, {nodes[k]}, {nodes[k + 1]}" for k in range(len(nodes) - 1)]
+        lines += ["*BEAM SECTION, ELSET=RIB, MATERIAL=M, SECTION=RECT", "0.01, 0.004", "0., 1., 0."]
+    lines += ["*NSET, NSET=EDGE", *(f"{1 + a * j}," for j in range(b))]
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "70e9, 0.33", "*DENSITY", "2700."]
+    thicknesses = (2e-2, 4e-2) if fold else (1e-3, 2e-3)
+    for name, thickness in zip(("THIN", "THICK"), thicknesses, strict=True):
+        card = f"*SHELL SECTION, ELSET={name}"
+        if fold and name == "THIN":
+            lines += [
+                f"{card}, COMPOSITE, ORIENTATION=O, OFFSET=0.5",
+                f"{thickness}, 3, FIBRES, 0.",
+            ]
+        elif fold:
+            lines += [f"{card}, MATERIAL=M, OFFSET=0.5", f"{thickness}"]
+        else:
+            lines += [f"{card}, MATERIAL=M", f"{thickness}"]
+    if fold:
+        lines += ["*ORIENTATION, NAME=O", "1., 1., 0., -1., 1., 0.", "3, 0."]
+        lines += ["*MATERIAL, NAME=FIBRES", "*DENSITY", "1600."]
+        lines += ["*ELASTIC, TYPE=LAMINA", "140e9, 10e9, 0.3, 5e9, 5e9, 5e9"]
+    lines += ["*BOUNDARY", "EDGE, 1, 6", more]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    return str(path)
+
+
+@pytest.mark.filterwarnings("ignore:.*the area of the offset surface")
+@pytest.mark.parametrize("beam", ["", "rib", "post", "fold"])
+def test_a_halved_deck_is_the_deck_of_halved_elements(tmp_path, beam):
+    z = 0.92 if beam == "fold" else 0.0
+    site = ao.Site((0.25, 0.15, z), (0.0, 0.0, -1.0), part="faces" if beam == "post" else None)
+    structures = [
+        ao.read_model(deck(tmp_path / "coarse.inp", 2, beam), "m", size=0.2 if z else 0.06),
+        ao.read_model(deck(tmp_path / "fine.inp", 8, beam), "m"),
+    ]
+    assert structures[0].dofs == structures[1].dofs
+    assert structures[0].mass == pytest.approx(structures[1].mass, rel=1e-12)
+    a, b = (ao.extract(part, site, n=10) for part in structures)
+    # the nodes have other numbers: rounding differs, the more the thinner a sheet is
+    assert a.k0 == pytest.approx(b.k0, rel=1e-7)
+    assert a.omega == pytest.approx(b.omega, rel=1e-7)
+
+
+def test_a_blow_on_a_halved_deck_is_that_on_an_infinite_plate(tmp_path):
+    """A mass and a spring on the impedance 8 √(m″ D), while no wave has come back from the edge."""
+    path = deck(tmp_path / "a.inp", 2)
+    mass, stiffness, end = 1e-3, 1e5, 2.5e-4
+    bending, area = 70e9 * 2e-3**3 / 12 / (1 - 0.33**2), 2700 * 2e-3
+    impedance = 8 * np.sqrt(area * bending)
+    exact = solve_ivp(
+        lambda _, y: [-y[1] / mass, stiffness * (y[0] - y[1] / impedance)],
+        (0.0, end), [1.0, 0.0], rtol=1e-9, atol=1e-9, max_step=1e-6,
+    )  # fmt: skip
+    errors = []
+    for size in (None, 0.06, 0.02):
+        part = ao.read_model(path, "m", size=size)
+        model = ao.extract(part, ao.Site((0.3, 0.1, 0.0), (0, 0, -1.0)), n=min(100, part.dofs // 8))
+        ball = ao.RigidMass(mass=mass, velocity=1.0)
+        hit = ao.simulate(model, ball, ao.Linear(stiffness), duration=end)
+        errors.append(abs(hit.peak_force / exact.y[1].max() - 1))
+    assert errors[0] > 0.03
+    assert errors[1] < 2e-3
+    assert errors[2] < 6e-4
+
+
+def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    forces, texts = [], []
+    for name, n, more in (("coarse", 2, ["--size", "0.06"]), ("fine", 8, [])):
+        deck(tmp_path / f"{name}.inp", n)
+        assert antiosc("new", f"{name}.toml", f"{name}.inp", *more) == 0
+        scene = (tmp_path / f"{name}.toml").read_text()
+        lines = [line for line in scene.replace(name, "part").splitlines() if "size = " not in line]
+        texts.append(lines)
+        assert tomllib.loads(scene)["deck"].get("size") == (0.06 if more else None)
+        (tmp_path / f"{name}.toml").write_text(
+            re.sub(r"duration = 0.1 ", "duration = 2e-3 ", re.sub(r"n = \d+", "n = 20", scene))
+        )
+        for _ in range(2 if more else 1):
+            assert antiosc("run", f"{name}.toml", "--out", "out") == 0
+            forces.append(numbers(tmp_path / "out")["result"]["peak_force"])
+    assert texts[0] == texts[1]
+    assert forces[0] == forces[1]
+    assert forces[0] == pytest.approx(forces[2], rel=1e-6)
+
+
+def test_decks_that_cannot_be_halved_say_why(tmp_path):
+    path = deck(tmp_path / "a.inp", 2, more="*EQUATION\n2\n5, 3, 1., 10, 3, -1.")
+    with pytest.raises(InputError, match="1 equations of its constraints"):
+        ao.read_model(path, "m", size=0.05)
+    bars = tmp_path / "bars.inp"
+    bars.write_text(
+        "*NODE\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n"
+        "*ELEMENT, TYPE=T3D2, ELSET=ALL\n1, 1, 2\n2, 1, 3\n3, 1, 4\n4, 2, 3\n5, 3, 4\n6, 2, 4\n"
+        "*MATERIAL, NAME=M\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
+        "*SOLID SECTION, ELSET=ALL, MATERIAL=M\n1e-4\n",
+        encoding="ascii",
+    )
+    with pytest.raises(InputError, match="hinges at their ends"):
+        ao.read_model(bars, "m", size=0.5)
