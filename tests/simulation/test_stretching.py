@@ -15,6 +15,7 @@ from antiosc.base.errors import InputError
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.stretching import NEGLIGIBLE, with_rows
+from antiosc.impact.truncation import WARN_SHARE, truncation_share
 from antiosc.models.stretch import Stretch
 from antiosc_app import live
 from stretched import model
@@ -105,6 +106,23 @@ def test_an_automatic_number_states_its_error():
     assert "mesh 0 %" not in told  # nobody has estimated it
     whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time
+
+
+def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():
+    body = model("auto", size=5)
+    body = replace(body, info=replace(body.info, method="krylov", converged=2))
+    hits = []
+    for stiffness in (1e5, 1e8):  # a contact far below the last antiresonance, and one above it
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            hits.append(ao.simulate(body, BALL, ao.Hertz(stiffness), DURATION))
+    enough, too_few = (hit.error_budget for hit in hits)
+    share = truncation_share(body, hits[1].assembly)
+    assert share > WARN_SHARE
+    assert too_few["peak_force"].numerical >= share
+    assert "too few" in str(too_few) and "Mesh and truncation" not in str(too_few)
+    assert enough["peak_force"].numerical < WARN_SHARE
+    assert "too few" not in str(enough) and "Mesh and truncation are not" in str(enough)
 
 
 def test_a_part_with_two_modes_takes_both_and_says_nothing():

@@ -278,9 +278,11 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
     if model.strain_error is None and model.info.measured is None:
-        unknown = ("mesh", "truncation")
+        rough = bool(of_mesh.doubts)  # so large that it is told
+        unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
-        left_out = f"{left_out} {NOT_ESTIMATED}".lstrip()
+        not_estimated = NOT_ESTIMATED.format("The mesh is" if rough else "Mesh and truncation are")
+        left_out = f"{left_out} {not_estimated}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
     if patch_notes:
         unknown += ("patch",)
@@ -303,8 +305,7 @@ STRETCH_SAFETY = 3.0
 STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 NOT_ESTIMATED = (
-    "Mesh and truncation are not in these bars: extract with stretch and the error 'estimate' has"
-    " them."
+    "{} not in these bars: extract with stretch and the error 'estimate' has all of them."
 )
 
 
@@ -335,6 +336,13 @@ def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
     return replace(model, stretch=replace(model.stretch, count=count))
 
 
+#: Note where the truncation may change the force by more than `WARN_SHARE`.
+TOO_FEW = (
+    "The {} anti-oscillators are too few for this contact: the bar of the truncation is a rough"
+    " one; extract with a band."
+)
+
+
 class MeshErrors(NamedTuple):
     """Errors of the three quantities due to the mesh and to truncation; zero without a mesh.
 
@@ -354,8 +362,11 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
     """The errors due to the mesh and to truncation."""
     model = impact.model
     raw = impact.raw
+    truncation = truncation_share(model, raw.assembly)
+    lower_bound = truncation if truncation > WARN_SHARE else 0.0
+    too_few = [TOO_FEW.format(model.n)] if lower_bound else []
     if model.strain_error is None:
-        return MeshErrors()
+        return MeshErrors(truncation=dict.fromkeys(QUANTITIES, lower_bound), doubts=too_few)
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
@@ -374,13 +385,7 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
         return impact.run(body, tol)
 
     truncated = truncation_error(model, known, tol=impact.tol)
-    truncation = truncation_share(model, raw.assembly)
-    lower_bound = truncation if truncation > WARN_SHARE else 0.0
-    if lower_bound:
-        doubts.append(
-            f"The {model.n} anti-oscillators are too few for this contact: the bar of the"
-            " truncation is a rough one; extract with a band."
-        )
+    doubts += too_few
     incomparable = tuple[str, ...]()
     if len(raw.contacts) != len(softer.contacts):
         incomparable = ("contact_time",)
