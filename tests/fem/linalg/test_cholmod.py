@@ -64,7 +64,7 @@ def test_a_factor_in_single_precision_takes_the_memory_of_the_other(monkeypatch,
     exact = Cholesky(A).solve(b)
     factor = Cholesky(A)
     values = factor.supernodes.values.size
-    single = cholmod.SinglePrecision(factor)
+    single = cholmod.RoundedFactor(factor)
     np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
     assert factor.supernodes.values.size == (values + 1) // 2
     del factor
@@ -85,7 +85,7 @@ def test_a_rounded_factor_solves_as_the_exact_one(of):
     b = np.sqrt(A.diagonal()) * np.random.default_rng(2).standard_normal(A.shape[0])
     exact = Cholesky(A).solve(b)
     size = np.sqrt(b @ exact)  # errors in energy
-    single = cholmod.SinglePrecision(Cholesky(A))
+    single = cholmod.RoundedFactor(Cholesky(A))
     short = single.in_16_bits()
     for solver, tolerance in ((single, 2e-6), (short, 5e-3), (single, 2e-6)):
         error = solver.solve(b) - exact
@@ -94,7 +94,7 @@ def test_a_rounded_factor_solves_as_the_exact_one(of):
 
 def test_a_factor_whose_rows_differ_too_much_for_16_bits_stays_finite():
     A = scipy.sparse.csr_matrix(np.diag([1.0, 1e12]) + 0.9e6 * np.eye(2)[::-1])
-    short = cholmod.SinglePrecision(Cholesky(A)).in_16_bits()
+    short = cholmod.RoundedFactor(Cholesky(A)).in_16_bits()
     assert np.isfinite(short.solve(np.ones(2))).all()
 
 

@@ -544,7 +544,7 @@ class Cholesky:
 LARGEST = 32767
 
 
-class SinglePrecision:
+class RoundedFactor:
     """Solves with a factor in single precision: a fourth of the time, half the memory.
 
     The error of a solution may be as large as 1e-7 times the condition number of A. The factor in
@@ -571,7 +571,7 @@ class SinglePrecision:
             getattr(library.library, f"aom_supernodes_{half}_{kind}") for half in halves
         ]
 
-    def in_16_bits(self) -> SinglePrecision:
+    def in_16_bits(self) -> RoundedFactor:
         """Solves with L in 16 bits, whose error may be 1e-4 times the condition number of A: half
         the time and memory again.
         """

@@ -59,7 +59,7 @@ from antiosc.fem.linalg.cholmod import (
     Analysis,
     Cholesky,
     NotPositiveDefiniteError,
-    SinglePrecision,
+    RoundedFactor,
 )
 from antiosc.fem.linalg.forecast import (
     BYTES,
@@ -187,7 +187,7 @@ class Substructures(Factorization):
     def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
         self._interface = interface
         self._real: type[np.floating[Any]] = np.float64
-        self._halves: Cholesky | SinglePrecision
+        self._halves: Cholesky | RoundedFactor
         self._holder: PETSc.IS | None = None
         super().__init__(A)
 
@@ -297,7 +297,7 @@ class Substructures(Factorization):
         result = copy(self)
         result._real = np.float32
         if len(self._inner):
-            result._halves, result._L = SinglePrecision(self._factor), self._L.astype(np.float32)
+            result._halves, result._L = RoundedFactor(self._factor), self._L.astype(np.float32)
             del result._factor
         result._holder = PETSc.IS().createGeneral([], comm=self.A.getComm())  # of the communicator
         watch(result._holder)
@@ -309,7 +309,7 @@ class Substructures(Factorization):
     def in_16_bits(self) -> Substructures:
         """Solves with the factors of the ranks in 16 bits, from those in single precision."""
         result = copy(self)
-        if isinstance(self._halves, SinglePrecision):
+        if isinstance(self._halves, RoundedFactor):
             result._halves = self._halves.in_16_bits()
         return result
 
@@ -431,9 +431,9 @@ class OnOneRank(Factorization):
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
 
-    def in_single_precision(self) -> SinglePrecision:
+    def in_single_precision(self) -> RoundedFactor:
         """Solves of vectors with the factor in single precision, which it becomes."""
-        return SinglePrecision(self.cholesky)
+        return RoundedFactor(self.cholesky)
 
 
 def analysed(A: PETSc.Mat) -> Analysis:
@@ -640,7 +640,7 @@ def preconditioner(
     exact = factor.solve(b)
     largest = PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact)
 
-    def accurate(solver: SinglePrecision | Substructures) -> bool:
+    def accurate(solver: RoundedFactor | Substructures) -> bool:
         error = solver.solve(b) - exact
         return bool(comm.allreduce(error @ multiply(A, error)) <= largest)
 
