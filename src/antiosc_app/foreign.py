@@ -114,10 +114,8 @@ def foreign_part(
         importlib.import_module("antiosc.fem.mesh")
     limit: Read = {} if timeout is None else {"timeout": timeout}
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        options = (
-            limit | ({"free": True} if free else {}) | ({} if size is None else {"size": size})
-        )
-        return _of_deck(path, options, UNITS if unit is None else (unit,))
+        options = limit | ({"free": True} if free else {})
+        return _of_deck(path, options, UNITS if unit is None else (unit,), size)
     with without_warnings():
         return _of_mesh(path, unit, limit, size)
 
@@ -180,9 +178,10 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         read["gdim"] = 3
-    if given is not None and not meshed:
+    halved = given is not None and not meshed
+    if halved:
         read["size"] = given
-    if {"unit", "gdim"} & set(read) or (given is not None and not meshed):
+    if halved or {"unit", "gdim"} & set(read):
         mesh = antiosc.read_mesh(str(path), **read)
     if file_outline is not None and suffix in GEOMETRIES:
         pieces = _solids(file_outline)
@@ -271,10 +270,10 @@ def _option_notes(read: Read) -> list[str]:
 # --- Decks ----------------------------------------------------------------------------------------
 
 
-def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
+def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None) -> ForeignPart:
     """The model of a deck in the unit in which its materials are the most realistic.
 
-    `options`: those of reading besides the unit.
+    `options`: those of reading besides the unit and the size [m] of its cells.
     """
     from antiosc.extension import with_parts
     from antiosc.io.neutral import UnitSystem
@@ -282,7 +281,6 @@ def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
 
     guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
     read = dict(options)
-    size = {"size": read.pop("size")} if "size" in read else {}
     unit, (families, extent, kept), pieces = _first_unit(
         materials_of_deck, path, units, read, guesses
     )
@@ -291,7 +289,8 @@ def _of_deck(path: Path, options: Read, units: Sequence[str]) -> ForeignPart:
     if modulus is not None:
         guesses["density"] = density_like(modulus * UnitSystem.of(best).stress)
     units = list(dict.fromkeys([best, *units]))
-    read |= size
+    if size is not None:
+        read["size"] = size
     unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses)
     read = {"unit": unit, **read}
     pieces = pieces or more

@@ -607,14 +607,14 @@ def stress_note(peak: PeakField, force: float | None) -> str:
     if share is None:
         return ""
     value = engineering(_judged(peak), peak.unit)
-    text = f"with the errors of mesh and force this stress is {value}"
     if force is None:
         text = (
             f"the mesh alone makes {percent(share)} of error in this stress, {value}; that of the"
+            " force adds to it, and is not known"
         )
-        text += " force adds to it, and is not known"
     else:
-        text += f" ± {percent(share + force)}"
+        error = percent(share + force)
+        text = f"with the errors of mesh and force this stress is {value} ± {error}"
     if peak.exposure is not None and peak.margin().reached:
         return f"{text}; it is elastic and not reached, because the material yields first"
     return text

@@ -278,7 +278,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
     if model.strain_error is None and model.info.measured is None:
-        rough = bool(of_mesh.doubts)  # so large that it is told
+        rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
         not_estimated = NOT_ESTIMATED.format("The mesh is" if rough else "Mesh and truncation are")

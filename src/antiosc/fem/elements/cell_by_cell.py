@@ -101,9 +101,10 @@ class CellByCell(ABC):
 
     def _of_vector(self, x: Array, k: float, m: float) -> Array:
         """(k K + m M) x for one vector."""
-        u, product = (np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs] for _ in range(2))
+        u = np.empty(self._dofs + BEYOND, x.dtype)[: self._dofs]
         u[: self.rows] = x
         u[self._held] = 0.0
+        product = np.zeros(self._dofs + BEYOND, x.dtype)[: self._dofs]
         arrived = self._exchange.fetch(u)
         self._add(0, k, m, u, product)
         arrived()

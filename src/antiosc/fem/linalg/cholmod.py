@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from ctypes import POINTER, byref, c_double, c_float, c_int, c_int64, c_size_t, c_void_p
@@ -565,11 +565,11 @@ class RoundedFactor:
         self._values, self._scale = values, scale
         arrays = map(library.address, (*self._lists, values, scale))
         self._supernodes = library.CSupernodes(len(self._lists[0]) - 1, *arrays)
-        halves = ("forward", "backward")
         kind = "float" if values.dtype == np.float32 else "int16_t"
-        self._halves = [
-            getattr(library.library, f"aom_supernodes_{half}_{kind}") for half in halves
-        ]
+        self._forward, self._backward = (
+            getattr(library.library, f"aom_supernodes_{half}_{kind}")
+            for half in ("forward", "backward")
+        )
 
     def in_16_bits(self) -> RoundedFactor:
         """Solves with L in 16 bits, whose error may be 1e-4 times the condition number of A: half
@@ -599,16 +599,15 @@ class RoundedFactor:
 
     def forward(self, b: Array) -> Array:
         """L⁻¹b of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(0, b)
+        return self._solved(self._forward, b)
 
     def backward(self, y: Array) -> Array:
         """L⁻ᵀy of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(1, y)
+        return self._solved(self._backward, y)
 
-    def _solved(self, half: int, b: Array) -> Array:
+    def _solved(self, half: Callable[..., None], b: Array) -> Array:
         x: NDArray[Any] = b.astype(np.float32)
-        solve = self._halves[half]
-        solve(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
+        half(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
         return x
 
 
