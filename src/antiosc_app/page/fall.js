@@ -28,7 +28,7 @@ class FallPage {
   }
 
   make_table() {
-    [find("now").textContent, find("compared").textContent] = ["peak force", "contact time"];
+    [find("now").textContent, find("compared").textContent] = ["peak force", "first to last contact"];
     find("numbers").replaceChildren();
     this.rows = this.data.impacts.map((one, k) => {
       const row = made("tr", find("numbers")), head = made("th", row);
