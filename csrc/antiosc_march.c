@@ -21,4 +21,5 @@
 #include "stepper.c"
 #include "steps.c"
 #include "stretch.c"
+#include "supernode_factor.c"
 #include "supernodes.c"

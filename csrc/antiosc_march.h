@@ -574,6 +574,33 @@ AOM_API void aom_supernodes_backward_float(const aom_supernodes *L, float *x, fl
 AOM_API void aom_supernodes_forward_int16_t(const aom_supernodes *L, float *x, float *own);
 AOM_API void aom_supernodes_backward_int16_t(const aom_supernodes *L, float *x, float *own);
 
+/* The lower triangle of a matrix column by column, its rows in the order of L. */
+typedef struct aom_lower {
+    const int64_t *start; /* [columns + 1] */
+    const int32_t *rows;
+    const float *values;
+} aom_lower;
+
+/* Functions of BLAS and LAPACK in single precision, as Fortran has them. */
+typedef struct aom_blas {
+    void (*potrf)(const char *, const int *, float *, const int *, int *);
+    void (*trsm)(const char *, const char *, const char *, const char *, const int *, const int *,
+                 const float *, const float *, const int *, float *, const int *);
+    void (*syrk)(const char *, const char *, const int *, const int *, const float *, const float *,
+                 const int *, const float *, float *, const int *);
+    void (*gemm)(const char *, const char *, const int *, const int *, const int *, const float *,
+                 const float *, const int *, const float *, const int *, const float *, float *, const int *);
+} aom_blas;
+
+/* The values of L in single precision, of which all else is known; 0 where A is not positive definite.
+ * `work` holds 2 columns + 3 n_supernodes numbers, `update` the largest product of rows of a supernode
+ * with those of them that are columns of one other. */
+AOM_API int aom_supernodes_factor(const aom_supernodes *L, const aom_lower *A, const aom_blas *blas,
+                                  int64_t *work, float *update);
+
+/* The values of L become 16 bits in place of single precision; `scale` is that of each column. */
+AOM_API void aom_supernodes_to_16_bits(const aom_supernodes *L, float *scale);
+
 #define AOM_LANES 8       /* cells that are taken at a time */
 #define AOM_TETRA_DATA 12 /* numbers of a cell below */
 

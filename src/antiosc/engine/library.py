@@ -241,6 +241,18 @@ class CSupernodes(Structure):
     _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values, scale")
 
 
+class CLower(Structure):
+    """The C structure `aom_lower`."""
+
+    _fields_ = _fields("pointer start, rows, values")
+
+
+class CBlas(Structure):
+    """The C structure `aom_blas`."""
+
+    _fields_ = _fields("pointer potrf, trsm, syrk, gemm")
+
+
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
@@ -304,13 +316,16 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
     "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
     **dict.fromkeys(_SUPERNODES, (None, c_void_p, c_void_p, c_void_p)),
+    "aom_supernodes_factor": (c_int, *[c_void_p] * 5),
+    "aom_supernodes_to_16_bits": (None, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
 _LONG = (
     "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
     "aom_cell_products", "aom_cell_blocks", "aom_tetra_product_double",
-    "aom_tetra_product_float", *_SUPERNODES,
+    "aom_tetra_product_float", *_SUPERNODES, "aom_supernodes_factor",
+    "aom_supernodes_to_16_bits",
 )  # fmt: skip
 
 

@@ -20,8 +20,9 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg import cholmod, compliance, solver_choice
 from antiosc.fem.linalg.algebra import sum_of
-from antiosc.fem.linalg.cholmod import Cholesky
+from antiosc.fem.linalg.cholmod import Analysis, Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.linalg.rounded_factor import RoundedFactor
 from antiosc.fem.structure import given_matrices
 from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from antiosc_app import info
@@ -57,21 +58,6 @@ def test_arrays_of_the_factor_last_as_long_as_they_are_used():
     assert memory() is None  # at once, without the garbage collector
 
 
-@pytest.mark.parametrize("chunk", [1 << 16, 7])
-def test_a_factor_in_single_precision_takes_the_memory_of_the_other(monkeypatch, chunk):
-    monkeypatch.setattr(cholmod, "CHUNK", chunk)
-    A, b = grid(12), np.random.default_rng(1).normal(size=len(grid(12).indptr) - 1)
-    exact = Cholesky(A).solve(b)
-    factor = Cholesky(A)
-    values = factor.supernodes.values.size
-    single = cholmod.RoundedFactor(factor)
-    np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
-    assert factor.supernodes.values.size == (values + 1) // 2
-    del factor
-    gc.collect()
-    np.testing.assert_allclose(single.solve(b), exact, atol=1e-5 * np.abs(exact).max())
-
-
 def dense(n: int) -> scipy.sparse.csr_matrix:
     """A matrix whose factor is one supernode, with rows of different size."""
     root = np.random.default_rng(3).standard_normal((n, n)) + n * np.eye(n)
@@ -85,16 +71,17 @@ def test_a_rounded_factor_solves_as_the_exact_one(of):
     b = np.sqrt(A.diagonal()) * np.random.default_rng(2).standard_normal(A.shape[0])
     exact = Cholesky(A).solve(b)
     size = np.sqrt(b @ exact)  # errors in energy
-    single = cholmod.RoundedFactor(Cholesky(A))
-    short = single.in_16_bits()
-    for solver, tolerance in ((single, 2e-6), (short, 5e-3), (single, 2e-6)):
+    solver = RoundedFactor(Analysis(A))
+    for rounded, tolerance in ((lambda: None, 2e-6), (solver.round_to_16_bits, 5e-3)):
+        rounded()
         error = solver.solve(b) - exact
         assert 0 < np.sqrt(error @ (A @ error)) < tolerance * size
 
 
 def test_a_factor_whose_rows_differ_too_much_for_16_bits_stays_finite():
     A = scipy.sparse.csr_matrix(np.diag([1.0, 1e12]) + 0.9e6 * np.eye(2)[::-1])
-    short = cholmod.RoundedFactor(Cholesky(A)).in_16_bits()
+    short = RoundedFactor(Analysis(A))
+    short.round_to_16_bits()
     assert np.isfinite(short.solve(np.ones(2))).all()
 
 

@@ -67,10 +67,10 @@ def test_ranks_with_factors_in_single_precision(part, loads, nodes):
     every = np.arange(part.K.getSize()[0] // 3)[nodes]
     rows = (3 * every[:, None] + np.arange(3)).ravel()
     exact = Substructures(part.K, rows).solve(loads[:, 0])
-    single = Substructures(part.K, rows).in_single_precision()
+    single = Substructures(part.K, rows, single=True)
     np.testing.assert_allclose(single.solve(loads[:, 0]), exact, atol=1e-3 * np.abs(exact).max())
-    short = single.in_16_bits()
-    np.testing.assert_allclose(short.solve(loads[:, 0]), exact, atol=0.05 * np.abs(exact).max())
+    single.round_to_16_bits()
+    np.testing.assert_allclose(single.solve(loads[:, 0]), exact, atol=0.05 * np.abs(exact).max())
 
 
 def test_a_coarse_factor_that_needs_double_precision_has_it(monkeypatch, part, loads):

@@ -19,10 +19,9 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import copy
-from ctypes import POINTER, byref, c_double, c_float, c_int, c_int64, c_size_t, c_void_p
+from ctypes import POINTER, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -34,7 +33,6 @@ from petsc4py import PETSc
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError, MissingDependencyError, NotConvergedError
 from antiosc.base.process import MEMORY_REMEDY, allocation_failed, blas_threads, one_thread
-from antiosc.engine import library
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)
@@ -159,8 +157,6 @@ def loaded_cholmod() -> ctypes.CDLL:
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
     lib.cholmod_l_factorize.argtypes = [c_void_p, POINTER(Factor), c_void_p]
     lib.cholmod_l_solve2.argtypes = [c_int, POINTER(Factor), *([c_void_p] * 7)]
-    lib.cholmod_l_realloc.restype = c_void_p
-    lib.cholmod_l_realloc.argtypes = [c_size_t, c_size_t, *([c_void_p] * 3)]
     lib.cholmod_l_ensure_dense.restype = c_void_p
     lib.cholmod_l_ensure_dense.argtypes = [c_void_p, *([c_size_t] * 3), c_int, c_void_p]
     release = version(lib)
@@ -245,8 +241,6 @@ def _loaded(name: str) -> ctypes.CDLL | None:
 SOLVE = 0
 FORWARD = 4
 BACKWARD = 5
-#: Bytes of a double, and values that are rounded to single precision at once.
-ITEM, CHUNK = 8, 1 << 16
 #: Nodes of at least so many rows are ordered as nodes.
 NODE_ROWS = 2
 
@@ -267,7 +261,28 @@ class Supernodes(NamedTuple):
     row: IntArray
     rows: IntArray
     value: IntArray
-    values: Array
+    values: NDArray[Any]
+
+    def corner(self, permutation: IntArray, last: int) -> tuple[IntArray, Array]:
+        """(rows of A below `last` in the order of L, their dense lower block of L).
+
+        If these rows were eliminated last, the block is the factor of the Schur complement onto
+        them.
+        """
+        columns = np.flatnonzero(permutation < last)
+        position = np.full(len(permutation), -1)
+        position[columns] = np.arange(len(columns))
+        block = np.zeros((len(columns), len(columns)), self.values.dtype, order="F")
+        for s in np.unique(np.searchsorted(self.start, columns, side="right") - 1):
+            rows = self.rows[self.row[s] : self.row[s + 1]]
+            width = self.start[s + 1] - self.start[s]
+            values = self.values[self.value[s] : self.value[s] + len(rows) * width]
+            dense = values.reshape(len(rows), width, order="F")
+            i = position[rows]
+            for j, column in zip(position[self.start[s] : self.start[s + 1]], dense.T, strict=True):
+                if j >= 0:
+                    block[i[i >= j], j] = column[i >= j]
+        return permutation[columns], block
 
 
 class _Memory:
@@ -307,26 +322,16 @@ class _Memory:
         """`count` real numbers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_double * count).from_address(pointer)), np.float64)
 
-    def rounded(self) -> NDArray[np.float32]:
-        """The values of L in single precision, in place; the factor can solve no more."""
-        contents = self.factor.contents
-        count = contents.xsize
-        double = np.frombuffer((c_double * count).from_address(contents.x), np.float64)
-        single = double.view(np.float32)
-        for first in range(0, count, CHUNK):
-            part = slice(first, min(first + CHUNK, count))
-            single[part] = double[part].astype(np.float32)  # in front of what is still to be read
-        size = c_size_t(count)
-        half = (count + 1) // 2
-        common = byref(self.common)
-        contents.x = self.lib.cholmod_l_realloc(half, ITEM, contents.x, byref(size), common)
-        contents.xsize = size.value
-        block = (c_float * count).from_address(contents.x)
-        return np.frombuffer(self._kept(block), np.float32)
-
     def integers(self, pointer: int, count: int) -> IntArray:
         """`count` integers at `pointer`, read-only."""
         return np.frombuffer(self._kept((c_int64 * count).from_address(pointer)), np.int64)
+
+    def pattern(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """`start`, `row`, `rows` and `value` of `Supernodes`, read-only."""
+        factor = self.factor.contents
+        count = factor.nsuper + 1
+        start, row = self.integers(factor.super, count), self.integers(factor.pi, count)
+        return start, row, self.integers(factor.s, factor.ssize), self.integers(factor.px, count)
 
     def _kept(self, block: ctypes.Array[Any]) -> memoryview:
         block.memory = self  # type: ignore[attr-defined]  # it lives as long as arrays of it
@@ -369,8 +374,14 @@ class Analysis:
         if permutation is None and (block >= NODE_ROWS or last):
             inner = self._of_nodes(A[last:, last:] if last else A, block, dissected=last > 0)
             permutation = np.concatenate([last + inner, np.arange(last)])
-        self.matrix, self._kept = _sparse(A)
+        self.matrix, self._arrays = _sparse(A)
         self.memory.factor = self._analysed(self.matrix, permutation)
+
+    def matrix_taken(self) -> tuple[IntArray, IntArray, Array]:
+        """Row pointers, columns and values of A's lower triangle, which it no longer keeps."""
+        arrays = self._arrays
+        del self._arrays
+        return arrays
 
     @property
     def entries(self) -> int:
@@ -501,117 +512,15 @@ class Cholesky:
     def supernodes(self) -> Supernodes:
         """L as arrays in CHOLMOD's memory, which is freed with the last of them."""
         memory = self._memory
-        factor = self._memory.factor.contents
-        pointer_count = factor.nsuper + 1
-        return Supernodes(
-            start=memory.integers(factor.super, pointer_count),
-            row=memory.integers(factor.pi, pointer_count),
-            rows=memory.integers(factor.s, factor.ssize),
-            value=memory.integers(factor.px, pointer_count),
-            values=memory.reals(factor.x, factor.xsize),
-        )
-
-    def rounded(self) -> NDArray[np.float32]:
-        """The values of L in single precision, in its memory; no solve is possible any more."""
-        self.__dict__.pop("supernodes", None)
-        return self._memory.rounded()
+        factor = memory.factor.contents
+        return Supernodes(*memory.pattern(), memory.reals(factor.x, factor.xsize))
 
     def corner(self, last: int) -> tuple[IntArray, Array]:
-        """(the last `last` rows of A in the order of L, their dense lower block of L).
-
-        If these rows were eliminated last, the block is the factor of the Schur complement onto
-        them.
-        """
-        L = self.supernodes
-        permutation = self.permutation
-        columns = np.flatnonzero(permutation < last)
-        position = np.full(len(permutation), -1)
-        position[columns] = np.arange(len(columns))
-        block = np.zeros((len(columns), len(columns)), order="F")
-        for s in np.unique(np.searchsorted(L.start, columns, side="right") - 1):
-            rows = L.rows[L.row[s] : L.row[s + 1]]
-            width = L.start[s + 1] - L.start[s]
-            values = L.values[L.value[s] : L.value[s] + len(rows) * width]
-            dense = values.reshape(len(rows), width, order="F")
-            i = position[rows]
-            for j, column in zip(position[L.start[s] : L.start[s + 1]], dense.T, strict=True):
-                if j >= 0:
-                    block[i[i >= j], j] = column[i >= j]
-        return permutation[columns], block
+        """(the last `last` rows of A in the order of L, their dense lower block of L)."""
+        return self.supernodes.corner(self.permutation, last)
 
 
-#: Largest value of a factor in 16 bits.
-LARGEST = 32767
-
-
-class RoundedFactor:
-    """Solves with a factor in single precision: a fourth of the time, half the memory.
-
-    The error of a solution may be as large as 1e-7 times the condition number of A. The factor in
-    double precision is converted and can solve no more: both at once would take more memory than
-    any other step of an extraction.
-    """
-
-    def __init__(self, factor: Cholesky) -> None:
-        L = factor.supernodes
-        self.permutation = factor.permutation.copy()
-        self._lists = [np.array(array, np.int64) for array in (L.start, L.row, L.rows, L.value)]
-        del L
-        self._own = np.empty(np.diff(self._lists[1]).max(initial=1), dtype=np.float32)
-        self._take(factor.rounded(), np.ones(len(self.permutation), np.float32))
-
-    def _take(self, values: NDArray[Any], scale: NDArray[np.float32]) -> None:
-        """Take the values of L over the scale of their column."""
-        self._values, self._scale = values, scale
-        arrays = map(library.address, (*self._lists, values, scale))
-        self._supernodes = library.CSupernodes(len(self._lists[0]) - 1, *arrays)
-        kind = "float" if values.dtype == np.float32 else "int16_t"
-        self._forward, self._backward = (
-            getattr(library.library, f"aom_supernodes_{half}_{kind}")
-            for half in ("forward", "backward")
-        )
-
-    def in_16_bits(self) -> RoundedFactor:
-        """Solves with L in 16 bits, whose error may be 1e-4 times the condition number of A: half
-        the time and memory again.
-        """
-        start, row, _, value = self._lists
-        values = np.zeros(self._values.shape, np.int16)
-        scale = np.empty(start[-1], np.float32)
-        for s, first in enumerate(value[: len(start) - 1]):
-            width, height = start[s + 1] - start[s], row[s + 1] - row[s]
-            columns = slice(first, first + width * height)
-            block = self._values[columns].reshape(width, height)
-            largest = np.abs(block).max(axis=1) / LARGEST
-            scale[start[s] : start[s + 1]] = largest
-            short = np.rint(block / largest[:, None])
-            np.fill_diagonal(short, np.maximum(short.diagonal(), 1.0))  # no division by zero
-            values[columns] = short.ravel()
-        result = copy(self)
-        result._take(values, scale)
-        return result
-
-    def solve(self, b: Array) -> Array:
-        """A⁻¹b of a vector (n,)."""
-        result = np.empty(len(b))
-        result[self.permutation] = self.backward(self.forward(b[self.permutation]))
-        return result
-
-    def forward(self, b: Array) -> Array:
-        """L⁻¹b of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(self._forward, b)
-
-    def backward(self, y: Array) -> Array:
-        """L⁻ᵀy of a vector (n,) or (n, 1), rows in the order of L."""
-        return self._solved(self._backward, y)
-
-    def _solved(self, half: Callable[..., None], b: Array) -> Array:
-        x: NDArray[Any] = b.astype(np.float32)
-        half(ctypes.byref(self._supernodes), library.address(x), library.address(self._own))
-        return x
-
-
-def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[NDArray[np.generic], ...]]:
+def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[IntArray, IntArray, Array]]:
     """(A as CHOLMOD's structure of an upper triangle, the arrays to which it points).
 
     CHOLMOD stores columns: the rows of A's lower triangle are the columns of the upper one.

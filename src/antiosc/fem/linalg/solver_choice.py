@@ -38,10 +38,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -59,7 +59,6 @@ from antiosc.fem.linalg.cholmod import (
     Analysis,
     Cholesky,
     NotPositiveDefiniteError,
-    RoundedFactor,
 )
 from antiosc.fem.linalg.forecast import (
     BYTES,
@@ -83,6 +82,7 @@ from antiosc.fem.linalg.petsc_algebra import (
     watch,
     with_entries,
 )
+from antiosc.fem.linalg.rounded_factor import RoundedFactor
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
 from antiosc.fem.linalg.two_levels import FACTORED, TwoLevels, coarse_of
 from antiosc.fem.platform import agree, on_root, warn
@@ -182,12 +182,13 @@ class Substructures(Factorization):
     Parameters
     ----------
     interface : global rows of Γ, ascending, from `interface`
+    single : whether it is a factor in single precision, which solves for vectors only.
     """
 
-    def __init__(self, A: PETSc.Mat, interface: IntArray) -> None:
+    def __init__(self, A: PETSc.Mat, interface: IntArray, single: bool = False) -> None:
         self._interface = interface
-        self._real: type[np.floating[Any]] = np.float64
-        self._halves: Cholesky | RoundedFactor
+        self._real = np.float32 if single else np.float64
+        self._factor: Cholesky | RoundedFactor
         self._holder: PETSc.IS | None = None
         super().__init__(A)
 
@@ -230,7 +231,8 @@ class Substructures(Factorization):
                 analysis = Analysis(rows, A.getBlockSize(), last=count)
                 del rows, corner, touched, position
                 process.trim_heap()
-                self._halves = self._factor = Cholesky(analysis)
+                single = self._real == np.float32
+                self._factor = RoundedFactor(analysis) if single else Cholesky(analysis)
                 del analysis
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
                 order, L = self._factor.corner(count)
@@ -245,7 +247,7 @@ class Substructures(Factorization):
         except Exception as caught:  # the other ranks must not wait for this one
             error = caught
         agree(comm, error)
-        S = np.zeros(interface_block.shape)
+        S = np.zeros(interface_block.shape, self._real)
         if square is not None:
             S[np.ix_(self._met, self._met)] = square
             del square
@@ -276,12 +278,12 @@ class Substructures(Factorization):
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows of this rank, k)."""
-        load = np.zeros((len(self._interface), R.shape[1]), self._real)
+        load: Array = np.zeros((len(self._interface), R.shape[1]), self._real)
         load[self._at] = R[self._mine]
         if len(self._inner):
             B = np.zeros((len(self._to), R.shape[1]), order="F")
             B[self._to[-len(self._inner) :]] = R[self._inner]
-            Y = self._halves.forward(B)
+            Y = self._factor.forward(B)
             load[self._met] += _triangle(self._L, Y[self._positions])
         self.comm.Allreduce(MPI.IN_PLACE, load)
         U = load if self._S is None else _solved(self._S, load)
@@ -289,29 +291,22 @@ class Substructures(Factorization):
         X[self._mine] = U[self._at]
         if len(self._inner):
             Y[self._positions] = _triangle(self._L, U[self._met], trans=1)
-            X[self._inner] = self._halves.backward(Y)[self._to[-len(self._inner) :]]
+            X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
         return X
 
-    def in_single_precision(self) -> Substructures:
-        """Solves of vectors with the factors of the ranks, which become single precision."""
+    def without_matrix(self) -> Substructures:
+        """Solves that no longer keep A."""
         result = copy(self)
-        result._real = np.float32
-        if len(self._inner):
-            result._halves, result._L = RoundedFactor(self._factor), self._L.astype(np.float32)
-            del result._factor
         result._holder = PETSc.IS().createGeneral([], comm=self.A.getComm())  # of the communicator
         watch(result._holder)
         del result.A
-        if self._S is not None:
-            result._S = self._S.astype(np.float32)
         return result
 
-    def in_16_bits(self) -> Substructures:
-        """Solves with the factors of the ranks in 16 bits, from those in single precision."""
-        result = copy(self)
-        if isinstance(self._halves, RoundedFactor):
-            result._halves = self._halves.in_16_bits()
-        return result
+    def round_to_16_bits(self) -> None:
+        """Round the factors of the ranks, which are in single precision."""
+        if len(self._inner):
+            assert isinstance(self._factor, RoundedFactor)
+            self._factor.round_to_16_bits()
 
 
 def _triangle(L: Array, X: Array, trans: int = 0) -> Array:
@@ -335,7 +330,8 @@ def _square(L: Array) -> Array:
     if not L.size:  # this part meets no other
         return np.zeros(L.shape)
     reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
-    upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
+    (product,) = scipy.linalg.get_lapack_funcs(("lauum",), (reversed_L,))
+    upper, _ = product(reversed_L, overwrite_c=1)
     square = np.asarray(upper)[::-1, ::-1]
     for j in range(len(square)):  # all at once would take a copy
         square[j, j + 1 :] = square[j + 1 :, j]
@@ -430,10 +426,6 @@ class OnOneRank(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k); a block costs far less than single vectors."""
         return self.cholesky.solve(R)
-
-    def in_single_precision(self) -> RoundedFactor:
-        """Solves of vectors with the factor in single precision, which it becomes."""
-        return RoundedFactor(self.cholesky)
 
 
 def analysed(A: PETSc.Mat) -> Analysis:
@@ -628,32 +620,44 @@ def preconditioner(
     """Approximate A⁻¹ on the coarse level; by a factor in 16 bits or in single precision where that
     is accurate enough.
 
-    `analysis` hands over the symbolic factor. The factor in double precision is converted to single
-    precision, and is computed again where this is not accurate enough.
+    `analysis` hands over the symbolic factor.
     """
     process.trim_heap()
-    factor = factorize(A, analysis())
-    if not isinstance(factor, (OnOneRank, Substructures)):
-        return factor.solve
-    comm = factor.comm
+    comm = A.getComm().tompi4py()
     b = np.random.default_rng(comm.rank).standard_normal(A.getLocalSize()[0])
-    exact = factor.solve(b)
-    largest = PRECONDITIONER_ERROR**2 * comm.allreduce(b @ exact)
 
     def accurate(solver: RoundedFactor | Substructures) -> bool:
-        error = solver.solve(b) - exact
-        return bool(comm.allreduce(error @ multiply(A, error)) <= largest)
+        """Whether the error in energy, as the solver itself estimates it, is small."""
+        x = solver.solve(b)
+        residual = b - multiply(A, x)
+        error = comm.allreduce(residual @ solver.solve(residual))
+        return bool(error <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ x))
 
-    single = factor.in_single_precision()
-    del factor
-    short = single.in_16_bits()
-    if accurate(short):
-        return short.solve
-    del short
-    if accurate(single):
-        return single.solve
-    del single
+    with suppress(NotConvergedError):  # not positive definite after rounding
+        for final in (False, True):
+            factor = _rounded(A, analysis)
+            if factor is None or not accurate(factor):
+                break
+            if not final:  # in place: both at once would take more memory than any other step
+                factor.round_to_16_bits()
+            if final or accurate(factor):
+                return factor.solve
     return factorize(A).solve
+
+
+def _rounded(
+    A: PETSc.Mat, analysis: Callable[[], Analysis | None]
+) -> RoundedFactor | Substructures | None:
+    """The factor of A in single precision; None without CHOLMOD or where the ranks meet in too many
+    rows.
+    """
+    comm = A.getComm().tompi4py()
+    if cholmod_refused(comm):
+        return None
+    if comm.size == 1:
+        return RoundedFactor(analysis() or analysed(A))
+    rows = interface(A)
+    return Substructures(A, rows, single=True).without_matrix() if len(rows) <= INTERFACE else None
 
 
 def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
