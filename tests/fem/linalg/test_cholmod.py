@@ -78,6 +78,14 @@ def test_a_rounded_factor_solves_as_the_exact_one(of):
         assert 0 < np.sqrt(error @ (A @ error)) < tolerance * size
 
 
+@pytest.mark.parametrize("of", [lambda: grid(4), partial(dense, 16)])
+def test_an_indefinite_matrix_has_no_rounded_factor(of):
+    A = of()
+    A[len(A.indptr) // 2, len(A.indptr) // 2] *= -1
+    with pytest.raises(cholmod.NotPositiveDefiniteError, match="to single precision"):
+        RoundedFactor(Analysis(A))
+
+
 def test_a_factor_whose_rows_differ_too_much_for_16_bits_stays_finite():
     A = scipy.sparse.csr_matrix(np.diag([1.0, 1e12]) + 0.9e6 * np.eye(2)[::-1])
     short = RoundedFactor(Analysis(A))

@@ -17,6 +17,7 @@ from antiosc.base import process
 from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.linalg.rounded_factor import RoundedFactor
 from antiosc.fem.linalg.solver_choice import Substructures, interface
 from mpi import START, run_ranks
 
@@ -73,14 +74,31 @@ def test_ranks_with_factors_in_single_precision(part, loads, nodes):
     np.testing.assert_allclose(single.solve(loads[:, 0]), exact, atol=0.05 * np.abs(exact).max())
 
 
-def test_a_coarse_factor_that_needs_double_precision_has_it(monkeypatch, part, loads):
+def test_a_coarse_factor_is_as_precise_as_it_must_be(monkeypatch, part, loads):
     exact = solver_choice.OnOneRank(part.K).solve(loads[:, 0])
-    size = np.abs(exact).max()
-    near = np.abs(solver_choice.preconditioner(part.K)(loads[:, 0]) - exact).max()
-    assert 1e-9 * size < near < 1e-3 * size
-    monkeypatch.setattr(solver_choice, "PRECONDITIONER_ERROR", 0.0)
+    errors = []
+    for allowed in (0.03, 5e-3, 0.0):  # in energy: 16 bits, single and double precision
+        monkeypatch.setattr(solver_choice, "PRECONDITIONER_ERROR", allowed)
+        error = solver_choice.preconditioner(part.K)(loads[:, 0]) - exact
+        errors.append(np.sqrt(error @ (csr(part.K) @ error) / (loads[:, 0] @ exact)))
+    short, single, double = errors
+    assert 0.03 > short > 3 * single > 1e-6
+    assert double < 1e-9
+
+
+def test_held_rows_do_not_hide_a_wrong_factor(monkeypatch, part, loads):
+    """Their diagonal is 1, 1e9 times smaller than that of the others."""
+    monkeypatch.setattr(RoundedFactor, "round_to_16_bits", lambda factor: factor._scale.fill(3.0))
+    exact = solver_choice.OnOneRank(part.K).solve(loads[:, 0])
     found = solver_choice.preconditioner(part.K)(loads[:, 0])
-    np.testing.assert_allclose(found, exact, atol=1e-10 * size)
+    np.testing.assert_allclose(found, exact, atol=1e-3 * np.abs(exact).max())
+
+
+def test_no_preconditioner_of_an_indefinite_matrix(part):
+    A = part.K.copy()
+    A.scale(-1.0)
+    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+        solver_choice.preconditioner(A)
 
 
 def test_no_interface_between_one_rank_and_none(part):

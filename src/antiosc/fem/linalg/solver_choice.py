@@ -624,7 +624,9 @@ def preconditioner(
     """
     process.trim_heap()
     comm = A.getComm().tompi4py()
-    b = np.random.default_rng(comm.rank).standard_normal(A.getLocalSize()[0])
+    # as large as the stiffness: held rows, with 1 on the diagonal, must not hide the others
+    b = np.sqrt(np.abs(A.getDiagonal().array))
+    b *= np.random.default_rng(comm.rank).standard_normal(len(b))
 
     def accurate(solver: RoundedFactor | Substructures) -> bool:
         """Whether the error in energy, as the solver itself estimates it, is small."""
