@@ -35,6 +35,12 @@ NO_SHAPES = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
     "write the assembly with its parts in one file"
 )
+#: STEP files that hold the mesh and the results of an analysis, and what is said of them.
+ANALYSIS, NO_ANALYSIS = (
+    b"AP209",
+    "it holds an analysis (STEP AP209), not the shape of a part; write the mesh as a deck of "
+    "Nastran or Abaqus, or the shape as STEP AP203, AP214 or AP242",
+)
 #: Size requested from gmsh over the required one, since its edges are up to 1.9 times longer.
 SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
@@ -360,7 +366,9 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
         if reason == EMPTY_BOX:
-            reason = NO_SHAPES
+            with open(path, "rb") as file:
+                is_analysis = ANALYSIS in file.read(1 << 14)
+            reason = NO_ANALYSIS if is_analysis else NO_SHAPES
         reason = reason[:200] or "it gives no reason"
         if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
             raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error

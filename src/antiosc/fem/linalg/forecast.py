@@ -16,7 +16,7 @@ from dataclasses import dataclass
 SOLVES = 22
 #: Bytes per entry of a factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
-#: Bytes of two levels for each entry of the factor of the coarse level, if that is double precision.
+#: Bytes of two levels for each entry of the coarse factor, which may need double precision.
 COARSE_BYTES = 10.0
 #: Seconds of a factor for each of its entries, and for entries^1.5, by which operations grow.
 ASSEMBLED, FACTORED = 2.2e-8, 3.5e-12
