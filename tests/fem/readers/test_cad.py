@@ -187,4 +187,4 @@ def test_a_step_file_without_shapes_is_told(tmp_path, schema, reason):
         "DATA;\n#1=CARTESIAN_POINT('',(0.,0.,0.));\nENDSEC;\nEND-ISO-10303-21;\n"
     )
     with pytest.raises(ao.AntioscError, match=re.escape(f"empty.step: it holds {reason}")):
-        ao.read_mesh(file)
+        ao.read_mesh(file, size=5e-3)
