@@ -29,13 +29,11 @@ from antiosc.io.mesh_files import as_carried, known
 from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
 from antiosc.io.request import Request
 
-#: gmsh's message for a file without shapes, and our explanation of it.
-EMPTY_BOX = "Empty bounding box"
+#: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
 NO_SHAPES = (
     "it holds no shapes, as an assembly whose parts are files of their own; open one of these, or "
     "write the assembly with its parts in one file"
 )
-#: STEP files that hold the mesh and the results of an analysis, and what is said of them.
 ANALYSIS, NO_ANALYSIS = (
     b"AP209",
     "it holds an analysis (STEP AP209), not the shape of a part; write the mesh as a deck of "
@@ -342,6 +340,10 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     try:
         attempt.prepare(gmsh)
         unit_scale = 1.0 if ask.solid else cad.opened(gmsh, str(path))
+        if suffix in CAD and gmsh.model.getDimension() < 1:
+            with open(path, "rb") as file:
+                reason = NO_ANALYSIS if ANALYSIS in file.read(1 << 14) else NO_SHAPES
+            raise MeshError(f"gmsh cannot read {ask.name}: {reason}.")
         attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
         notes: list[str] = []
         names: Names = {}
@@ -365,10 +367,6 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         raise
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
-        if reason == EMPTY_BOX:
-            with open(path, "rb") as file:
-                is_analysis = ANALYSIS in file.read(1 << 14)
-            reason = NO_ANALYSIS if is_analysis else NO_SHAPES
         reason = reason[:200] or "it gives no reason"
         if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
             raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error
