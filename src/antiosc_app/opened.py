@@ -89,8 +89,9 @@ STRUCTURES = 2
 FALLS = 10
 #: Number of browser tabs whose latest call is known.
 TABS = 100
-#: Largest number of runs, each twice as long, until striker and part have parted.
-LONGER = 5
+#: Largest duration of a run over `DURATION`, each run twice as long, until striker and part have
+#: parted; and the largest number of runs, those with a larger patch included.
+LONGER, MOST_RUNS = 16, 12
 #: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
 #: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
 LONGER_OF_MAP = 2.0
@@ -181,6 +182,7 @@ class Opened:
         self._doing = ""
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
         self._building = False
+        self._closed = False
         #: the site that was struck last
         self.site: Site | None = None
 
@@ -212,7 +214,8 @@ class Opened:
         return modes is not None and not modes.left
 
     def close(self) -> None:
-        """Accept no further work."""
+        """Accept no further work; what is being computed ends at its next step."""
+        self._closed = True
         self._work.shutdown(wait=False, cancel_futures=True)
 
     # -- one thread computes
@@ -225,7 +228,7 @@ class Opened:
 
         def stop_if_asked(doing: str) -> None:
             self._doing = doing
-            if doing and not self._building and stops():
+            if doing and (self._closed or (not self._building and stops())):
                 raise Overtaken
 
         def run_work() -> Data:
@@ -282,7 +285,7 @@ class Opened:
         key, structure = next(reversed(self._structures.items()))
         modes = self._modes.of(key, lambda: FreeModeCache(structure))
         with contextlib.suppress(AntioscError):  # then every click is extracted
-            if modes.left and modes.search():
+            if modes.left and modes.search() and not self._closed:
                 self._work.submit(self._search_modes)
 
     # -- the part
@@ -389,9 +392,11 @@ class Opened:
         if set_up.striker.kind == FLOOR:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
         source = self._in_cells_of(set_up)
-        chosen = source.look.duration if source.look.family == "Shell" else DURATION
-        duration = set_up.duration or chosen
-        for _ in range(LONGER):
+        longest = LONGER * DURATION
+        if source.look.family == "Shell":
+            longest = max(longest, source.look.duration)
+        duration = set_up.duration or DURATION
+        for _ in range(MOST_RUNS):
             messages: list[str] = []  # of the run that is shown
             with warnings_to(messages.append):
                 try:
@@ -399,9 +404,9 @@ class Opened:
                 except RangeError as error:
                     set_up = _with_larger_patch(set_up, error)
                     continue
-            if set_up.duration or _parted(blow.hit):
+            if set_up.duration or _parted(blow.hit) or duration >= longest:
                 break
-            duration *= 2
+            duration = min(2 * duration, longest)
         for message in messages:
             warn(message)
         assert blow.scene.model is not None

@@ -7,8 +7,10 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -343,6 +345,25 @@ def test_work_that_is_stopped_ends_at_its_next_step(opened, monkeypatch):
     again = opened.calls["settle"]({"tab": "three", "turn": 5, "setup": setup})
     assert again["blow"]["computed"]["peak_force"] == first["blow"]["computed"]["peak_force"]
     assert opened.calls["settle"]({"tab": "three", "turn": 6, "setup": moved})["settled"]
+
+
+def test_work_ends_at_its_next_step_when_the_page_is_closed(step):
+    """The end of the process waits for the thread that computes."""
+    from antiosc_app.opened import Opened
+
+    one, begun = Opened(step), threading.Event()
+
+    def endless():
+        while True:
+            with progress.doing("a step"):
+                begun.set()
+                time.sleep(0.01)
+
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(one._computed, endless)
+        assert begun.wait(10)
+        one.close()
+        assert answer.result(timeout=10) == {"stale": True}
 
 
 @pytest.mark.slow
