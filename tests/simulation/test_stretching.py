@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.base.errors import InputError
+from antiosc.base.texts import STOPPED
+from antiosc.impact import stretching
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.stretching import NEGLIGIBLE, with_rows
@@ -106,6 +108,26 @@ def test_an_automatic_number_states_its_error():
     assert "mesh 0 %" not in told  # nobody has estimated it
     whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time
+
+
+def test_modes_whose_energy_has_no_bound_do_not_count(monkeypatch):
+    """The least modes that are taken may lack those that stiffen them."""
+    body = model(count="auto", size=5)
+    right = ao.simulate(body, BALL, LAW, DURATION)
+
+    def with_unbounded(a, by_body):
+        unbounded = {name: replace(f, cubic=-1e3 * f.cubic) for name, f in by_body.items()}
+        return with_rows(a, unbounded if len(sizes) == 1 else by_body)
+
+    sizes: list[int] = []
+    monkeypatch.setattr(
+        stretching, "with_rows", lambda a, by: sizes.append(1) or with_unbounded(a, by)
+    )
+    hit = ao.simulate(body, BALL, LAW, DURATION)
+    assert len(sizes) > 2
+    assert hit.status != STOPPED
+    assert hit.peak_force == pytest.approx(right.peak_force, rel=hit.error["stretch peak_force"])
+    assert hit.error["stretch peak_force"] < 0.2
 
 
 def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():

@@ -15,6 +15,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
+from antiosc.base.texts import STOPPED
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories import History, bars
@@ -128,26 +129,28 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     for name in motion_by_body:
         check_body(a.bodies[name])
     aim = max(tol, LEAST_TOL)
-    previous = None
+    best = None
     changes: list[dict[str, float]] = []
     most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)
     count = min(FIRST_MODES, most_modes)
     while True:
         stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
-        finer = again(with_rows(a, stretches))
+        run = again(with_rows(a, stretches))
         if fixed:
-            return finer, ""
-        changes += [] if previous is None else [differences(previous, finer)]
+            return run, ""
+        if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
+            changes += [] if best is None else [differences(best, run)]
+            best = run
         last = largest(changes[-AGREE:])
         worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
         if (worst <= aim and len(changes) >= AGREE) or count >= most_modes:
             break
-        previous = finer
         count = min(count + 2, most_modes)
-    finer.error.update({f"stretch {name}": value for name, value in last.items()})
+    found = run if best is None else best
+    found.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, WARN):
-        return finer, _not_enough(count, worst)
-    return finer, ""
+        return found, _not_enough(count, worst)
+    return found, ""
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:

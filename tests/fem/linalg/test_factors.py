@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse
+from mpi4py import MPI
+from petsc4py import PETSc
 
 import antiosc as ao
 import parts
@@ -84,6 +86,16 @@ def test_a_coarse_factor_is_as_precise_as_it_must_be(monkeypatch, part, loads):
     short, single, double = errors
     assert 0.03 > short > 3 * single > 1e-6
     assert double < 1e-9
+
+
+def test_a_dof_without_stiffness_is_told_where_products_are_by_strains():
+    """Its row has no entry, not even on the diagonal."""
+    A = PETSc.Mat().createAIJ((3, 3), comm=MPI.COMM_SELF)
+    A.setUp()
+    A.setValues([0, 1], [0, 1], [[2.0, -1.0], [-1.0, 2.0]])
+    A.assemble()
+    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+        solver_choice.Refined(A, solver_choice.factorize)
 
 
 def test_held_rows_do_not_hide_a_wrong_factor(monkeypatch, part, loads):

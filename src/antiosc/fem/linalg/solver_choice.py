@@ -139,6 +139,7 @@ class Refined(Solver):
             self._inner = self._make(self.A)
         except NotConvergedError:
             stiffer = self.A.copy()
+            stiffer.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)  # empty rows
             stiffer.setDiagonal((1 + RIDGE) * self.A.getDiagonal())
             self._inner = self._make(stiffer)
 
