@@ -5,11 +5,16 @@ carries Hertz's pressure. It lies on a rigid base, bonded or smooth, or is clamp
 largest von Mises stress on the surface of the ball of three contact radii, and anywhere outside of
 it, is divided by Huber's closed form on that surface of a half-space.
 
+The second table is of patches that spread the same force wider than the contact: the largest stress
+outside of the ball under the patch, and with the difference of both on a half-space, and the larger
+of this and that of a plate (`YieldingZone.spread_error`), over that under the contact.
+
     OMP_NUM_THREADS=1 .venv/bin/python benchmarks/plate_under_contact.py
 """
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import basix
@@ -21,7 +26,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.engine.contact.half_space import hertz_stresses, von_mises
-from antiosc.impact.histories.verdict import CONTACT_RADII
+from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone
 
 NU = 0.3
 #: Growth of the cells beyond `REACH` contact radii, and the share of the radius that is looked at.
@@ -33,6 +38,7 @@ LAYER = 0.15
 def main(
     thicknesses: tuple[float, ...] = (1, 2, 3, 4, 6, 10, 20),
     rims: tuple[float, ...] = (10, 20, 60),
+    patches: tuple[float, ...] = (3, 8, 15),
     base: float = 40,
     size: float = 0.1,
 ) -> None:
@@ -42,6 +48,7 @@ def main(
     ----------
     thicknesses : of the plates, in contact radii
     rims : radii of the plates that are clamped at the rim
+    patches : radii of the patches
     base : radius of the plates on a rigid base
     size : of the cells at the contact
     """
@@ -56,6 +63,20 @@ def main(
             at_edge = outside & (distance < CONTACT_RADII + LAYER)
             ratios = (f"{stress[where].max() / edge:.2f}" for where in (at_edge, outside))
             print(f"| {support} {radius:g} | {thickness:g} | {' | '.join(ratios)} |", flush=True)
+    print("", "| plate | thickness | patch | under it | half-space | plate |", sep="\n")
+    print("|---|---|---|---|---|---|")
+    for rim, thickness, patch in itertools.product(rims, thicknesses, patches):
+        if patch < rim:
+            x, contact = solved(thickness, rim, "rim", 2 * size)
+            _, model = solved(thickness, rim, "rim", 2 * size, patch)
+            outside = (np.linalg.norm(x, axis=1) >= CONTACT_RADII) & (x[:, 0] < INNER * rim)
+            points = np.column_stack([x[:, 0], 0 * x[:, 0], -x[:, 1]])
+            down = np.array([0.0, 0.0, -1.0])
+            zone = YieldingZone(np.zeros(3), down, (1.0, patch), 2 * np.pi / 3, NU)
+            spreads = (z.spread_error(points) for z in (zone, zone._replace(depth=thickness)))
+            sums = (model, *(model + spread for spread in spreads))
+            ratios = (f"{s[outside].max() / contact[outside].max():.2f}" for s in sums)
+            print(f"| rim {rim:g} | {thickness:g} | {patch:g} | {' | '.join(ratios)} |", flush=True)
 
 
 def half_space() -> Any:
@@ -74,7 +95,9 @@ def graded(length: float, size: float) -> Any:
     return np.array(x) * (length / x[-1])
 
 
-def solved(thickness: float, radius: float, support: str, size: float) -> tuple[Any, Any]:
+def solved(
+    thickness: float, radius: float, support: str, size: float, patch: float = 1.0
+) -> tuple[Any, Any]:
     """(points (n, 2), von Mises stresses (n,)) at the Gauss points of a plate."""
     ticks = graded(radius, size), graded(thickness, min(size, thickness / 16))
     counts = [len(tick) - 1 for tick in ticks]
@@ -87,7 +110,8 @@ def solved(thickness: float, radius: float, support: str, size: float) -> tuple[
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     x = ufl.SpatialCoordinate(plate)
     work = ufl.inner(stress_of(u, x), strain_of(v, x)) * x[0]
-    pressure = ufl.conditional(ufl.lt(x[0], 1), ufl.sqrt(abs(1 - x[0] ** 2)), 0)
+    height = ufl.sqrt(abs(1 - (x[0] / patch) ** 2)) / patch**2
+    pressure = ufl.conditional(ufl.lt(x[0], patch), height, 0)
     top = mesh.locate_entities_boundary(plate, 1, lambda y: np.isclose(y[1], 0))
     tags = mesh.meshtags(plate, 1, np.sort(top), np.ones(len(top), dtype=np.int32))
     ds = ufl.Measure("ds", plate, subdomain_data=tags, metadata={"quadrature_degree": 12})

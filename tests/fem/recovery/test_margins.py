@@ -17,7 +17,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
-from antiosc.impact.histories.verdict import CONTACT_RADII, yielding_zones
+from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.mesh_fields import interior_angle
 from antiosc.recovery.place import Place
@@ -368,6 +368,26 @@ def test_two_patches_differ_by_no_more_than_their_spread():
     change = abs(fields[0].values - fields[1].values)[far]
     assert (change <= bound[far] + 0.1 * bound[far].max()).all()
     assert change.max() > 0.3 * bound[far].max()
+
+
+def test_a_patch_wider_than_a_plate_is_thick_has_the_bending_of_the_contact_in_its_spread():
+    """Of a plate of finite elements that is held at its rim, outside three radii of the contact."""
+    size, thickness, nu = 0.04, 3e-3, 0.3
+    plate = parts.box((20, 20, 3), (size, size, thickness))
+    rim = ao.Support(lambda x: (abs(x[:2] - size / 2) > size / 2 - 1e-9).any(axis=0))
+    part = ao.Structure(plate, ao.Solid(210e9, nu, 7850.0), [rim])
+    site, radii = np.array([size / 2, size / 2, thickness]), (1e-3, 8e-3)
+    fields = []
+    for radius in (2e-3, radii[1]):  # the least that the mesh resolves
+        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
+        fields.append(ao.peak_field(part, hit, body="part"))
+    far = np.linalg.norm(fields[0].points - site, axis=1) > 3 * radii[0]
+    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), (2e-3, radii[1]), 100.0, nu)
+    contact, model = (field.values[far] for field in fields)
+    points = fields[0].points[far]
+    assert (model + zone.spread_error(points)).max() < 0.8 * contact.max()
+    bound = model + zone._replace(depth=thickness).spread_error(points)
+    assert contact.max() < bound.max() < 1.4 * contact.max()
 
 
 def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():

@@ -55,6 +55,24 @@ def spread_difference(
     return von_mises(one - other)
 
 
+def bending_difference(
+    force: float, radii: tuple[float, float], nu: float, r: Array, thickness: float
+) -> Array:
+    """Bending stress [Pa] of a plate by a force on the smaller of two circles, less that by the
+    same force on the larger; 0 outside it, where both are alike.
+
+    Westergaard's equivalent radius stands for a circle that is small for the thickness (Roark's
+    Formulas for Stress and Strain, circular plates).
+    """
+    smaller, larger = sorted(radii)
+    equivalent = smaller
+    if smaller < 0.5 * thickness:
+        equivalent = np.sqrt(1.6 * smaller**2 + thickness**2) - 0.675 * thickness
+    ratio = larger / np.maximum(r, equivalent)
+    of_moment = 3 * force * (1 + nu) / (2 * np.pi * thickness**2)
+    return np.asarray(of_moment * np.log(np.maximum(ratio, 1.0)))
+
+
 def von_mises(stresses: Array) -> Array:
     """Von Mises stress [Pa] (…) of stresses rr, tt, zz, rz (4, …)."""
     rr, tt, zz, rz = stresses
