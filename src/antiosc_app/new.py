@@ -80,10 +80,10 @@ BALL_MATERIAL = "bearing steel 100Cr6"
 #: larger ones.
 LARGEST_BALL = 0.01
 BALL_OVER_SIZE = 0.02
-#: Largest radius of the ball over that of the patch (False: known material, True: a deck's). At
-#: 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11, and the patch must
-#: be 1.7 times as wide.
-BALL_OVER_PATCH = {False: 10.0, True: 5.0}
+#: Largest radius of the ball over that of the patch, for steel and for a deck, whose materials may
+#: be soft: at 1 m/s a steel ball touches steel over 0.05 of its radius, plastics over 0.11, as the
+#: fifth root of the compliance of both, and the patch must be 1.7 times as wide.
+BALL_OVER_PATCH, BALL_OVER_PATCH_OF_DECK = 10.0, 5.0
 #: Largest radius of the ball over the longest side of a sheet or a bar.
 BALL_OVER_LENGTH = 0.1
 #: A site is in a hollow if its concave curvature exceeds this share of the ball's curvature.
@@ -126,9 +126,10 @@ LIKE_A_PLATE = 40.0
 #: A part of at most so many nodes is struck before its scene is written: this took 5.7 s of
 #: processor time for 5394 nodes of a solid (99 201 dofs), 65 s for 8200 nodes of a sheet.
 MOST_NODES = 6000
-#: Duration [s] of that impact, and the largest number of its anti-oscillators. A vessel of 7166
+#: Duration [s] of that impact, that under a patch, which must carry the largest force, and the
+#: largest number of its anti-oscillators. A vessel of 7166
 #: shells took 32 s of processor time with 20; with 150, two extractions took most of 78 s.
-MOMENT, MOST_OSCILLATORS = 2e-4, 20
+MOMENT, TO_PEAK, MOST_OSCILLATORS = 2e-4, 2e-3, 20
 #: Number of other sites that are tried where the first is in a hollow or supported.
 OTHERS = 3
 #: Each other site is so many places further on in the list, because the next ones lie beside the
@@ -251,9 +252,21 @@ class Inspection:
         if self.radius is None:
             largest = BALL_OVER_LENGTH * self.length
         else:
-            largest = BALL_OVER_PATCH[self.of_deck] * self.radius
-        preferred = min(largest_ball_on(self.length), float(f"{largest:.1g}"))
+            largest = self._ball_over_patch * self.radius
+        digit = 10.0 ** floor(log10(largest))
+        rounded = float(f"{floor(largest / digit + 0.05) * digit:.1g}")
+        preferred = min(largest_ball_on(self.length), rounded)
         return min(preferred, float(f"{BALL_OVER_ROOM * self.room:.2g}"))
+
+    @property
+    def _ball_over_patch(self) -> float:
+        """Largest radius of the ball over that of the patch, which must carry its force."""
+        if self.of_deck:
+            return BALL_OVER_PATCH_OF_DECK
+        both = (materials.record(name) for name in (self.material, BALL_MATERIAL))
+        compliance = sum((1 - one.nu**2) / one.E for one in both)
+        of_steel = 2 * (1 - STEEL["nu"] ** 2) / STEEL["E"]
+        return BALL_OVER_PATCH * min(of_steel / compliance, 1.0) ** 0.2
 
     @property
     def stiffness(self) -> float | None:
@@ -1196,6 +1209,7 @@ def _try(scene: Path, structure: Structure | None) -> float | None:
     document = read(scene)
     if "extract" in document.data:  # second-order forces take longer, and are those of the run
         document.data["extract"]["stretch"] = False
+    on_patch = any("radius" in site for site in document.data.get("sites", {}).values())
     calls = compiled(document)
     evaluate = Evaluation(calls.document)
     if structure is not None and calls.structure is not None:
@@ -1204,7 +1218,8 @@ def _try(scene: Path, structure: Structure | None) -> float | None:
     try:
         with warnings_to(list[str]().append), progress.doing("a trial of the new scene"):
             if calls.history is not None:
-                hit = evaluate(_with(calls.history, duration=MOMENT))
+                moment = TO_PEAK if on_patch else MOMENT
+                hit = evaluate(_with(calls.history, duration=moment))
             if calls.fall is not None:
                 evaluate(_with(calls.fall, until=1))
     except AntioscError as error:

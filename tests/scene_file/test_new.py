@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("jinja2")
 
 import antiosc as ao
+from antiosc.base import materials
 from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.fem.platform import compat
@@ -63,6 +64,18 @@ def test_a_part_without_a_flat_side_is_held_at_the_holes_of_which_there_are_most
     assert [support["where"] for support in written["supports"]] == list(look.where)
     along = look.points[look.held] @ inclined[:, 0]
     np.testing.assert_allclose(np.abs(along - 0.1), 0.1)
+
+
+@pytest.mark.parametrize("name", ["steel S235", "ABS", "PE-HD"])
+def test_the_first_ball_is_small_enough_for_the_patch_to_carry_it(name):
+    """A contact of 0.58 times the radius of the patch is the widest that a law with it takes."""
+    mesh = ao.box_mesh((0.2, 0.2, 0.1), size=0.02)
+    look = replace(template._inspect_mesh(mesh, {}, None), material=name, radius=5e-4, room=1.0)
+    ball = ao.Sphere(look.ball, material=template.BALL_MATERIAL, velocity=1.0)
+    part = materials.record(name)
+    law = ball.hertz(part.E, part.nu)
+    depth = (1.25 * ball.mass / law.stiffness) ** 0.4  # of a rigid half-space's energy
+    assert 0.3 < np.sqrt(look.ball * depth) / look.radius < 0.58
 
 
 @pytest.mark.slow
