@@ -395,7 +395,7 @@ class Opened:
         longest = LONGER * DURATION
         if source.look.family == "Shell":
             longest = max(longest, source.look.duration)
-        duration = set_up.duration or DURATION
+        duration, given = set_up.duration or DURATION, set_up.radius
         for _ in range(MOST_RUNS):
             messages: list[str] = []  # of the run that is shown
             with warnings_to(messages.append):
@@ -407,6 +407,9 @@ class Opened:
             if set_up.duration or _parted(blow.hit) or duration >= longest:
                 break
             duration = min(2 * duration, longest)
+        if set_up.radius is not None and set_up.radius != given:
+            radius = engineering(set_up.radius, "m")
+            warn(f"The patch has grown to a radius of {radius}, which carries the force.")
         for message in messages:
             warn(message)
         assert blow.scene.model is not None

@@ -401,7 +401,9 @@ def test_a_patch_that_is_too_small_for_the_force_grows(opened):
     setup = asked(opened)
     small = call(opened, "blow", setup)["site"]["radius"]
     setup["striker"] |= {"kind": "hammer"}
-    assert call(opened, "blow", setup)["site"]["radius"] > small
+    grown = call(opened, "blow", setup)
+    assert grown["site"]["radius"] > small
+    assert any(told.startswith("The patch has grown to") for told in grown["warnings"])
     with pytest.raises(ao.AccuracyError, match="radius of at least"):  # one that is given is kept
         call(opened, "blow", {**setup, "radius": small})
 

@@ -210,11 +210,14 @@ class Tradeoff(Result):
             smallest_bar = min(member.bar for member in self.table)
             return f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
         best = self.best(tol=self.tol)
-        return (
+        sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
             f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
             " of the contact law."
         )
+        if len({member.dofs for member in self.table}) == 1:
+            return sentence
+        return f"{sentence} strike, in a scene [strike], makes such a mesh with tol = {self.tol:g}."
 
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
