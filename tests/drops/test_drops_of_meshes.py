@@ -14,6 +14,7 @@ from scipy.special import j1
 import antiosc as ao
 from antiosc.engine.contact.line import line_indentation
 from antiosc_studies.drops import corners
+from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
 from parts import box, line
 
@@ -238,6 +239,38 @@ def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
     soft = ao.Floor(layer=ao.SoftLayer(0.01, 1e7))
     for tilt, under in (((0, 20, 0), floor), ((0, 0, 0), soft)):
         assert "line" not in ao.drop(flat.body, 0.1, tilt, under, until=1).summary()
+
+
+def test_a_chamfered_block_lands_on_a_corner_and_its_bar_holds_its_flat_sides(
+    tmp_path: Path,
+) -> None:
+    """An edge of 45° is no cylinder; beside the corner lie a pyramid's sides, which cut 1/abc."""
+    shape = (
+        "Point(1) = {0, 0.005, 0}; Point(2) = {0, 0.03, 0}; Point(3) = {0, 0.03, 0.016};"
+        "Point(4) = {0, 0, 0.016}; Point(5) = {0, 0, 0.005}; Line(1) = {1, 2}; Line(2) = {2, 3};"
+        "Line(3) = {3, 4}; Line(4) = {4, 5}; Line(5) = {5, 1}; Curve Loop(1) = {1:5};"
+        "Plane Surface(1) = {1}; out[] = Extrude {0.026, 0, 0} { Surface{1}; }"
+    )
+    part = ao.Structure(meshed(tmp_path, shape, 0.004), ao.material("ABS"))
+    floor = ao.Floor("concrete C30/37")
+    flat = ao.drop(part, 1.0, (10, 5, 0), floor, until=1, modes=6)
+    np.testing.assert_allclose(flat.impacts[0].place, [0.026, 0.005, 0.0], atol=1e-9)
+    assert "line" not in flat.summary()
+    (episode,) = flat.episodes
+    time, force = episode.forces()
+    k = int(np.argmax(force[:, 0]))
+    work = np.trapz(force[: k + 1, 0], episode.history.run.depth[: k + 1, 0])
+    up = episode.motion(time[k : k + 1])[0][0, 2]
+    sides = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, -1.0]])
+    edges = np.linalg.inv(sides).T
+    edges /= (edges @ up)[:, None]  # up to the plane of the floor, at a depth of 1
+    area = np.linalg.norm(np.cross(edges[1] - edges[0], edges[2] - edges[0])) / 2
+    pyramid = np.cbrt(9 * work**2 * 2.8 * 45e6 * area)  # F = p A d², its work F d/3
+    share = pyramid / flat.peak_force - 1
+    assert share_beside(floor, episode) == pytest.approx(share, rel=0.02)
+    assert 0.5 < share < flat.law_error < share + 0.6
+    steep = ao.drop(flat.body, 1.0, (35, 30, 0), floor, until=1)
+    assert share_beside(floor, steep.episodes[0]) < 0.1
 
 
 @pytest.mark.slow

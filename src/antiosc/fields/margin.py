@@ -83,6 +83,9 @@ class Margin(ReprMixin):
     force_error : relative error of the forces of the contacts, which the stresses follow; 0 if it
         is not known. Like `mesh_error` it counts in the verdict alone.
     nearer : the worst point in the balls that are left out; None without balls.
+    impact : number of the impact of a fall, from 1, in which it occurs; 0: of another run.
+    spans : margins of the impacts of a fall, with the force errors of each; the verdict is that of
+        all of them.
     """
 
     criterion: str
@@ -100,6 +103,8 @@ class Margin(ReprMixin):
     mesh_error: float = 0.0
     force_error: float = 0.0
     thin: float = inf
+    impact: int = 0
+    spans: tuple[Margin, ...] = ()
 
     @property
     def at_edge(self) -> bool:
@@ -140,11 +145,20 @@ class Margin(ReprMixin):
         return f"outside {CONTACT_RADII:g} radii of the contact ({radii})"
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest exposure within the errors of mesh, edge of the balls, and force."""
+        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress) * (1 - self.force_error)
+        largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
+        return least / self.strength, largest * (1 + self.force_error) / self.strength
+
+    @property
     def sentence(self) -> str:
         """The result in one sentence."""
         name = CRITERIA[self.criterion][1]
         there = " there" if self.scope else ""
         place_text = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
+        if len(self.spans) > 1:
+            place_text += f" in impact {self.impact}"
         if self.layer is not None:
             place_text = f"in layer {self.layer} ({self.surface}) {place_text}"
         if self.criterion == "yield":
@@ -185,13 +199,11 @@ class Margin(ReprMixin):
         out.
         """
         noun = CRITERIA[self.criterion][0]
-        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress) * (1 - self.force_error)
-        largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
-        largest *= 1 + self.force_error
-        is_certain = least >= self.strength
-        is_possible = largest >= self.strength
-        if is_possible and not is_certain:
-            verdict = f"{noun} may be reached"
+        runs = self.spans or (self,)
+        is_certain = any(run.bounds[0] >= 1 for run in runs)
+        possible = [run.impact for run in runs if run.bounds[1] >= 1]
+        if possible and not is_certain:
+            verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))}"
         else:
             verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
         if self.scope:
@@ -205,6 +217,19 @@ class Margin(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         return [(self.criterion, self.sentence)]
+
+
+#: Largest number of impacts that a verdict lists.
+LISTED = 3
+
+
+def _in_impacts(numbers: Sequence[int], count: int) -> str:
+    """Text of the impacts, of `count` in all, in which something happens; "" for all."""
+    if len(numbers) == count:
+        return ""
+    if len(numbers) > LISTED:
+        return f" in {len(numbers)} of {count} impacts"
+    return f" in impact{'s' if len(numbers) > 1 else ''} {' and '.join(map(str, numbers))}"
 
 
 #: No balls are left out.
@@ -221,6 +246,10 @@ class Zones(NamedTuple):
     def about(cls, contacts: Sequence[YieldingZone]) -> Zones:
         """The zones about contacts that yield."""
         return cls(np.reshape([zone.ball for zone in contacts], (-1, 4)), contacts)
+
+    def of_span(self, span: int) -> Zones:
+        """The same balls, with the contacts of one span of the run."""
+        return self._replace(contacts=[zone for zone in self.contacts if zone.span == span])
 
     def spread_error(self, points: Array) -> Array:
         """Errors (P,) [Pa] of von Mises stresses at points (P, 3)."""

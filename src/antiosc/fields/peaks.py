@@ -524,6 +524,7 @@ def peak_field(
         zones = margin.on_part(structure, zones) if is_solid else margin.NO_ZONES
     instants = times_of(history, times)
     search: Search
+    searches: list[Search] = []  # of the spans of a run
     factors = functools.partial(amplitudes, history, body=body, derivative=derivative)
     if recovered == "stress":
         factors = functools.partial(stress_amplitudes, structure, history, body=body)
@@ -552,11 +553,14 @@ def peak_field(
             else factors_of_motion
         )
         search = functools.partial(_at_times, factors_of_motion, instants)
+        searches = _of_spans(history, factors_of_motion, instants)
     if recovered == "motion":
         points, cells, displacements = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(displacements, length))
+        of_spans: list[Maxima] = []
     else:
-        maxima: list[Maxima] = []
+        zones_of_spans = [zones, *(zones.of_span(k) for k in range(len(searches)))]
+        maxima: list[list[Maxima]] = []
         for ply in margin.plies(structure, quantity, part):
             selection = recovered, places, part, ply
             points, cells, tensors = tensors_at_nodes(structure, history, body, shapes, *selection)
@@ -567,14 +571,20 @@ def peak_field(
             if quantity in margin.CRITERIA:
                 tensors = margin.with_strength(quantity, tensors)
             if tensors.origins:
-                maxima.append(margin.stresses(quantity, points, tensors, search, zones))
+                pairs = zip([search, *searches], zones_of_spans, strict=True)
+                maxima.append([margin.stresses(quantity, points, tensors, *pair) for pair in pairs])
         if not maxima:
             raise InputError(
                 f"the criterion {quantity!r} needs materials with {margin.STRENGTH_OF[quantity]}."
             )
-        best = functools.reduce(Maxima.or_larger, maxima)
-    points, cells, best = structure.comm.bcast((points, cells, best), root=0)
+        best, *of_spans = (
+            functools.reduce(Maxima.or_larger, plies) for plies in zip(*maxima, strict=True)
+        )
+    points, cells, best, of_spans = structure.comm.bcast((points, cells, best, of_spans), root=0)
     result = _peak_field_of(quantity, unit, points, cells, best)
+    if result._margin is not None:
+        spans = tuple(one.margin for one in of_spans if one.margin is not None)
+        result = replace(result, _margin=replace(result._margin, spans=spans))
     if quantity in ("von_mises", "stress", "yield"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = mesh_error(structure, shapes, part, history, peak_times, body)
@@ -588,11 +598,9 @@ def peak_field(
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
         dented = margin.contact_yields(history)
-        error = result.largest_mesh_error or 0.0
-        if quantity == "yield":
-            error *= result._margin.strength
-        judged = replace(result._margin, contact=dented, mesh_error=error)
-        result = replace(result, _margin=judged)
+        judged = _with_errors(result, replace(result._margin, contact=dented))
+        spans = tuple(_with_errors(result, span) for span in judged.spans)
+        result = replace(result, _margin=replace(judged, spans=spans))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -603,6 +611,15 @@ def peak_field(
             AccuracyWarning,
         )
     return result
+
+
+def _of_spans(history: AnyHistory, factors: Array, times: Array) -> list[Search]:
+    """The searches in the spans of a run, if it has several and no other times are asked for."""
+    spans = getattr(history, "spans", None)
+    if spans is None or len(spans) != len(times):
+        return []
+    rows = [spans == k for k in range(int(spans.max()) + 1)]
+    return [functools.partial(_at_times, factors[row], times[row]) for row in rows]
 
 
 def _zones(
@@ -691,6 +708,15 @@ def _with_mesh_error(
     if field.quantity == "yield" and field._margin is not None:
         mesh_error = mesh_error / field._margin.strength
     return replace(field, mesh_error=mesh_error)
+
+
+def _with_errors(field: PeakField, judged: Margin) -> Margin:
+    """A margin with the mesh error of the field, relative to the stress, at its worst point."""
+    if field.mesh_error is None or judged.at_edge:
+        return judged
+    k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
+    share = float(field.mesh_error[k] / (field.values[k] or 1.0))
+    return replace(judged, mesh_error=share * judged.value)
 
 
 def _places(

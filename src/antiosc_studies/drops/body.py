@@ -158,6 +158,7 @@ def _elastic(
             partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded)
         ),
         lines=skin.points[skin.lines] - centre,
+        line_radii=1 / skin.curvatures[skin.lines, 1],
     )
     body.cylinders = cylinders(body, skin, hull_points)
     sharp_solid = skin.sharp[hull_points] & (

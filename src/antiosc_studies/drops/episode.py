@@ -52,6 +52,8 @@ COARSER = 4.0
 #: Error of the finer run over this difference: 1/(COARSER - 1) where errors are proportional to
 #: tolerances, and a factor of 2.
 LEFT = 2 / 3
+#: Least length over the width of what a contact along a line presses into the floor.
+SLENDER = 2.0
 #: Replaces 0 in denominators.
 TINY = float(np.finfo(float).tiny)
 
@@ -84,9 +86,10 @@ class OngoingContact(NamedTuple):
 
 
 class RoughLine(NamedTuple):
-    """Length [m] of a line without a law that is pressed into the floor, and a point on it."""
+    """A line without a law that is pressed into the floor: length, radius [m] and a point on it."""
 
     length: float
+    radius: float
     point: int
 
 
@@ -575,9 +578,14 @@ class Episode:
     @property
     def pressed(self) -> float:
         """Largest approach [m] in a contact, including the patches of part and floor."""
+        return float(self._approaches.max())
+
+    @property
+    def _approaches(self) -> Array:
+        """Largest approaches (n,) [m] of all contacts at the times of the run."""
         run = self.history.run
         R = self.history.assembly.system.R
-        return float((run.depth + run.force @ R.T)[:, : len(self.which)].max())
+        return np.asarray((run.depth + run.force @ R.T)[:, : len(self.which)].max(axis=1))
 
     @property
     def error(self) -> float:
@@ -620,27 +628,31 @@ class Episode:
 
     @cached_property
     def rough_line(self) -> RoughLine | None:
-        """What is pressed into the floor of lines without a law; None: nothing."""
+        """What is pressed into the floor of lines without a law; None: nothing.
+
+        It is longer than wide: a line that is inclined touches with its end, as a point does.
+        """
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return None
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
-        heights = (vertical @ body.lines.T - lowest[:, None]).min(axis=0)
-        deepest = body.lines[np.argmin(heights)]
-        point = int(np.argmin(np.linalg.norm(body.points - deepest, axis=1)))
-        # between two vertices the surface is lower
+        heights = vertical @ body.lines.T - lowest[:, None]
         spacing = float(np.median(cKDTree(body.lines).query(body.lines, 2)[0][:, -1]))
-        sagitta = spacing**2 / (8 * float(body.radii[point].min()))
-        is_pressed = heights < self.pressed + sagitta
-        if not is_pressed.any():
+        # between two vertices the surface is lower
+        depths = np.interp(times, self.history.run.time, self._approaches).clip(0.0)[:, None]
+        depths = depths + spacing**2 / (8 * body.line_radii)
+        extents = [_extent(body.lines[below]) for below in heights < depths]
+        k = int(np.argmax(extents))
+        vertex = int(np.argmin(heights[k]))
+        radius = float(body.line_radii[vertex])
+        width = 2 * float(np.sqrt(2 * radius * depths[k, vertex]))
+        if extents[k] < SLENDER * width:
             return None
-        pressed = body.lines[is_pressed]
-        length = (
-            float(np.linalg.norm(np.ptp(pressed, axis=0))) + 2 * spacing
-        )  # to the next vertices
-        return RoughLine(length, point)
+        length = extents[k] + 2 * spacing  # to the next vertices
+        point = int(np.argmin(np.linalg.norm(body.points - body.lines[vertex], axis=1)))
+        return RoughLine(length, radius, point)
 
     @property
     def lines(self) -> dict[int, IntArray]:
@@ -704,6 +716,11 @@ class Episode:
         t, f = self.forces()
         last = 2 * ((t.size - 1) // 2) + 1
         return np.asarray(impulses(t[:last], f[:last]).sum(axis=0))
+
+
+def _extent(points: Array) -> float:
+    """Diagonal [m] of the box around points (n, 3); 0 without points."""
+    return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
 
 
 def episode(

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import PeakField, ShockSpectrum, peak_field, srs
+from antiosc import Margin, PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.texts import Result, exceeds, percent
 from antiosc.extension import Zones
+from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
 from antiosc_studies.drops.flight import Flight, ringing, rotation_matrices
 from antiosc_studies.drops.floor import Setting, SoftLayer
@@ -94,6 +95,8 @@ MANY = 200
 STIFFENS = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
+#: Force of the surface beside a corner, over that of the corner, from which it is told.
+FLAT = 0.5
 #: Rotation of the start [rad] by which the predictability is tested.
 NUDGE = 1e-4
 #: Largest relative change of a peak force that counts as predictable.
@@ -344,27 +347,44 @@ class Fall(Trajectory, Result):
         )
         periods = self.body.omega.max(initial=0.0) / (2 * np.pi)
         parts = []
-        for episode in (episode for k in impact_numbers for episode in self._episodes(k)):
-            count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
-            motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
-            parts.append(replace(motion, time=motion.time + episode.start.time))
+        spans = []
+        zones = []
+        for span, k in enumerate(impact_numbers):
+            episodes = self._episodes(k)
+            for episode in episodes:
+                count = int(min(max(SAMPLES_PER_PERIOD * periods * episode.duration, FEW), MANY))
+                motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
+                parts.append(replace(motion, time=motion.time + episode.start.time))
+                spans += count * [span]
+            of_impact = yielding_zones(self.body, self.setting.floor, episodes)
+            zones += [zone._replace(span=span) for zone in of_impact]
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
         }
         forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            episodes = [episode for k in impact_numbers for episode in self._episodes(k)]
-            zones = yielding_zones(self.body, self.setting.floor, episodes)
             options = {"leave_out": Zones.about(zones)} | options
-            joined_motion = replace(parts[0], forces=forces, **merged)
+            joined_motion = replace(parts[0], forces=forces, spans=np.array(spans), **merged)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]
         impact = np.searchsorted(starts, field.times, side="right") - 1
         field = replace(field, error=None)
-        if field._margin is not None and field._margin.criterion == "yield":
-            yields = self._contact_yield(impact_numbers)
-            field = replace(field, _margin=replace(field._margin, contact=bool(yields)))
+        if field._margin is not None:
+            field = replace(field, _margin=self._of_impacts(field._margin, impact_numbers))
         return WorstField(**vars(field), impact=impact)
+
+    def _of_impacts(self, margin: Margin, numbers: Sequence[int]) -> Margin:
+        """The margin of impacts with these numbers, from 0, with the error of the force of each."""
+        yields = margin.criterion == "yield" and bool(self._contact_yield(numbers))
+        margin = replace(margin, contact=yields)
+        if not margin.spans:
+            return margin
+        spans = tuple(
+            replace(span, impact=k + 1, force_error=self.impacts[k].law_error or 0.0)
+            for span, k in zip(margin.spans, numbers, strict=True)
+        )
+        worst = max(spans, key=lambda span: span.exposure)
+        return replace(margin, spans=spans, impact=worst.impact, force_error=worst.force_error)
 
     @property
     def stress_limits(self) -> str:
@@ -384,7 +404,7 @@ class Fall(Trajectory, Result):
     def notes(self) -> list[str]:
         """Assumptions that were made, and a sentence if the contact yields."""
         rigid = "the floor is taken as rigid (floor)" if self.setting.floor.rigid else ""
-        sentences = (rigid, self.contact_verdict, self._strained, self._lines)
+        sentences = (rigid, self.contact_verdict, self._strained, self._lines, self._sides)
         return [*self.body.notes, *filter(None, sentences)]
 
     @property
@@ -434,6 +454,19 @@ class Fall(Trajectory, Result):
             ),
         )
         return "; ".join(filter(None, (self._in_impacts(*note) for note in notes)))
+
+    @cached_property
+    def _sides(self) -> str:
+        """Sentence on impacts beside whose corners the surface touches; "" if there are none."""
+        floor = self.setting.floor
+        if floor.layer is not None or floor.law is not None:
+            return ""
+        return self._in_impacts(
+            lambda episode: not episode.along_line() and share_beside(floor, episode) > FLAT,
+            "edges and faces beside the corner that lands are inclined so little that they touch "
+            "too; the bar holds what they may carry: another tilt, or a soft layer on the floor, "
+            "narrows it",
+        )
 
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
         """Sentence on the number of impacts in which `happens` is true; "" if there are none."""

@@ -52,7 +52,8 @@ class FreeBody:
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface.
     layer_contact : its surface, if it falls on a layer.
-    lines : (N, 3) points of surfaces that are curved in one direction only [m].
+    lines, line_radii : (N, 3) points of surfaces that are curved in one direction only [m], and
+        the radii (N,) of this curvature [m].
     laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
     idle : (V,) whether a point makes no contact.
     cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
@@ -81,6 +82,7 @@ class FreeBody:
     laws: dict[int, ContactLaw] = field(default_factory=dict)
     idle: BoolArray | None = None
     lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    line_radii: Array = field(default_factory=lambda: np.zeros(0))
     cylinders: tuple[Cylinder, ...] = ()
     stations: tuple[IntArray, ...] = ()
     #: number of a point -> its shapes, residual compliance and radii: of vertices, shared by all

@@ -91,17 +91,12 @@ def _skin_surface(body: FreeBody) -> tuple[Array, IntArray, BoolArray] | None:
     skin = body.skin
     rounded = ~skin.sharp & (skin.curvatures[:, 0] * skin.size > 1)
     x = skin.points - body.centre
-    triangles = skin.triangles
+    triangles = skin.outward
     triangles = triangles[~rounded[triangles].all(axis=1)]
     if not len(triangles):
         return None
-    corners = x[triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if skin.half.any():  # a sheet has two sides
         triangles = np.vstack([triangles, triangles[:, ::-1]])
-    else:
-        inward = np.einsum("td,tvd->t", normals, skin.normals[triangles]) < 0
-        triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
     nodes, _, displacements = source(body.structure).at_nodes(body.structure, body.basis)
     shapes = np.moveaxis(displacements[cKDTree(nodes).query(skin.points)[1]], 1, 2)
     nearest = cKDTree(skin.points).query(body.points + body.centre)[1]

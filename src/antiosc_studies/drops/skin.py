@@ -24,6 +24,8 @@ FLATTEST = 10.0
 ROUND = 0.5
 #: Largest ratio of the principal curvatures of a place that is straight in one direction.
 STRAIGHT = 0.2
+#: Least bend of a neighbour, and least angle to its normal, over the bend at a vertex of an arc.
+ALIKE = 0.3
 #: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets.
 REACH = 0.05
 #: Number of directions in which it is checked: neighbours are some 0.25 rad apart, √(4π/200).
@@ -41,6 +43,8 @@ class Skin:
     points, normals : (P, 3) coordinates [m] and outward unit normals (zero if unknown).
     curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
     sharp : (P,) whether the vertex lies on an edge or a corner.
+    arched : (P,) whether the surface bends at a vertex beside it too; at an edge it bends there
+        alone.
     sizes : (P,) mean length of the element edges there [m].
     materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
     strengths : (P,) yield strengths [Pa]; NaN if unknown.
@@ -52,6 +56,7 @@ class Skin:
     normals: Array
     curvatures: Array
     sharp: BoolArray
+    arched: BoolArray
     sizes: Array
     materials: Array
     strengths: Array
@@ -104,7 +109,16 @@ class Skin:
         cylinder.
         """
         low, high = self.curvatures.T
-        return ~self.sharp & (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
+        bends_once = (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
+        return ~self.sharp & self.arched & bends_once
+
+    @property
+    def outward(self) -> IntArray:
+        """The triangles (T, 3) of a solid, with their vertices around the outward normal."""
+        corners = self.points[self.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        inward = np.einsum("td,tvd->t", normals, self.normals[self.triangles]) < 0
+        return np.where(inward[:, None], self.triangles[:, ::-1], self.triangles)
 
 
 def _sphere_directions() -> Array:
@@ -150,7 +164,7 @@ def points_skin(points: Array) -> Skin:
     triangles = np.zeros((0, 3), dtype=int)
     unknown = np.full((len(points), 2), np.nan)
     unknown_properties = zero, unknown, unknown[:, 0], zero
-    return Skin(points, zeros, zeros[:, :2], sharp, *unknown_properties, triangles)
+    return Skin(points, zeros, zeros[:, :2], sharp, ~sharp, *unknown_properties, triangles)
 
 
 def mesh_skin(part: MeshedStructure) -> Skin:
@@ -179,7 +193,9 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     sharp = _sharp(x, normals, ground.elements)
     fitted, curvatures = _fitted(x, normals, directed_edges, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
-    return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
+    bends = np.where(sharp, 0.0, curvatures[:, 1] * sizes)
+    arched = _arched(normals, bends, directed_edges)
+    return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp, arched=arched)
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
@@ -210,6 +226,19 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     smallest_cosine = np.ones(len(x))
     np.minimum.at(smallest_cosine, triangles, cosine)
     return smallest_cosine < SMOOTH
+
+
+def _arched(normals: Array, bends: Array, edges: IntArray) -> BoolArray:
+    """Mask (P,) of vertices with a neighbour that bends too, and faces another way.
+
+    bends: (P,) angles by which the surface bends over the length of an edge, 0 at sharp vertices;
+    edges: (E, 2) from vertices to their neighbours.
+    """
+    first, second = edges.T
+    turned = np.einsum("ed,ed->e", normals[first], normals[second]) < np.cos(ALIKE * bends[first])
+    arched = np.zeros(len(normals), dtype=bool)
+    np.logical_or.at(arched, first, turned & (bends[second] > ALIKE * bends[first]))
+    return arched
 
 
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:

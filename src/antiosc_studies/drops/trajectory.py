@@ -22,13 +22,14 @@ from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, erro
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import HertzContact, YieldingZone
 from antiosc.models.body import GRAVITY
+from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Floor, Setting, law_at
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer_error import imprint_of, layer_error
-from antiosc_studies.drops.lines import force_along, line_error, yielding
+from antiosc_studies.drops.lines import line_error, yielding
 
 #: A part is at rest if its speed would lift it by at most REST times the height, …
 REST = 1e-3
@@ -244,7 +245,8 @@ class FallImpact:
         before and away from it after, without vibrations.
     spin_before, spin_after : (3,) spins in the axes of the floor [rad/s].
     lost : energy dissipated by contacts and damping [J].
-    law_error : relative error of the largest force at a point by its contact law; None: unknown.
+    law_error : relative error of the largest force at a point by its contact law, and by the
+        surface beside it; None: unknown.
     """
 
     time: float
@@ -568,7 +570,7 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
             yield layer_error(current, floor.layer), peak
         return
     contacts = list(point_contacts(body, floor, [current]))
-    beside = _beside(floor, contacts, current)
+    beside = share_beside(floor, current) if contacts else 0.0
     for contact in contacts:
         error = contact.error(body, floor)
         yield None if error is None else error + beside, contact.force
@@ -579,28 +581,6 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
         force = float(forces.sum())
         if force > 0:
             yield line_error(current.body, floor, line, force, carried), force
-
-
-def _beside(floor: Floor, contacts: Sequence[PointContact], current: Episode) -> float:
-    """Relative error of the force of contacts at points in place of a line of the surface.
-
-    The line takes part with at most the force at which it alone takes the energy of the motion;
-    the forces of both add at most.
-    """
-    line = current.rough_line
-    if line is None or not contacts:
-        return 0.0
-    body = current.body
-    vertex = line.point
-    E, nu = body.materials[vertex].tolist()
-    matter = floor.face.matter
-    own = np.nan if body.strengths is None else body.strengths[vertex]
-    strength = float(np.fmin(own, matter.yield_strength or np.nan))
-    modulus = effective_modulus(E, nu, matter.E, matter.nu)
-    energy, *_ = current.start.energies(body, 0.0)
-    radius = float(body.radii[vertex].min())
-    bound = force_along((modulus, strength), radius, line.length, energy)
-    return bound / current.peak_force()
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:

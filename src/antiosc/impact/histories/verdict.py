@@ -82,7 +82,8 @@ class YieldingZone(NamedTuple):
 
     `point` (3,) [m]; `push` (3,): direction of the force, None if unknown; `radii` [m] of the
     contact and of the patch that carries its force in the model; `force` [N]: the largest;
-    `depth`, `faces` [m]: thickness of the part and size of its faces there.
+    `depth`, `faces` [m]: thickness of the part and size of its faces there; `span`: number of the
+    span of the run to which it belongs (`BodyHistory.spans`).
     """
 
     point: Array
@@ -92,6 +93,7 @@ class YieldingZone(NamedTuple):
     nu: float
     depth: float = np.inf
     faces: float = np.inf
+    span: int = 0
 
     @property
     def is_thin(self) -> bool:
