@@ -13,7 +13,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, exceeds, percent, point_text
 from antiosc_app.live import FIRST_TO_LAST, Data, Headline, bar_of_fall, stress_sentences
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.results import how_it_ended
+from antiosc_app.results import how_it_ended, stresses_of_impacts
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
 from antiosc_studies.drops.trajectory import FallImpact
@@ -51,6 +51,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
+            "stresses": stresses_of_impacts(worst),
             "most": None if worst is None else engineering(float(worst.values.max()), worst.unit),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
@@ -86,6 +87,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
         "bar": _law_bar(impact),
         "time": impact.time,
         "at": point_text(impact.place),
+        "point": impact.place.tolist(),
         "place": (touch.R @ (impact.place - body.centre) + touch.centre).tolist(),
         "frame": int(np.searchsorted(times, impact.time)),
         "curve": {"time": samples, "force": np.interp(samples, time, force)},

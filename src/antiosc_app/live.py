@@ -11,7 +11,7 @@ import contextlib
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import pi
 from pathlib import Path
@@ -398,6 +398,19 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))
     return cautions
+
+
+def untold(messages: Iterable[str], sentences: Iterable[str]) -> list[str]:
+    """The messages as sentences, each once, without those that are among the sentences."""
+    known = {comparable(sentence) for sentence in sentences}
+    return [
+        text for text in dict.fromkeys(map(capitalised, messages)) if comparable(text) not in known
+    ]
+
+
+def comparable(sentence: str) -> str:
+    """A sentence for comparison, without its full stop and in lower case."""
+    return sentence.rstrip(".").lower()
 
 
 #: Name of a time from the first touch to the last release that contains flights.

@@ -314,7 +314,8 @@ class Inspection:
         longest = self.length / systems[unit].length
         sizes = {name: engineering(longest * systems[name].length, "m") for name in systems}
         if self.modulus is None:
-            size_texts = [f"{sizes[name]} in {name}" for name in others]
+            words = {"mm": "millimetres", "in": "inches", "m": "metres"}
+            size_texts = [f"{sizes[name]} in {words[name]}" for name in others]
             return f"{unit}, not stated there (it would measure {' or '.join(size_texts)})"
         texts = [
             f"{name}: {sizes[name]}, E = {engineering(self.modulus * system.stress, 'Pa')}"

@@ -241,7 +241,7 @@ class Opened:
                     return {"stale": True}
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
-            return {**result, "warnings": list(dict.fromkeys(map(capitalised, messages)))}
+            return {**result, "warnings": live.untold(messages, result.get("verdict", ()))}
 
         self._count(1)
         return self._work.submit(run_work).result()

@@ -27,7 +27,6 @@ from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
 from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
 from antiosc.base.process import loading
-from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -247,7 +246,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        warnings=map(capitalised, results.warnings),
+        warnings=live.untold(results.warnings, headline.sentences if headline else ()),
         headline=headline,
         sections=_untold(
             (picture for part_shown in parts for picture in part_shown.sections.items()), headline
@@ -269,14 +268,16 @@ def _untold(
     sections: Iterable[tuple[str, list[Any]]], headline: live.Headline | None
 ) -> list[tuple[str, list[Any]]]:
     """The sections without the sentences that the headline already contains."""
-    in_headline = {_plain(sentence) for sentence in (headline.sentences if headline else ())}
+    in_headline = {
+        live.comparable(sentence) for sentence in (headline.sentences if headline else ())
+    }
     remaining = []
     for heading, blocks in sections:
         kept_blocks: list[Any] = []
         for block in blocks:
             if isinstance(block, list):
                 kept_blocks.append(_rows_untold(block, in_headline))
-            elif _plain(str(block)) not in in_headline:
+            elif live.comparable(str(block)) not in in_headline:
                 kept_blocks.append(block)
         remaining.append((heading, kept_blocks))
     return remaining
@@ -290,15 +291,10 @@ def _rows_untold(rows: list[tuple[str, object]], in_headline: set[str]) -> list[
     name = ""
     for row_name, value in rows:
         name = row_name or name
-        if _plain(str(value)) not in in_headline:
+        if live.comparable(str(value)) not in in_headline:
             remaining.append((name, value))
             name = ""
     return remaining
-
-
-def _plain(sentence: str) -> str:
-    """A sentence for comparison, without its full stop and in lower case."""
-    return sentence.rstrip(".").lower()
 
 
 def _uncommented(scene: str) -> str:

@@ -68,6 +68,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from antiosc import Drops, Fall, PeakField, Sample, Structure
+    from antiosc_studies.drops.fall import WorstField
 
 
 #: Most curves of one chart.
@@ -775,21 +776,34 @@ def _fall(results: SceneResults) -> Presentation:
         plotted={"fall": fall, "worst": worst},
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
-            "Fall": [narrow_table(fall) if is_single else table, rows, how_it_ended(fall.message)],
+            "Fall": [
+                narrow_table(fall, worst) if is_single else table,
+                rows,
+                how_it_ended(fall.message),
+            ],
         },
         pictures=pictures,
     )
 
 
-def narrow_table(fall: Fall) -> Columns:
-    """The impacts of a fall as a table that fits on paper."""
+def stresses_of_impacts(worst: WorstField | None) -> list[float]:
+    """The largest judged stress [Pa] of each impact; [] where none is judged by yield."""
+    if worst is None or worst.exposure is None or worst.margin().criterion != "yield":
+        return []
+    return [span.stress for span in worst.margin().spans]
+
+
+def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
+    """The impacts of a fall as a table that fits on paper, with the largest stress of each."""
     impacts = fall.impacts
+    stresses = stresses_of_impacts(worst)
     before, after = (impacts.column(f"speed_{when}") for when in ("before", "after"))
     return {
         "impact": np.arange(1, len(impacts) + 1),
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
+        **({"largest stress (Pa)": stresses} if stresses else {}),
         f"{FIRST_TO_LAST} (s)": impacts.column("contact_time"),
         "speed before, after (m/s)": [
             f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)

@@ -119,6 +119,8 @@ class Striker:
     #: direction of the part that points down; then rotations about x, y and z [degree]
     down: tuple[float, ...] = DOWN
     tilt: tuple[float, ...] = TILT
+    #: place of an impact around which the mesh is refined; None: nowhere
+    finer: tuple[float, ...] | None = None
     #: radius of sharp corners in a fall [m]; None: as `antiosc.drop` takes it
     corner_radius: float | None = None
     #: material of the floor
@@ -140,6 +142,8 @@ class Striker:
             checks.positive(name, getattr(self, name), unit)
         for name in ("down", "tilt"):
             checks.floats(name, getattr(self, name), (3,))
+        if self.finer is not None:
+            checks.floats("finer", self.finer, (3,))
         for name, unit in (("corner_radius", "m"), ("layer_modulus", "Pa")):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
@@ -208,7 +212,8 @@ def read(values: object) -> SetUp:
     """The set-up that the page sends; InputError for anything else."""
     table = dict(_checked_fields("set-up", values, SetUp))
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
-    _as_tuples(striker, [name for name in ("down", "tilt") if name in striker])
+    triples = ("down", "tilt", "finer")
+    _as_tuples(striker, [name for name in triples if striker.get(name) is not None])
     _as_tuples(table, ("point", "direction", "held"))
     return SetUp(**{**table, "striker": Striker(**striker)})
 
@@ -235,7 +240,8 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     inspection = source.look
     title = f"An impact on {source.name}"
     if set_up.striker.kind == FLOOR:
-        part = _part(source, replace(set_up, finer=False))
+        corner = set_up.striker.finer
+        part = _part(source, replace(set_up, finer=bool(corner), point=corner or set_up.point))
         if inspection.of_deck:
             part["deck"]["free"] = True
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}

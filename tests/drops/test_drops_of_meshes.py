@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid
+from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.special import j1
 
 import antiosc as ao
@@ -16,6 +16,7 @@ from antiosc.engine.contact.line import line_indentation
 from antiosc_studies.drops import corners
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
+from antiosc_studies.drops.trajectory import Impacts
 from parts import box, line
 
 pytestmark = pytest.mark.fem
@@ -259,7 +260,7 @@ def test_a_chamfered_block_lands_on_a_corner_and_its_bar_holds_its_flat_sides(
     (episode,) = flat.episodes
     time, force = episode.forces()
     k = int(np.argmax(force[:, 0]))
-    work = np.trapz(force[: k + 1, 0], episode.history.run.depth[: k + 1, 0])
+    work = trapezoid(force[: k + 1, 0], episode.history.run.depth[: k + 1, 0])
     up = episode.motion(time[k : k + 1])[0][0, 2]
     sides = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, -1.0]])
     edges = np.linalg.inv(sides).T
@@ -445,6 +446,34 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     soft = ao.drop(fall.body, 1.0, (20, 15, 0), ao.Floor(law=ao.Hertz(1e6)), until=1)
     assert soft.peak_force < fall.peak_force
     assert not soft.worst("von_mises").margin().contact
+
+
+def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None:
+    """Each impact's stress with the error of its own force; the one that may yield is told."""
+    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
+    fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
+    alone = [fall.worst(impacts=[k]).margin() for k in range(3)]
+    stresses = [margin.stress for margin in alone]
+    judged = int(np.argmax(stresses))
+    other = (judged + 1) % 3
+
+    def margin_with(bars: list[float]) -> ao.Margin:
+        pairs = zip(fall.impacts, bars, strict=True)
+        rated = Impacts(replace(impact, law_error=bar) for impact, bar in pairs)
+        monkeypatch.setitem(vars(fall), "impacts", rated)
+        return fall.worst().margin()
+
+    margin = margin_with([0.01] * 3)
+    assert [span.stress for span in margin.spans] == pytest.approx(stresses)
+    assert margin.stress == pytest.approx(max(stresses))
+    assert "yield is not reached" in margin.sentence
+    assert f", in impact {judged + 1}" in margin.sentence
+    wide = [0.01] * 3
+    wide[other] = 2e9 / stresses[other]  # its largest force yields
+    assert f"yield may be reached in impact {other + 1}:" in margin_with(wide).sentence
+    fall_on_one = ao.drop(fall.body, 0.1, (10, 5, 0), ao.Floor(STEEL), until=1)
+    assert "impact" not in fall_on_one.worst().margin().sentence
 
 
 def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:

@@ -525,7 +525,9 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     scene, told = new.write_scene(tmp_path / "cube.toml", str(cube), unit="in")
     assert tomllib.loads(scene.read_text())["geometry"]["unit"] == "in"
     row = next(line for line in told if "unit of the file" in line)
-    assert "in, not stated there (it would measure 2.00 mm in mm or 2.00 m in m)" in row
+    assert (
+        "in, not stated there (it would measure 2.00 mm in millimetres or 2.00 m in metres)" in row
+    )
     with pytest.raises(ao.InputError, match="unit must be"):
         inspect_part(path, unit="ell")
 

@@ -25,7 +25,7 @@ from antiosc.base.stresses import (
     extreme_principal,
     length,
 )
-from antiosc.base.texts import ReprMixin, engineering, percent, point_text
+from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering, percent, point_text
 from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
@@ -158,7 +158,7 @@ class Margin(ReprMixin):
         there = " there" if self.scope else ""
         place_text = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if len(self.spans) > 1:
-            place_text += f" in impact {self.impact}"
+            place_text += f", in impact {self.impact}"
         if self.layer is not None:
             place_text = f"in layer {self.layer} ({self.surface}) {place_text}"
         if self.criterion == "yield":
@@ -189,7 +189,8 @@ class Margin(ReprMixin):
             margin += (
                 f"; the part is {self.thin:.2g} contact radii thick there, less than"
                 f" {HALF_SPACE:g}, so that Hertz's stress on a half-space does not replace what"
-                f" its mesh does not resolve: make the cells there smaller than {radius}"
+                f" its mesh does not resolve: make the cells at the contact smaller than {radius}"
+                f" ({SMALLER_CELLS})"
             )
         return f"{self._verdict}: {exposure_text}; {margin}"
 

@@ -30,11 +30,14 @@ class FallPage {
   make_table() {
     [find("now").textContent, find("compared").textContent] = ["peak force", "first to last contact"];
     find("numbers").replaceChildren();
+    const { stresses } = this.data;
+    find("stressed").hidden = !stresses.length;
     this.rows = this.data.impacts.map((one, k) => {
       const row = made("tr", find("numbers")), head = made("th", row);
-      const bar = one.bar ? ` ± ${percent(one.bar)}` : "";
-      made("td", row, engineering(one.peak_force, "N") + bar).dataset.value = one.peak_force;
-      made("td", row, engineering(one.contact_time, "s"));
+      const bar = one.bar ? [`± ${percent(one.bar)}`] : [];
+      unbroken(made("td", row), [engineering(one.peak_force, "N"), ...bar]).dataset.value = one.peak_force;
+      unbroken(made("td", row), [engineering(one.contact_time, "s")]);
+      if (stresses.length) unbroken(made("td", row), [engineering(stresses[k], "Pa")]);
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
   }

@@ -272,7 +272,7 @@ class Bench {
       if (e.ctrlKey && e.key === "z" && e.target.type !== "number") { e.preventDefault(); this.undo(this.past, this.future); }
     });
     find("finer").hidden = !facts.geometry;
-    find("finer").onclick = () => this.change({ finer: !this.setup.finer });
+    find("finer").onclick = () => this.finer();
     find("stop").onclick = () => this.stop();
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
@@ -350,6 +350,15 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
+  // Another mesh around the site, or where the impact of a fall that is chosen strikes.
+  finer() {
+    if (!this.falls()) return this.change({ finer: !this.setup.finer });
+    const { data = {}, impact } = this.page || {}, struck = (data.impacts || [])[impact];
+    this.striker({ finer: this.is_finer() || !struck ? null : struck.point });
+  }
+
+  is_finer() { return this.falls() ? Boolean(this.setup.striker.finer) : this.setup.finer; }
+
   layered() { return this.setup.striker.layer in this.facts.moduli; }
 
   // The value of a field that the set-up leaves open.
@@ -366,17 +375,20 @@ class Bench {
     for (const one of this.shown) one();
     const falls = this.falls();
     find("site-fields").hidden = falls;
-    for (const one of document.querySelectorAll(".of-file")) one.hidden = falls || !this.facts.faces.length;
+    const clicks_hold = !falls && this.facts.faces.length;
+    for (const one of document.querySelectorAll(".of-click")) one.hidden = !clicks_hold;
     find("in-python").hidden = falls || Boolean(this.chosen);
     if (falls) find("stresses").hidden = true;
-    for (const id of ["hold-row", "held-list", "finer", "map"]) find(id).hidden = falls || id === "finer" && !this.facts.geometry || id === "hold-row" && !this.facts.faces.length;
-    find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : "Drag the tail of the arrow to change the direction.";
+    for (const id of ["hold-row", "held-list", "map"]) find(id).hidden = falls || id === "hold-row" && !this.facts.faces.length;
+    find("finer").hidden = !this.facts.geometry;
+    const strikes = clicks_hold ? "" : "A click strikes there. ";
+    find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), "free: no face is held");
-    find("finer").setAttribute("aria-pressed", this.setup.finer);
-    find("finer").textContent = this.setup.finer ? "Coarser mesh here" : "Finer mesh here";
+    find("finer").setAttribute("aria-pressed", this.is_finer());
+    find("finer").textContent = this.is_finer() ? "Coarser mesh here" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];
   }
 

@@ -19,6 +19,16 @@ function made(kind, parent, text = "", attributes = {}) {
   return element;
 }
 
+// Texts in a cell of a table, which breaks between them alone.
+function unbroken(cell, texts) {
+  cell.replaceChildren();
+  for (const text of texts) {
+    if (cell.firstChild) cell.append(" ");
+    made("span", cell, text);
+  }
+  return cell;
+}
+
 class Page {
   constructor(data, engine, view, turned = false) {
     Object.assign(this, { data, engine, blow: data.blow, site: data.sites ? data.sites.first : -1 });
@@ -27,6 +37,7 @@ class Page {
     document.body.classList.toggle("flat", !view || !(data.part || data.sites));
     find("again").hidden = false;
     find("now").textContent = "now";
+    find("stressed").hidden = true;
     if (view) Object.assign(view, { framed: null }).meshes.clear();
     if (view && !turned && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
@@ -187,7 +198,7 @@ class Page {
   // A number and its bar, with the word for what the bar leaves out: a line may end between both.
   with_bar(plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
-    return [`${plain}${word ? "," : ""} `, `${word}± ${percent(bar)}`];
+    return [`${plain}${word ? "," : ""}`, `${word}± ${percent(bar)}`];
   }
 
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
@@ -214,12 +225,11 @@ class Page {
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
-      now.replaceChildren();
-      for (const text of parts) made("span", now, text);
+      unbroken(now, parts);
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
-      before.textContent = known === null ? "" : this.plain(name, known, unit, computed.unknown ?? unknown);
+      unbroken(before, known === null ? [] : [this.plain(name, known, unit, computed.unknown ?? unknown)]);
     }
     this.say(hit);
     const notes = [];

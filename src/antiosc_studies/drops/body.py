@@ -24,6 +24,7 @@ from antiosc import Damping, RigidBody, Sphere
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError, finite_element_packages, without_warnings
+from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
 from antiosc.engine.contact.surfaces import Matter, matter_of
 from antiosc.models.modal import as_damping
@@ -128,7 +129,8 @@ def _elastic(
     notes = []
     rounded = min(CORNER, _least_dimension(structure, skin) / 4) if corner is None else corner
     if corner is None and (skin.sharp[hull_points] & (skin.half[hull_points] == 0)).any():
-        notes += [f"sharp corners are taken with a radius of {rounded:.3g} m (corner_radius)"]
+        radius = engineering(rounded, "m")
+        notes += [f"sharp corners are taken with a radius of {radius} (corner_radius)"]
     if model_damping is None:
         notes += [f"the modes have a damping ratio of {RATIO:g} (damping)"]
     centre = rigid.centre

@@ -463,9 +463,8 @@ class Fall(Trajectory, Result):
             return ""
         return self._in_impacts(
             lambda episode: not episode.along_line() and share_beside(floor, episode) > FLAT,
-            "edges and faces beside the corner that lands are inclined so little that they touch "
-            "too; the bar holds what they may carry: another tilt, or a soft layer on the floor, "
-            "narrows it",
+            "edges and faces beside the corner that lands lie so flat that they touch too; the "
+            "bar holds what they may carry: another tilt, or a soft layer on the floor, narrows it",
         )
 
     def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
