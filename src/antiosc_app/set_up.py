@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
@@ -119,8 +119,8 @@ class Striker:
     #: direction of the part that points down; then rotations about x, y and z [degree]
     down: tuple[float, ...] = DOWN
     tilt: tuple[float, ...] = TILT
-    #: place of an impact around which the mesh is refined; None: nowhere
-    finer: tuple[float, ...] | None = None
+    #: places of impacts of a fall around which the mesh is refined
+    finer: tuple[Sequence[float], ...] = ()
     #: radius of sharp corners in a fall [m]; None: as `antiosc.drop` takes it
     corner_radius: float | None = None
     #: material of the floor
@@ -142,8 +142,8 @@ class Striker:
             checks.positive(name, getattr(self, name), unit)
         for name in ("down", "tilt"):
             checks.floats(name, getattr(self, name), (3,))
-        if self.finer is not None:
-            checks.floats("finer", self.finer, (3,))
+        if self.finer:
+            checks.floats("finer", self.finer, (None, 3))
         for name, unit in (("corner_radius", "m"), ("layer_modulus", "Pa")):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
@@ -212,8 +212,7 @@ def read(values: object) -> SetUp:
     """The set-up that the page sends; InputError for anything else."""
     table = dict(_checked_fields("set-up", values, SetUp))
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
-    triples = ("down", "tilt", "finer")
-    _as_tuples(striker, [name for name in triples if striker.get(name) is not None])
+    _as_tuples(striker, [name for name in ("down", "tilt", "finer") if name in striker])
     _as_tuples(table, ("point", "direction", "held"))
     return SetUp(**{**table, "striker": Striker(**striker)})
 
@@ -240,8 +239,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     inspection = source.look
     title = f"An impact on {source.name}"
     if set_up.striker.kind == FLOOR:
-        corner = set_up.striker.finer
-        part = _part(source, replace(set_up, finer=bool(corner), point=corner or set_up.point))
+        part = _part(source, set_up, set_up.striker.finer)
         if inspection.of_deck:
             part["deck"]["free"] = True
         return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
@@ -258,7 +256,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         extract["error"] = "estimate"
     return {
         "title": title,
-        **_part(source, set_up),
+        **_part(source, set_up, [set_up.point] if set_up.finer else []),
         "supports": [dict(face_of(source, name)) for name in set_up.held],
         "sites": {"struck": site},
         "extract": extract,
@@ -267,8 +265,11 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
     }
 
 
-def _part(source: InspectedFile, set_up: SetUp) -> Table:
-    """The sections of the part: mesh or geometry with material, or the deck."""
+def _part(source: InspectedFile, set_up: SetUp, finer: Sequence[Sequence[float]]) -> Table:
+    """The sections of the part: mesh or geometry with material, or the deck.
+
+    `finer`: places around which the mesh is refined.
+    """
     inspection = source.look
     read = dict(source.look.read)
     if set_up.size is not None:
@@ -277,8 +278,9 @@ def _part(source: InspectedFile, set_up: SetUp) -> Table:
         names = ("yield_strength", "density", "modulus")
         given = {name: value for name in names if (value := getattr(set_up, name))}
         return {"deck": {"path": source.name, **read, **given}}
-    if set_up.finer and inspection.meshed:
-        read["refine"] = [[list(set_up.point), rounded_up(source.size_at(set_up.point) / FINER)]]
+    if finer and inspection.meshed:
+        sizes = [rounded_up(source.size_at(place) / FINER) for place in finer]
+        read["refine"] = [[list(place), size] for place, size in zip(finer, sizes, strict=True)]
     material: Table = {"name": set_up.material}
     thickness = set_up.thickness or inspection.thickness
     if inspection.family == "Shell":

@@ -354,7 +354,7 @@ def test_matrices_with_coordinates_have_sharp_corners() -> None:
     part = ao.Structure.from_matrices(K, 0.1 * np.eye(12), map=(node, dof, np.repeat(x, 3, axis=0)))
     fall = ao.drop(part, 0.1, floor=ao.Floor(law=ao.Hertz(1e8)), until=1, modes=4)
     assert fall.body.radii == pytest.approx(0.002 / 4)
-    assert any("radius of 0.0005 m" in note for note in fall.notes)
+    assert any("radius of 500 µm" in note for note in fall.notes)
 
 
 def test_a_part_on_supports_does_not_fall(tmp_path: Path) -> None:

@@ -442,6 +442,9 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     assert impacts[0]["place"][2] == pytest.approx(0, abs=1e-4)
     assert impacts[0]["curve"]["force"].max() == pytest.approx(impacts[0]["peak_force"], rel=1e-3)
     worst = opened._dropped(set_up.read(setup)).worst
+    spans = worst.margin().spans
+    assert told["fall"]["stresses"] == [span.stress for span in spans]
+    assert max(told["fall"]["stresses"]) == pytest.approx(worst.margin().stress)
     strongest = impacts[worst.impact[worst.judged]]
     assert live.bar_of_fall(opened._dropped(set_up.read(setup)).fall, worst) == strongest["bar"] > 0
     names = opened.calls["save"]({})["names"]
@@ -451,10 +454,29 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     fall = Evaluation(again.document)(again.fall)
     peaks = fall.impacts.column("peak_force")
     assert peaks == pytest.approx([one["peak_force"] for one in impacts], rel=1e-6)
-    assert "falls from" in page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert "falls from" in text
+    assert "largest stress (MPa)" in text
     with pytest.raises(InputError, match="no map"):
         call(opened, "map", setup)
     opened.close()
+
+
+def test_finer_mesh_of_a_fall_is_where_its_impacts_strike(opened):
+    setup = asked(opened)
+    places = [[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]]
+    setup["striker"] |= {"kind": "floor", "finer": places}
+    geometry = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)["geometry"]
+    assert [place for place, _ in geometry["refine"]] == places
+    assert all(0 < size < opened._opened().look.size for _, size in geometry["refine"])
+    setup["striker"]["kind"] = "ball"
+    struck = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)
+    assert "refine" not in struck["geometry"]
+
+
+def test_a_warning_that_is_among_the_sentences_is_shown_once():
+    sentence, warning = "In 1 of 3 impacts it lands askew.", "in 1 of 3 impacts it lands askew"
+    assert live.untold([warning, "another", "another"], [sentence]) == ["Another"]
 
 
 def test_page_and_new_scene_begin_with_the_same_striker_and_the_same_fall(opened, step):

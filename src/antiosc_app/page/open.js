@@ -350,14 +350,14 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
-  // Another mesh around the site, or where the impact of a fall that is chosen strikes.
+  // Another mesh around the site, or where the impacts of a fall strike.
   finer() {
     if (!this.falls()) return this.change({ finer: !this.setup.finer });
-    const { data = {}, impact } = this.page || {}, struck = (data.impacts || [])[impact];
-    this.striker({ finer: this.is_finer() || !struck ? null : struck.point });
+    const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
+    this.striker({ finer: this.is_finer() ? [] : places });
   }
 
-  is_finer() { return this.falls() ? Boolean(this.setup.striker.finer) : this.setup.finer; }
+  is_finer() { return this.falls() ? this.setup.striker.finer.length > 0 : this.setup.finer; }
 
   layered() { return this.setup.striker.layer in this.facts.moduli; }
 
