@@ -22,6 +22,9 @@ from antiosc.fem.elements.weak_form import (
 from antiosc.fem.linalg import (
     cholmod as cholmod,
 )
+from antiosc.fem.linalg.forecast import (
+    before_meshing as before_meshing,
+)
 from antiosc.fem.linalg.solver_choice import (
     foreseen as foreseen,
 )
@@ -35,6 +38,7 @@ from antiosc.fem.mesh.curvature import (
     curvature as curvature,
 )
 from antiosc.fem.mesh.halving import (
+    halvings as halvings,
     longest_cell as longest_cell,
     with_cells_of as with_cells_of,
 )

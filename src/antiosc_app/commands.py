@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import antiosc
 from antiosc import impact_band
 from antiosc.base import checks
-from antiosc.base.errors import AntioscError, InputError
+from antiosc.base.errors import AntioscError, InputError, weight
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering
@@ -222,7 +222,7 @@ def _study(options: Namespace) -> int:
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
-    for sentence in computed.warnings:
+    for sentence in filter(weight, results.beside(computed, parts)):
         print_text(f"warning: {sentence}", sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))

@@ -320,6 +320,15 @@ def _computed(hit: History) -> Data:
     return {"time": time, "force": force, **numbers, **counts}
 
 
+def halved(size: str, dim: int) -> str:
+    """What makes the cells of a finished mesh smaller: the field `size` halves them, of dimension
+    `dim`; 0: the mesh keeps them.
+    """
+    if not dim:
+        return "make them in the program that made the mesh"
+    return f"{size}, which halves all cells: each time {2**dim} times as many"
+
+
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
     "mesh": f"use smaller elements around the site ({SMALLER_CELLS})",
@@ -330,7 +339,7 @@ REMEDIES = {
     "noise": "measure with less noise, or average more blows",
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
-    "stretch": "extract with a larger number of motions (stretch)",
+    "stretch": "extract with a larger number of motions (in a scene: stretch in [extract])",
     "law": "give the yield strength of your own material and its range (in a scene: yield_range)",
 }
 #: Number of a striker in a headline -> (its unit, the preposition).
@@ -378,7 +387,7 @@ def headline_of_history(
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
         ("doubt", piercing(hit.model, hit.impactor)),
-        ("accuracy", "" if budget is None else _accuracy(budget)),
+        ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
     caution = " ".join(filter(None, [hit.unfinished, caution_of(hit, budget, structure)]))
@@ -398,14 +407,6 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))
     return cautions
-
-
-def untold(messages: Iterable[str], sentences: Iterable[str]) -> list[str]:
-    """The messages as sentences, each once, without those that are among the sentences."""
-    known = {comparable(sentence) for sentence in sentences}
-    return [
-        text for text in dict.fromkeys(map(capitalised, messages)) if comparable(text) not in known
-    ]
 
 
 def comparable(sentence: str) -> str:
@@ -511,7 +512,7 @@ def _most_dangerous(impact_map: ImpactMap) -> str:
         f"{point_text(impact_map.stress_points[i])}"
     )
     if exposure is None:
-        return f"{text}; the material has no yield_strength to compare it with."
+        return f"{text}; the material has no yield strength to compare it with."
     count = int(np.sum(exposure >= 1))
     sites_text = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
     return (
@@ -581,14 +582,25 @@ def stress_sentences(
         time = engineering(worst["time"], "s")
         sentences.append(
             f"The largest von Mises stress is about {value} at {point_text(worst['place'])},"
-            f" {time}; the material has no yield_strength to compare it with."
+            f" {time}, {NO_MESH_ERROR}; the material has no yield strength to compare it with."
         )
     return sentences
 
 
 def judgement(peak: PeakField, force: float | None) -> str:
     """Sentence on the margin, in whose verdict the error of the force counts."""
-    return replace(peak.margin(), force_error=force or 0.0).sentence
+    sentence = replace(peak.margin(), force_error=force or 0.0).sentence
+    return f"{sentence}{without_mesh_error(peak)}"
+
+
+#: Beside a stress whose error by the mesh is not estimated.
+NO_MESH_ERROR = "mesh not estimated: compare two cell sizes"
+
+
+def without_mesh_error(peak: PeakField) -> str:
+    """The end of a sentence on a stress: that its error by the mesh is not estimated, or ""."""
+    is_stress = peak.unit == "Pa" or peak.exposure is not None
+    return f" ({NO_MESH_ERROR})" if is_stress and _mesh_bar(peak) is None else ""
 
 
 def stress_bar(peak: PeakField, force: float | None) -> float | None:
@@ -639,19 +651,27 @@ def largest_stress(
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
     `scope`: where it is judged, as text, "" anywhere; `stress_bar`: its relative error by the mesh
-    and by the force, whose own is `force`.
+    and by the force, whose own is `force`; `stress_note`: what this leaves out.
     """
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
         if margin is not None and margin.criterion == "yield":
             judged: Data = {"stress": margin.stress, "strength": margin.strength}
             judged["stress_bar"] = stress_bar(peak, force)
+            judged["stress_note"] = _stress_note(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time
             return judged
-    if worst is None:
-        return {}
-    return {"stress": worst["value"]}
+    note = {"stress_note": NO_MESH_ERROR}
+    return note if worst is None else {"stress": worst["value"], **note}
+
+
+def _stress_note(peak: PeakField, force: float | None) -> str:
+    """What the error bar of a judged stress leaves out, in a few words; "" if it has one."""
+    share = _mesh_bar(peak)
+    if share is None:
+        return NO_MESH_ERROR
+    return f"± {percent(share)} by the mesh, force not estimated" if force is None else ""
 
 
 def _absorbed(hit: History) -> str:
@@ -691,9 +711,13 @@ def without_bars(structure: Structure) -> str:
 def caution_of(hit: History | None, budget: ErrorBudget | None, structure: Structure | None) -> str:
     """What must be read before the numbers of an impact: a part that may be cut, missing bars."""
     coarse = coarse_cells(hit)
-    reason = f"There is no error bar. {coarse}" if coarse else no_bar(budget, structure)
+    reason = f"{COARSE_CELLS} {coarse}" if coarse else no_bar(budget, structure)
     sentences = symmetry_note(structure), reason
     return " ".join(f"{sentence.rstrip('.')}." for sentence in sentences if sentence)
+
+
+#: Before the sentence on these cells.
+COARSE_CELLS = "There is no error bar, because the cells are too large for this contact."
 
 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
@@ -708,15 +732,29 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'
 
 
-def _accuracy(budget: ErrorBudget) -> str:
+#: What is left to do where an impact takes all second-order modes that there are.
+ALL_MODES = "use an explicit finite element program, for no more second-order modes are taken"
+
+
+def _accuracy(hit: History, budget: ErrorBudget) -> str:
     """Sentence on the cause that limits the accuracy, and the remedy."""
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
+    remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
     largest = (
         f"The largest part of the bar of the peak force comes from the {cause},"
-        f" {percent(getattr(bar, cause))}: to narrow it, {REMEDIES[cause]}."
+        f" {percent(getattr(bar, cause))}: to narrow it, {remedy}."
     )
     return f"{budget.law} {largest}".lstrip()
+
+
+def _remedy_of_stretch(hit: History) -> str:
+    """What narrows the bar by the choice of second-order modes."""
+    stretch = getattr(hit.model, "stretch", None)
+    taken = hit.assembly.stretched.get("structure")
+    if stretch is None or taken is None or taken.size >= stretch.size:
+        return ALL_MODES
+    return REMEDIES["time"] if stretch.count == "auto" else REMEDIES["stretch"]
 
 
 #: A striker of unknown size is drawn as a ball of this density [kg/m^3].

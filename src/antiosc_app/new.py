@@ -17,7 +17,7 @@ from functools import partial
 from itertools import chain, combinations, islice
 from math import floor, inf, log10, pi, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -28,6 +28,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, RangeError, SiteError, warnings_to
+from antiosc.base.process import free_memory
 from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
@@ -154,6 +155,35 @@ FLOOR_MATERIAL = "concrete C30/37"
 LOWEST_FREQUENCY = 0.56
 
 
+#: Dimension of the cells of a family.
+DIMENSIONS = {"Beam": 1, "Shell": 2, "Solid": 3}
+#: Seconds of a model, and share of the free memory, from which a mesh is said to be large.
+LONG, LARGE = 20.0, 0.5
+
+
+class Forecast(NamedTuple):
+    """Rough numbers of cells and dofs of a mesh, seconds and bytes of a model on it."""
+
+    cells: float
+    dofs: float
+    seconds: float
+    bytes: float
+
+    @property
+    def is_long(self) -> bool:
+        """Whether a model takes long, or much of the memory that is free."""
+        return self.seconds > LONG or self.bytes > LARGE * free_memory()
+
+    def text(self) -> str:
+        """The numbers in words."""
+        dofs = float(f"{self.dofs:.2g}")
+        return (
+            f"some {dofs:.0f} dofs: a model takes about {progress.seconds_text(self.seconds)} and"
+            f" {self.bytes / 1e9:.2g} GB of memory ({free_memory() / 1e9:.2g} GB are free); the"
+            " picture and second-order forces come on top"
+        )
+
+
 @dataclass(frozen=True)
 class Inspection:
     """The result of inspecting a part; lengths in m.
@@ -164,7 +194,7 @@ class Inspection:
     read : arguments of `read_mesh` besides the file.
     low, high : (3,) corners of its box.
     groups : names of its groups.
-    cells : their number and kind in words.
+    shape, n_cells : shape and number of its cells.
     where : groups that are held; plane : (point, normal) of supported nodes; neither: free.
     on_plane : names of the groups that lie on that plane.
     point, direction : those of the site; radius : radius of its patch, None for beams and sheets.
@@ -193,7 +223,8 @@ class Inspection:
     low: Array
     high: Array
     groups: list[str]
-    cells: str
+    shape: str
+    n_cells: int
     where: tuple[str, ...]
     plane: list[list[float]] | None
     point: list[float]
@@ -221,6 +252,26 @@ class Inspection:
     meshed: bool = False
     largest: float = 0.0
     kept: str = ""
+
+    @property
+    def cells(self) -> str:
+        """The number and kind of its cells in words."""
+        return f"{self.n_cells} cells of kind {self.shape}"
+
+    def forecast(self, size: float | None = None, n: int | None = None) -> Forecast:
+        """Forecast of a model of `n` anti-oscillators with cells of another size [m].
+
+        Those of a finished mesh are halved, all of them; a geometry is meshed again.
+        """
+        from antiosc.extension import before_meshing, halvings
+
+        dim = DIMENSIONS[self.family]
+        finer = 1.0
+        if size is not None:
+            finer = self.size / size if self.meshed else 2.0 ** halvings(self.largest, size)
+        cells = self.n_cells * finer**dim
+        dofs, cost = before_meshing(self.shape, dim, cells, n or self.count)
+        return Forecast(cells, dofs, cost.seconds or 0.0, cost.bytes)
 
     @property
     def length(self) -> float:
@@ -294,7 +345,9 @@ class Inspection:
         sides = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         kind = "materials are those of its deck" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
-        sentences = [f"{name}: {self.cells}, {sides} mm; {kind}."]
+        forecast = self.forecast()
+        cost = f" It has {forecast.text()}." if forecast.is_long else ""
+        sentences = [f"{name}: {self.cells}, {sides} mm; {kind}.{cost}"]
         sentences += [
             *self.notes,
             f"it reaches {outline.text(MOST_NAMES)}.",
@@ -483,7 +536,7 @@ def _inspect_mesh(
             supported[_nodes_of(mesh, where)] = True
     else:
         supported = _held_nodes(structure, x, size)
-    family = {1: "Beam", 2: "Shell", 3: "Solid"}[mesh.tdim]
+    family = next(name for name, dim in DIMENSIONS.items() if dim == mesh.tdim)
     longest = float((high - low).max())
     thickness = _mean_thickness(x[faces], outer.normals) if family == "Solid" else 0.0
     sites: Iterator[tuple[Array, Array, float | None]]
@@ -525,14 +578,14 @@ def _inspect_mesh(
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     plate = family == "Solid" and longest > LIKE_A_PLATE * thickness
     count = min(COUNTS["Shell" if plate else family], dofs // DOFS_FOR_EACH)
-    cells = f"{mesh.n_cells} cells of kind {mesh.cell}"
     return Inspection(
         family,
         read,
         low,
         high,
         list(mesh.groups),
-        cells,
+        mesh.cell,
+        mesh.n_cells,
         where,
         plane,
         _rounded(point, size),

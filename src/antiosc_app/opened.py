@@ -30,12 +30,15 @@ from antiosc.base.errors import (
     AntioscError,
     InputError,
     RangeError,
+    by_weight,
     warn,
     warnings_to,
+    weight,
     without_warnings,
 )
 from antiosc.base.process import one_thread
-from antiosc.base.texts import capitalised, engineering
+from antiosc.base.progress import print_text
+from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
@@ -202,6 +205,7 @@ class Opened:
             "stop": self._stop,
             "look": lambda _: self._computed(self._look),
             "save": self._names,
+            "forecast": self._forecast,
             "progress": lambda _: {"doing": self._doing},
         }
 
@@ -221,7 +225,7 @@ class Opened:
     # -- one thread computes
 
     def _computed(self, work: Callable[[], Data], stops: Callable[[], bool] = never) -> Data:
-        """The result of `work` in the computing thread, with its warnings.
+        """The result of `work` in the computing thread, with its warnings and their weights.
 
         {"stale": True} where `stops` has become true during the work.
         """
@@ -241,7 +245,12 @@ class Opened:
                     return {"stale": True}
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
-            return {**result, "warnings": live.untold(messages, result.get("verdict", ()))}
+            caution, verdict = result.get("caution", ""), result.get("verdict", ())
+            warnings = by_weight(messages, " ".join([caution, *verdict]))
+            told = {"warnings": [[weight(one), capitalised(one)] for one in warnings]}
+            source = self._source
+            remedy = "" if source is None else _smaller_cells(source.look, self._given is None)
+            return {name: _with_remedy(value, remedy) for name, value in {**result, **told}.items()}
 
         self._count(1)
         return self._work.submit(run_work).result()
@@ -297,6 +306,8 @@ class Opened:
         from antiosc_app.skin import skin
 
         inspection = self._inspected()
+        if self._size is not None:
+            print_text(f"{self._path.name}: {inspection.cells}, {inspection.forecast().text()}")
         self._source = InspectedFile(self._path.name, inspection, {})
         thickness = (
             None if inspection.family == "Solid" or inspection.of_deck else inspection.thickness
@@ -528,6 +539,21 @@ class Opened:
             "stress_takes": 0.0 if with_stress else took,
         }
 
+    def _forecast(self, values: Table) -> Data:
+        """The cost of the cell size of a set-up, before its mesh is made, as a question; "" if the
+        mesh is small.
+        """
+        set_up = read(values.get("setup"))
+        look = self._opened().look
+        forecast = look.forecast(set_up.size, set_up.n)
+        if set_up.size is None or not forecast.is_long:
+            return {"question": ""}
+        times = forecast.cells / look.n_cells
+        size = 1e3 * set_up.size
+        question = f"With a cell size of {size:.4g} mm the mesh has {forecast.cells:.0f} cells"
+        text = f"{question}, {times:.4g} times as many as at first, and {forecast.text()}."
+        return {"question": text}
+
     def _names(self, _: Table) -> Data:
         """The names of the scene and the report that would be written, and their folder, to be
         confirmed.
@@ -552,7 +578,7 @@ class Opened:
         page_results = run.SceneResults(
             compiled=compiled(read_document(scene)),
             title=result.sections["title"],
-            warnings=list(dict.fromkeys(messages)),
+            warnings=by_weight(messages),
         )
         if isinstance(result, Dropped):
             page_results.structure = result.fall.body.structure
@@ -582,6 +608,20 @@ def _told_of_file(look: new.Inspection) -> str:
         choices += f"; the deck keeps its elements, for {look.kept}"
     striker = f"The first striker is a {look.ball_text()}."
     return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
+
+
+def _smaller_cells(look: new.Inspection, has_size: bool) -> str:
+    """What makes the cells of an opened part smaller, by the fields of its page."""
+    if look.meshed:
+        return "Finer mesh here, or cell size"
+    return live.halved("cell size", new.DIMENSIONS[look.family] * (has_size and not look.kept))
+
+
+def _with_remedy(value: object, remedy: str) -> object:
+    """A text, or a list of such, with what makes the cells of this part smaller."""
+    if isinstance(value, str):
+        return value.replace(SMALLER_CELLS, remedy)
+    return [_with_remedy(one, remedy) for one in value] if isinstance(value, list) else value
 
 
 def _corner(look: new.Inspection) -> float:

@@ -25,8 +25,15 @@ import numpy as np
 import antiosc
 from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
-from antiosc.base.errors import AntioscError, InputError, MissingDependencyError
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    MissingDependencyError,
+    by_weight,
+    weight,
+)
 from antiosc.base.process import loading
+from antiosc.base.texts import capitalised
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -37,6 +44,7 @@ from antiosc_app.results import (
     format_number,
     presentations,
     with_prefixes,
+    with_remedy,
 )
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
@@ -223,6 +231,8 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of the page."""
     data, headline = _live(results)
     one_view = data is not None and data.get("part") is not None
+    told = () if headline is None else (headline.caution, *headline.sentences)
+    warnings = by_weight(results.warnings, " ".join(told))
     program = f"antiosc {info.version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
@@ -242,11 +252,12 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     stills = [
         picture for picture in pictures if picture.heading.startswith(STILLS) and picture.data
     ]
-    return rendered(
+    html = rendered(
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        warnings=live.untold(results.warnings, headline.sentences if headline else ()),
+        first=[capitalised(one) for one in warnings if not weight(one)],
+        warnings=[capitalised(one) for one in warnings if weight(one)],
         headline=headline,
         sections=_untold(
             (picture for part_shown in parts for picture in part_shown.sections.items()), headline
@@ -262,6 +273,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
+    return with_remedy(html, results)
 
 
 def _untold(

@@ -20,8 +20,9 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, InputError, without_warnings
+from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.texts import (
+    SMALLER_CELLS,
     engineering,
     percent,
     point_text as placed,
@@ -55,12 +56,15 @@ from antiosc_app.live import (
     bar_of_fall,
     caution_of,
     force_bar,
+    halved,
     judgement,
     map_cautions,
     stress_note,
+    without_mesh_error,
 )
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import label
+from antiosc_app.scene_file.outline import GEOMETRIES
 from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
 from antiosc_app.scene_file.scene import probe_times
 
@@ -287,6 +291,7 @@ class Presentation:
     Attributes
     ----------
     text : text for the terminal.
+    caution : what must be read before the numbers.
     tables : file -> its columns.
     numbers : numbers for result.json.
     plotted : name of a file -> object with a method `plot`.
@@ -296,6 +301,7 @@ class Presentation:
     """
 
     text: Sequence[str] = ()
+    caution: str = ""
     tables: dict[str, Columns] = field(default_factory=dict)
     numbers: dict[str, object] = field(default_factory=dict)
     plotted: dict[str, object] = field(default_factory=dict)
@@ -422,10 +428,11 @@ def _impact(results: SceneResults) -> Presentation:
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
-    caution = caution_of(hit, budget, results.structure)
-    text = [caution, hit.summary(), doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
+    summary, explanation = (_untold(told, results) for told in (hit.summary(), hit.explanation))
+    text = [summary, doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,
+        caution=caution_of(hit, budget, results.structure),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
@@ -435,11 +442,18 @@ def _impact(results: SceneResults) -> Presentation:
         plotted={**({} if is_scene else {"force": hit}), **peaks},
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
-            "Results": [_facts(hit), hit.explanation, probe_rows, stresses],
+            "Results": [_facts(hit), explanation, probe_rows, stresses],
             "Errors": _errors(hit),
         },
         pictures=_impact_pictures(results, probes),
     )
+
+
+def _untold(text: str, results: SceneResults) -> str:
+    """A text on an impact without the warnings that stand by themselves."""
+    for sentence in results.warnings:
+        text = text.replace(f". {sentence}", ".")
+    return text
 
 
 def _facts(hit: History) -> Block:
@@ -533,7 +547,8 @@ def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
     """
     rows = []
     for name, peak in peaks.items():
-        sentence = _largest(peak) if peak.exposure is None else judgement(peak, force)
+        largest = f"{_largest(peak)}{without_mesh_error(peak)}"
+        sentence = largest if peak.exposure is None else judgement(peak, force)
         rows.append((_spaced(name), sentence))
         if note := stress_note(peak, force):
             rows.append(("", note))
@@ -855,9 +870,9 @@ def _sweep(results: SceneResults) -> Presentation:
 
     caption = "Peak force (N) of each impact, over the first value that varies."
     return Presentation(
-        [format_columns(table)],
-        {"sweep.csv": table},
-        {"sweep": table},
+        text=[format_columns(table)],
+        tables={"sweep.csv": table},
+        numbers={"sweep": table},
         sections={"Sweep": [table]},
         pictures=[chart("Sweep", caption, draw)],
     )
@@ -969,7 +984,8 @@ def _map(results: SceneResults) -> Presentation:
     table |= {f"{axis} (m)": impact_map.points[:, k] for k, axis in enumerate("xyz")}
     numbers = {"points": impact_map.points, "surface": impact_map.names.tolist(), **quantities}
     return Presentation(
-        text=[*map_cautions(impact_map), format_rows(rows)],
+        text=[format_rows(rows)],
+        caution=" ".join(map_cautions(impact_map)),
         tables={"map.csv": table | {headings[name]: values for name, values in quantities.items()}},
         numbers={"map": numbers | {"doubtful": impact_map.doubtful}},
         plotted={"map": impact_map},
@@ -1007,7 +1023,31 @@ def presentations(results: SceneResults) -> list[Presentation]:
 
 
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
-    """Text of title, structure, model and results."""
+    """Text of title, what questions the numbers, structure, model and results."""
     title = str(results.compiled.document.data.get("title", ""))
-    pieces = [title, *(piece for presentation in parts for piece in presentation.text)]
-    return "\n\n".join(piece for piece in pieces if piece)
+    warnings = (f"warning: {one}" for one in beside(results, parts) if not weight(one))
+    cautions = (part.caution for part in parts)
+    pieces = [title, *warnings, *cautions, *(piece for part in parts for piece in part.text)]
+    return with_remedy("\n\n".join(piece for piece in pieces if piece), results)
+
+
+def with_remedy(text: str, results: SceneResults) -> str:
+    """A text with what makes the cells smaller in the scene of its results."""
+    data = {} if results.compiled is None else results.compiled.document.data
+    section = next((name for name in ("deck", "geometry") if name in data), None)
+    if section is None or results.structure is None:
+        return text
+    from antiosc.extension import with_parts
+
+    size = f"size in [{section}]"
+    source = str(data[section].get("source")).lower()
+    remedy = f"refine, or {size}"
+    if not source.endswith(GEOMETRIES) and not data[section].get("solid"):
+        members = with_parts(results.structure).members()
+        remedy = halved(size, max(member.part.mesh.tdim for member in members))
+    return text.replace(SMALLER_CELLS, remedy)
+
+
+def beside(results: SceneResults, parts: Sequence[Presentation]) -> list[str]:
+    """The warnings of a scene by weight, without those that its cautions contain."""
+    return by_weight(results.warnings, " ".join(part.caution for part in parts))

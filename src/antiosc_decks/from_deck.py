@@ -38,7 +38,7 @@ from antiosc.base.checks import (
     shown,
     whole,
 )
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.extension import (
     Attachment,
     Family,
@@ -262,11 +262,11 @@ def read_model(
     raws = on_root(comm, read)
     first = next(iter(raws.values()))
     model = _model(first)
-    notes = list(first.remarks)
-    if model["ignored"]:
-        notes.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
-    for sentence in notes:
+    for sentence in first.remarks:
         warn(comm, sentence)
+    if model["ignored"]:
+        ignored = ", ".join(model["ignored"])
+        warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
     structures = {
         name: _part(raw, file.name, comm, solver, added_supports, added_attachments, yield_strength)
         for name, raw in raws.items()

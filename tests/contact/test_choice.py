@@ -236,7 +236,7 @@ def test_nothing_prints_a_bar_without_the_law_or_the_word():
             if "±" in line:
                 assert ("numerical" in line) != complete
         assert ("law" in budget.causes) == complete
-    assert "give yield_strength or a material" in str(budgets()["unknown"].error_budget)
+    assert "give the yield strength or a material" in str(budgets()["unknown"].error_budget)
 
 
 def test_the_row_of_the_law_is_what_other_strengths_change():

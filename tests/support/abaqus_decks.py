@@ -88,3 +88,17 @@ def line(text: str, card: str) -> str:
     """The place of the first line that begins with the card."""
     number = next(k for k, row in enumerate(text.splitlines(), 1) if row.startswith(card))
     return f"line {number} of part.inp"
+
+
+def plate_deck(n: int) -> str:
+    """A plate of 1 m and 2 mm, of n × n quadrilaterals, held at its edges, with a load."""
+    number = {(i, j): 1 + i + (n + 1) * j for j in range(n + 1) for i in range(n + 1)}
+    nodes = [f"{k}, {i / n}, {j / n}, 0." for (i, j), k in number.items()]
+    corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+    cells = [[number[i + a, j + b] for a, b in corners] for j in range(n) for i in range(n)]
+    elements = [", ".join(map(str, [k + 1, *cell])) for k, cell in enumerate(cells)]
+    held = [str(k) for (i, j), k in number.items() if {i, j} & {0, n}]
+    lines = ["*NODE", *nodes, "*ELEMENT, TYPE=S4, ELSET=all", *elements, "*NSET, NSET=rim", *held]
+    lines += ["*MATERIAL, NAME=m", "*ELASTIC", "3e9, 0.3", "*DENSITY", "1200."]
+    lines += ["*SHELL SECTION, ELSET=all, MATERIAL=m", "2e-3", "*BOUNDARY", "rim, 1, 6"]
+    return "\n".join([*lines, "*STEP", "*STATIC", "*CLOAD", "1, 3, 1.", "*END STEP", ""])

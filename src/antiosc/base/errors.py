@@ -79,17 +79,56 @@ class AccuracyWarning(AntioscWarning):
     """A usable result that is less accurate than requested, or than usual."""
 
 
+class NotTakenWarning(AntioscWarning):
+    """Content of a file that is not taken."""
+
+
+class Message(str):
+    """Text of a warning that was collected, with its category."""
+
+    category: type[Warning]
+
+    def __new__(cls, text: str, category: type[Warning]) -> Message:
+        """The text on one line."""
+        message = super().__new__(cls, " ".join(text.split()))
+        message.category = category
+        return message
+
+
+#: Weights of warnings: those that question the numbers, those on the model, those on the file.
+QUESTIONS_NUMBERS, ON_MODEL, ON_FILE = range(3)
+
+
+def weight(message: str) -> int:
+    """The weight of a warning, by its category."""
+    category = getattr(message, "category", AntioscWarning)
+    if issubclass(category, AccuracyWarning):
+        return QUESTIONS_NUMBERS
+    return ON_FILE if issubclass(category, NotTakenWarning) else ON_MODEL
+
+
+def by_weight(messages: Iterable[str], told: str = "") -> list[str]:
+    """Warnings in the order of their weight, each once, without those that `told` contains."""
+    told = told.lower()
+    return sorted((one for one in dict.fromkeys(messages) if one.lower() not in told), key=weight)
+
+
 #: what takes antiosc's warnings of this thread; None: Python's own filters
 _receiver: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnings", default=None)
 
 
-def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
-    """Warn at the line of the caller's own code, however deep in the library this is called."""
+def warn(message: str, category: type[Warning] | None = None) -> None:
+    """Warn at the line of the caller's own code, however deep in the library this is called.
+
+    `category`: None: that of a message that was collected, else AntioscWarning.
+    """
+    kind: type[Warning] = getattr(message, "category", AntioscWarning)
+    kind = kind if category is None else category
     taker = _receiver.get()
     if taker is not None:
-        taker(message)
+        taker(Message(message, kind))
         return
-    warnings.warn(message, category, stacklevel=1 + _frames_to_caller())
+    warnings.warn(str(message), kind, stacklevel=1 + _frames_to_caller())
 
 
 #: Packages whose frames may lie between the caller's code and `warn`, besides Python's own.

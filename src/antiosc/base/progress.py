@@ -100,11 +100,11 @@ def progress_text(count: int, total: int, elapsed: float) -> str:
     """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
     text = f"{count} of {total}"
     if 0 < count < total:
-        text += f", about {_seconds(elapsed * (total - count) / count)} left"
+        text += f", about {seconds_text(elapsed * (total - count) / count)} left"
     return text
 
 
-def _seconds(seconds: float) -> str:
+def seconds_text(seconds: float) -> str:
     """A time in words: 12 s, 3 min, 2 h."""
     if seconds < 100:
         return f"{seconds:.0f} s"

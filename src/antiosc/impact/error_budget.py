@@ -43,7 +43,7 @@ from antiosc.base.texts import percent
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.law_error import ByLaw, law_errors
-from antiosc.impact.stretching import DECIDING, NEGLIGIBLE, differences
+from antiosc.impact.stretching import DECIDING, NEGLIGIBLE, STRETCH_SAFETY, differences
 from antiosc.impact.truncation import WARN_SHARE, truncation_error, truncation_share
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
@@ -281,7 +281,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
-        not_estimated = NOT_ESTIMATED.format("The mesh is" if rough else "Mesh and truncation are")
+        remedy = COMPARED_WITH if model.info.no_estimate else ESTIMATED_WITH
+        missing = "The mesh is" if rough else "Mesh and truncation are"
+        not_estimated = NOT_ESTIMATED.format(missing, remedy)
         left_out = f"{left_out} {not_estimated}".lstrip()
     band_notes = filter(None, [low_band_message(raw), linear])
     if patch_notes:
@@ -298,15 +300,12 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     )
 
 
-#: Factor of safety on the change by two more second-order modes, and least error, which is that of
-#: the tensors themselves. With these values 55 of 56 random sheets have bars that cover the error
-#: (50 with a factor of 2 and no least error); tried with others (benchmarks/random_sheets.py).
-STRETCH_SAFETY = 3.0
+#: Least error by the choice of second-order modes, that of their tensors (`STRETCH_SAFETY`).
 STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
-NOT_ESTIMATED = (
-    "{} not in these bars: extract with stretch and the error 'estimate' has all of them."
-)
+NOT_ESTIMATED = "{} not in these bars: {}."
+ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
+COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
 
 def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> Shares:

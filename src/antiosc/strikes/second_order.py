@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
+from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import may_stretch
@@ -33,7 +33,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
             linear = stretched
             warnings = stretched_warnings
     for sentence in warnings:
-        warn(sentence, AccuracyWarning)
+        warn(sentence)
     return linear
 
 
@@ -64,5 +64,5 @@ def _collected_warnings() -> Iterator[list[str]]:
             yield warnings
     except AntioscError:
         for sentence in warnings:
-            warn(sentence, AccuracyWarning)
+            warn(sentence)
         raise

@@ -93,7 +93,7 @@ class Bench {
     try {
       const found = await this.call(name, { tab, turn, setup, ...more });
       if (turn !== this.turn || found.stale) return null;
-      this.warned = [...new Set([...(ADDING.includes(name) ? this.warned : []), ...found.warnings])];
+      this.warned = [...(ADDING.includes(name) ? this.warned : []), ...found.warnings];
       this.wrong("", false);
       if (["blow", "map"].includes(name)) this.outdated(false);
       return found;
@@ -124,7 +124,9 @@ class Bench {
 
   // An error or a hint before the warnings of what is shown.
   wrong(text, failed) {
-    notice(find("wrong"), [text, ...this.warned].filter(Boolean).join(" "));
+    const caution = find("caution").textContent, known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
+    const told = known.filter(([, one]) => !caution.includes(one)).sort((a, b) => a[0] - b[0]);
+    notice(find("wrong"), text ? [[0, text], ...told] : told);
     if (failed) document.documentElement.dataset.failed = text;
   }
 
@@ -288,8 +290,20 @@ class Bench {
     const row = made("label", find("part"), "cell size", { className: "slider" });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name: "size", ariaLabel: "cell size in mm" });
     made("span", row, "mm");
-    number.onchange = () => this.change({ size: number.value === "" ? null : exact(number.value * SIZES.mm) });
+    number.onchange = () => this.resize(number.value === "" ? null : exact(number.value * SIZES.mm));
     this.shown.push(() => { number.value = Number(((this.setup.size ?? this.facts.size) / SIZES.mm).toPrecision(4)); });
+  }
+
+  // Another size of the cells; a mesh that takes long is made once the user has agreed.
+  async resize(size) {
+    try {
+      const { question } = await this.call("forecast", { setup: { ...this.setup, size } });
+      const make = () => this.change({ size });
+      if (question) this.ask(question, "Make it", make, () => this.show_fields());
+      else make();
+    } catch (error) {
+      this.wrong(error.message, true);
+    }
   }
 
   choice(where, label, options, get, set, texts = {}, kinds = null, counts = () => true) {
@@ -517,7 +531,10 @@ class Bench {
   }
 
   // What must be read before the numbers.
-  warn(caution) { notice(find("caution"), caution); }
+  warn(caution) {
+    notice(find("caution"), caution ? [[0, caution]] : []);
+    this.wrong("", false);
+  }
 
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
@@ -562,27 +579,33 @@ class Bench {
 
   async save() {
     const { folder, names } = await this.call("save");
-    find("question").textContent = `Write ${names.join(" and ")} into ${folder}?`;
-    find("yes").onclick = async () => {
-      find("ask").close();
+    this.ask(`Write ${names.join(" and ")} into ${folder}?`, "Write them", async () => {
       const found = await this.step("write", { agreed: names });
       if (found) this.wrote(`Written: ${found.written.join(", ")}. Again: antiosc run ${found.written[0]}`);
-    };
-    find("no").onclick = () => find("ask").close();
+    });
+  }
+
+  // A question that is agreed to or not.
+  ask(question, yes, agreed, refused = () => {}) {
+    find("question").textContent = question;
+    const answered = (then) => () => { find("ask").close(); then(); };
+    Object.assign(find("yes"), { textContent: yes, onclick: answered(agreed) });
+    find("no").onclick = answered(refused);
+    find("ask").oncancel = refused;
     find("ask").showModal();
   }
 }
 
-// A notice of several sentences: the first one, the others on demand.
-function notice(element, text) {
-  const sentences = text.split(/(?<=[.!?]) (?=[A-Z0-9])/);
-  element.hidden = !text;
+// A notice of texts by weight: all that question the numbers (weight 0), or the first one; the others on demand.
+function notice(element, told) {
+  const shown = told.filter(([weight]) => !weight).length || 1;
+  element.hidden = !told.length;
   element.replaceChildren();
-  made("p", element, sentences[0]);
-  if (sentences.length < 2) return;
+  for (const [, text] of told.slice(0, shown)) made("p", element, text);
+  if (told.length <= shown) return;
   const more = made("details", element);
-  made("summary", more, `${sentences.length - 1} more`);
-  for (const sentence of sentences.slice(1)) made("p", more, sentence);
+  made("summary", more, `${told.length - shown} more`);
+  for (const [, text] of told.slice(shown)) made("p", more, text);
 }
 
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit

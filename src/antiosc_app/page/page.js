@@ -225,7 +225,9 @@ class Page {
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
-      unbroken(now, parts);
+      unbroken(now, plain === unknown ? [] : parts);
+      if (plain === unknown) now.textContent = plain;
+      if (name === "stress" && parts.length === 1 && Number.isFinite(value) && this.data.stress_note) made("small", now, ` (${this.data.stress_note})`);
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;

@@ -25,7 +25,7 @@ function contact_sentence(hit, yields) {
   const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), told = engineering(pressure, "Pa");
   const from = engineering(k * y ** 1.5, "N"), of = engineering(strength, "Pa");
   if (!(hit.dent > 0)) {
-    if ((yields.unknown || "").includes("yield_strength")) return "Whether the contact yields is not known: give yield_strength or a material.";
+    if ((yields.unknown || "").includes("yield strength")) return "Whether the contact yields is not known: give the yield strength or a material.";
     const share = general(Math.sqrt(elastic / y));
     return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}).`;
   }

@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import antiosc
 from antiosc.base import progress
-from antiosc.base.errors import AntioscError, finite_element_packages, warn, warnings_to
+from antiosc.base.errors import (
+    AntioscError,
+    by_weight,
+    finite_element_packages,
+    warn,
+    warnings_to,
+)
 from antiosc.base.texts import STOPPED
 from antiosc.extension import ErrorBudget, yield_share
 from antiosc.models.body import coarse_cell
@@ -72,22 +78,19 @@ def results(compiled: CompiledScene, wanted: Sequence[str]) -> SceneResults:
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Context that collects warnings, each once; after an error they are printed, as they may
-    explain it.
+    """Context that collects warnings, each once, by weight; after an error they are printed, as
+    they may explain it.
     """
 
-    def collect(message: str) -> None:
-        text = " ".join(message.split())
-        if text not in sentences:
-            sentences.append(text)
-
     try:
-        with warnings_to(collect):
+        with warnings_to(sentences.append):
             yield
     except AntioscError:
-        for sentence in sentences:
+        for sentence in by_weight(sentences):
             progress.print_text(f"warning: {sentence}", sys.stderr)
         raise
+    finally:
+        sentences[:] = by_weight(sentences)
 
 
 # -- ranks

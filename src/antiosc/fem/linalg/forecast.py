@@ -91,6 +91,36 @@ def _factored(entries: float) -> float:
     return ASSEMBLED * entries + FACTORED * entries**1.5
 
 
+#: Dofs for each cell of a mesh by the shape of its cells: quadratic elements, shells with their
+#: rotations, cubic beams.
+DOFS_OF_CELL = {"interval": 6, "triangle": 27, "quadrilateral": 24, "tetrahedron": 5}
+DOFS_OF_OTHERS = 24
+#: (c, p) by the dimension of the cells: a factor has some c dofs^p entries. A bottle of 12 000 to
+#: 198 000 dofs (c = 52 to 54), a block of 9000 to 96 000 (21 to 26; a plate of 22 000: 11).
+FILL = {1: (20.0, 1.0), 2: (53.0, 1.15), 3: (22.0, 4 / 3)}
+#: Seconds of a model for each dof, and for each dof and anti-oscillator: the bottle took 3.1e-4 to
+#: 4.5e-4 s for each dof with 150, the block 1.1e-4 to 1.6e-4 s with 20 (on a busy machine).
+EACH_DOF, EACH_STEP = 1e-4, 1.8e-6
+#: Bytes for each dof and anti-oscillator: the bottle took 6 GB with 792 000 dofs.
+EACH_SHAPE = 16.0
+#: Dofs from which solids are solved by two levels.
+TWO_LEVELS = 3e5
+
+
+def before_meshing(shape: str, dim: int, cells: float, n: int) -> tuple[float, Cost]:
+    """(dofs, cost) of a model of `n` anti-oscillators on a mesh that is not made yet, roughly.
+
+    shape, dim : of its cells.
+    """
+    dofs = DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS) * cells
+    coefficient, power = FILL[dim]
+    entries = coefficient * dofs**power
+    of_solver = BYTES * entries
+    if dim == 3 and dofs > TWO_LEVELS:
+        of_solver = LevelSizes(TETRAHEDRA.row * dofs, TETRAHEDRA, entries).bytes
+    return dofs, Cost(of_solver + EACH_SHAPE * n * dofs, (EACH_DOF + EACH_STEP * n) * dofs)
+
+
 @dataclass(frozen=True)
 class LevelSizes:
     """Numbers of entries from which the cost of a two-level solver follows.

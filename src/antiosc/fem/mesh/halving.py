@@ -97,7 +97,7 @@ def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMe
     if longest <= size:
         told = f"{name}: its cells measure {longest:.3g} m at most, so that size changes nothing."
         raws[0].remarks = [*raws[0].remarks, told]
-    rounds = max(0, int(np.ceil(np.log2(longest / size) - ROUNDING)))
+    rounds = halvings(longest, size)
     count = sum(len(raw.cells) * 2.0 ** (rounds * raw.kind.dim) for raw in raws)
     if count > MOST_CELLS:
         raise MeshError(
@@ -107,6 +107,11 @@ def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMe
     for _ in range(rounds):
         raws = halved(raws)
     return raws
+
+
+def halvings(longest: float, size: float) -> int:
+    """How often cells of up to `longest` [m] are halved until none is longer than `size` [m]."""
+    return max(0, int(np.ceil(np.log2(longest / size) - ROUNDING)))
 
 
 def longest_cell(corners: Array) -> float:

@@ -185,7 +185,7 @@ def unknown_dent(contact: OneContact) -> str:
     choice = choice_at(contact)
     if choice is None or not choice.unknown:
         return ""
-    return "unknown (give yield_strength)" if lacks_strength(choice) else "unknown"
+    return "unknown (give the yield strength)" if lacks_strength(choice) else "unknown"
 
 
 def sentence(contact: OneContact) -> str:
@@ -205,7 +205,7 @@ def sentence(contact: OneContact) -> str:
             'Hertz\'s law ends: the contact "auto" goes on beyond.'
         )
     if unknown:
-        return "Whether the contact yields is not known: give yield_strength or a material."
+        return "Whether the contact yields is not known: give the yield strength or a material."
     return ""
 
 

@@ -1,0 +1,113 @@
+"""The page of a deck: what a finer mesh costs before it is made, doubts before the numbers."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+
+import pytest
+
+import antiosc as ao
+from abaqus_decks import plate_deck
+from antiosc.fem.linalg.forecast import before_meshing, of_factor
+from antiosc.fem.linalg.solver_choice import Plan
+from antiosc_app import live
+from antiosc_app.opened import Opened
+from antiosc_app.view import View
+from webdriver import MISSING, Browser
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+NOTICES = """
+const shown = (id) => [...document.getElementById(id).children].filter((e) => e.tagName === "P");
+return {complete: document.documentElement.dataset.complete,
+  failed: document.documentElement.dataset.failed || "",
+  shown: ["wrong", "caution"].flatMap(shown).map((e) => e.textContent),
+  folded: [...document.querySelectorAll("details p")].map((e) => e.textContent),
+  stress: page.cells && page.cells.stress ? page.cells.stress[0].textContent : "",
+  asks: document.getElementById("ask").open, size: bench.setup.size};
+"""
+
+
+@pytest.fixture(scope="module")
+def deck(tmp_path_factory):
+    path = tmp_path_factory.mktemp("deck") / "plate.inp"
+    path.write_text(plate_deck(6), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def opened(deck):
+    one = Opened(deck, unit="m")
+    yield one
+    one.close()
+
+
+def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.02, "n": 10}
+    asked = {size: opened.calls["forecast"]({"setup": setup | {"size": size}})["question"]
+             for size in (None, 0.2, 0.004)}  # fmt: skip
+    assert asked[None] == asked[0.2] == ""
+    cells = 36 * 4**6  # the diagonals of 236 mm are halved 6 times to be below 4 mm
+    assert f"{cells} cells, 4096 times as many" in asked[0.004]
+    assert re.search(r"about \d+ (s|min|h) and [\d.]+ GB", asked[0.004])
+    finer = opened._opened().look.forecast(0.15)
+    made = ao.read_model(deck, "m", size=0.15)
+    assert finer.cells == 36 * 4
+    assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
+
+
+def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.02, "n": 10}
+    found = opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
+    weights = [weight for weight, _ in found["warnings"]]
+    assert weights == sorted(weights)
+    assert "are not taken" in found["warnings"][-1][1]
+    assert "There is no error bar, because the cells" in found["caution"]
+    told = " ".join([found["caution"], *found["verdict"], *(one for _, one in found["warnings"])])
+    assert "(cell size, which halves all cells: each time 4 times as many)" in told
+    assert "Finer mesh here" not in told
+    assert told.count("The cell at the site measures") == 1
+    judged = opened.calls["verdict"]({"tab": "a", "turn": 1, "setup": setup})["judged"]
+    assert judged == {"stress_note": live.NO_MESH_ERROR}  # no yield strength is known
+
+
+@pytest.mark.parametrize("family", ["sheet", "solid"])
+def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(family):
+    if family == "sheet":
+        mesh = ao.box_mesh((0.3, 0.2), size=0.01, gdim=3)
+        part = ao.Structure(mesh, ao.Shell(70e9, 0.3, 2700.0, thickness=1e-3), [ao.Support("-x")])
+    else:
+        mesh = ao.box_mesh((0.06, 0.05, 0.04), size=0.006)
+        part = ao.Structure(mesh, ao.Solid(70e9, 0.3, 2700.0), [ao.Support("-x")])
+    dofs, cost = before_meshing(mesh.cell, mesh.tdim, mesh.n_cells, 0)
+    assert dofs == pytest.approx(part.dofs, rel=0.25)
+    assert 0.4 < cost.bytes / of_factor(Plan(part.K).entries, 1.0).bytes < 2.5
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened):
+    page = View(opened, "plate", "'none'")
+    try:
+        with Browser() as browser:
+            browser.address(page.address, 1300)
+            for _ in range(1200):
+                state = browser.run("return globalThis.page ? 1 : 0") and browser.run(NOTICES)
+                if state and (state["complete"] or state["failed"]):
+                    break
+                time.sleep(0.1)
+            assert not state["failed"]
+            assert any("The cell at the site measures" in text for text in state["shown"])
+            assert not any("are not taken" in text for text in state["shown"])
+            assert any("are not taken" in text for text in state["folded"])
+            assert live.NO_MESH_ERROR in state["stress"]
+            browser.run("bench.resize(0.004)")
+            time.sleep(2)
+            asked = browser.run(NOTICES)
+            assert (asked["asks"], asked["size"]) == (True, None)
+            browser.run("document.getElementById('no').click()")
+            assert browser.run(NOTICES)["size"] is None
+            assert browser.said() == []
+    finally:
+        page.close()

@@ -1,0 +1,123 @@
+"""Warnings in the order of their weight, each once, with remedies that exist for the scene."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+import antiosc as ao
+import sheets
+from abaqus_decks import plate_deck
+from antiosc.base.errors import AccuracyWarning, NotTakenWarning, by_weight, warn, warnings_to
+from antiosc.base.texts import percent
+from antiosc.impact import stretching
+from antiosc_app import live
+from antiosc_app.scene_file import run
+from scene_files import antiosc, written
+
+SCENE = """
+[deck]
+path = "plate.inp"
+unit = "m"
+{strength}
+[sites.middle]
+point = [0.5, 0.5, 0.0]
+direction = [0, 0, -1]
+snap = true
+[extract]
+n = 10
+[impactor]
+kind = "Sphere"
+radius = 0.005
+material = "bearing steel 100Cr6"
+velocity = 0.1
+[simulate]
+duration = 0.1
+[stress]
+"""
+STRENGTH = "yield_strength = 60e6\n"
+
+
+def test_what_questions_the_numbers_comes_first_and_nothing_twice():
+    kinds = [(NotTakenWarning, "file"), (ao.AntioscWarning, "model"), (AccuracyWarning, "number")]
+    collected: list[str] = []
+    with warnings_to(collected.append):
+        for _ in range(2):
+            for category, text in kinds:
+                warn(f"{text}  of\nit", category)
+    again: list[str] = []
+    with warnings_to(again.append):
+        for message in collected:
+            warn(message)
+    assert by_weight(again) == ["number of it", "model of it", "file of it"]
+    assert by_weight(again, "Told: Model of it.") == ["number of it", "file of it"]
+    with run.collected_warnings(again):
+        pass
+    assert again == ["number of it", "model of it", "file of it"]
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("strength", ["", STRENGTH])
+def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, capsys, strength):
+    written(tmp_path, plate_deck(6), "plate.inp")
+    scene = written(tmp_path, SCENE.format(strength=strength))
+    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
+    said = capsys.readouterr()
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for text in (said.out, page):
+        force = re.search("[\n>]peak force", text).start()
+        first = text.index("There is no error bar")
+        assert first < text.index("The cell at the site measures") < force
+        assert text.count("The cell at the site measures") == 1
+        assert "(size in [deck], which halves all cells: each time 4 times as many)" in text
+        assert "refine, or size" not in text
+        assert live.NO_MESH_ERROR in text
+    assert said.err.startswith("warning: of plate.inp are not taken")
+    assert "The cell at the site" not in said.err
+    assert page.index("are not taken") > force
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.parametrize("cell", sheets.CELLS)
+def test_the_remedy_of_a_bar_that_lacks_the_mesh_is_one_that_exists(cell):
+    part = sheets.plate(8, 0.001, cell=cell)
+    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
+    model = ao.extract(part, site, n=10, stretch="auto")
+    budget = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e8), 5e-3).error_budget
+    possible = "extract with stretch and the error 'estimate'" in budget.law
+    assert possible == live.has_bars(part)
+    assert "compare two sizes of the cells" in budget.law or possible
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes(monkeypatch):
+    part = sheets.plate(12, 0.001)
+    model = ao.extract(part, ao.Site((0.5, 0.45, 0.0), (0, 0, -1)), n=30, stretch="auto")
+    striker = ao.RigidMass(0.2, 1.5)
+    exact = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2).peak_force
+    monkeypatch.setattr(stretching, "MOST", 6)
+    messages: list[str] = []
+    with warnings_to(messages.append):
+        hit = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2)
+    (told,) = (message for message in messages if "second-order forces, taken" in message)
+    off = abs(hit.peak_force / exact - 1)
+    shares = [share for share in range(1, 300) if f"off by {percent(share / 100)}" in told]
+    assert shares
+    assert off <= shares[0] / 100
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.parametrize("stretch", [2, "auto"])
+def test_more_second_order_modes_are_the_remedy_only_where_there_are_more(stretch):
+    part = sheets.plate(12, 0.001)
+    site = ao.Site((0.5, 0.45, 0.0), (0, 0, -1))
+    model = ao.extract(part, site, n=100, stretch=stretch)
+    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(1e7), 1e-2)
+    verdict = " ".join(live.headline_of_history(hit, None, hit.error_budget, {}, None).sentences)
+    assert "comes from the stretch" in verdict
+    assert ("larger number of motions" in verdict) == (stretch == 2)
+    assert ("explicit finite element program" in verdict) == (stretch == "auto")
