@@ -22,7 +22,7 @@ NOTICES = """
 const shown = (id) => [...document.getElementById(id).children].filter((e) => e.tagName === "P");
 return {complete: document.documentElement.dataset.complete,
   failed: document.documentElement.dataset.failed || "",
-  shown: ["wrong", "caution"].flatMap(shown).map((e) => e.textContent),
+  shown: shown("wrong").map((e) => e.textContent),
   folded: [...document.querySelectorAll("details p")].map((e) => e.textContent),
   stress: page.cells && page.cells.stress ? page.cells.stress[0].textContent : "",
   asks: document.getElementById("ask").open, size: bench.setup.size};

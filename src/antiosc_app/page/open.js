@@ -37,7 +37,7 @@ class Bench {
     this.tab = String(Math.random());
     this.turn = 0;
     this.pending = 0;
-    [this.past, this.future, this.warned] = [[], [], []];
+    [this.past, this.future, this.warned, this.caution] = [[], [], [], ""];
     this.look();
   }
 
@@ -99,6 +99,7 @@ class Bench {
       return found;
     } catch (error) {
       if (turn === this.turn) {
+        if (name === "blow") this.caution = "";
         this.wrong(error.message, true);
         if (name === "blow") this.outdated(true);
       }
@@ -122,11 +123,11 @@ class Bench {
     find("save").disabled = are;
   }
 
-  // An error or a hint before the warnings of what is shown.
+  // An error or a hint, the caution, and the warnings of what is shown.
   wrong(text, failed) {
-    const caution = find("caution").textContent, known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
-    const told = known.filter(([, one]) => !caution.includes(one)).sort((a, b) => a[0] - b[0]);
-    notice(find("wrong"), text ? [[0, text], ...told] : told);
+    const first = [text, this.caution].filter(Boolean), known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
+    const others = known.filter(([, one]) => !this.caution.includes(one)).sort((a, b) => a[0] - b[0]);
+    notice(find("wrong"), [...first.map((one) => [0, one]), ...others]);
     if (failed) document.documentElement.dataset.failed = text;
   }
 
@@ -532,7 +533,7 @@ class Bench {
 
   // What must be read before the numbers.
   warn(caution) {
-    notice(find("caution"), caution ? [[0, caution]] : []);
+    this.caution = caution;
     this.wrong("", false);
   }
 
