@@ -1027,7 +1027,7 @@ def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     title = str(results.compiled.document.data.get("title", ""))
     warnings = (f"warning: {one}" for one in beside(results, parts) if not weight(one))
     cautions = (part.caution for part in parts)
-    pieces = [title, *warnings, *cautions, *(piece for part in parts for piece in part.text)]
+    pieces = [title, *cautions, *warnings, *(piece for part in parts for piece in part.text)]
     return with_remedy("\n\n".join(piece for piece in pieces if piece), results)
 
 
