@@ -96,7 +96,7 @@ STIFFENS = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
 #: Force of the surface beside a corner, over that of the corner, from which it is told.
-FLAT = 0.5
+FLAT = 0.1
 #: Rotation of the start [rad] by which the predictability is tested.
 NUDGE = 1e-4
 #: Largest relative change of a peak force that counts as predictable.
