@@ -274,7 +274,10 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
         ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
     ]  # fmt: skip
     assert headline_of_map(timed).caution.startswith("There is no error bar")
-    assert "smaller radius of the patch (on the page" in headline_of_map(timed).sentences[2]
+    assert (
+        "radius of the patch (in a scene: [map] radius; on the page"
+        in headline_of_map(timed).sentences[2]
+    )
     most = dataclasses.replace(timed, doubtful=np.ones(2, dtype=bool))
     assert headline_of_map(most).caution.startswith("This map is no answer for the part: 2 doubt")
     blow = {"impactor": ao.RigidMass(0.01, 1.0), "contact": ao.Hertz(1e12)}

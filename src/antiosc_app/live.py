@@ -39,6 +39,7 @@ from antiosc.base.texts import (
     percent,
     point_text,
     restitution_text,
+    where_to_change,
 )
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
@@ -332,7 +333,8 @@ def halved(size: str, dim: int) -> str:
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
     "mesh": f"use smaller elements around the site ({SMALLER_CELLS})",
-    "truncation": "extract more anti-oscillators (in a scene: n in [extract])",
+    "truncation": "extract more anti-oscillators"
+    f" ({where_to_change('n in [extract]', 'the field anti-oscillators')})",
     "time": "use a smaller tol (in a scene: in [simulate])",
     "patch": f"take a smaller patch on smaller elements ({SMALLER_CELLS})",
     "geometry": "use smaller or curved elements along the curved surface",
@@ -340,7 +342,8 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
     "stretch": "extract with a larger number of motions (in a scene: stretch in [extract])",
-    "law": "give the yield strength of your own material and its range (in a scene: yield_range)",
+    "law": "give the yield strength of your own material and its range"
+    f" ({where_to_change('yield_strength, yield_range', 'own material in the list of materials')})",
 }
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}

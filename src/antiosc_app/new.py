@@ -63,6 +63,8 @@ SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: side of a cube has 1/6, the underside of a plate 1/2: held there a plate is a layer on a rigid
 #: floor, and one of 599 x 639 x 4.76 mm had its first antiresonance at 168 kHz.
 LARGEST_PLANE, LARGEST_SIDE = 0.6, 0.3
+#: Radius of a patch over the size of the faces there.
+RESOLVED = 1.05
 #: Radius of a site over the distance to the edge of its face.
 RADIUS = 0.4
 #: Largest radius of a site on a given mesh over that distance, if the facets need as much: at 1.2
@@ -558,6 +560,8 @@ def _inspect_mesh(
         sites = _far_from(x[supported], AWAY * float(np.ptp(x, axis=0).max()), sites)
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites, largest_ball_on(longest))
+        if not len(site_nodes):
+            sites = _clear_of_edges(outer, x, faces, sites)
     if family != "Beam" and mesh.gdim == 3:
         sites = _with_room(outer, sites, largest_ball_on(longest))
         if not len(site_nodes):
@@ -700,6 +704,54 @@ def _outside_hollows(
         else:
             yield site
     yield from hollow
+
+
+def _clear_of_edges(
+    outer: Faces, x: Array, faces: IntArray, sites: Iterator[tuple[Array, Array, float | None]]
+) -> Iterator[tuple[Array, Array, float | None]]:
+    """The sites of a solid; those where an edge cuts the smallest patch that the facets resolve
+    come last.
+    """
+    from antiosc.reduce.site.doubts import WHOLE_PATCH
+    from antiosc.reduce.site.sites import patches
+
+    labels = np.zeros(len(outer), dtype=int)
+    cut = []
+    for site in sites:
+        place = site[0][None]
+        radius = np.array([RESOLVED * facet_size_at(x, faces, site[0])])
+        contact = outer.contact(place, site[1][None], radius, labels)
+        _, share = patches(outer, place, radius, contact)
+        if share[0] < WHOLE_PATCH:
+            cut.append(site)
+        else:
+            yield site
+    yield from cut
+
+
+def facet_size_at(x: Array, faces: IntArray, point: Sequence[float] | Array) -> float:
+    """Size [m] of the facets under the patch that they resolve at a point, as a site measures it:
+    the largest mean side of the facets within its radius that face alike.
+    """
+    from antiosc.extension import SAME_FACE
+
+    corners = x[faces]
+    centres = corners.mean(axis=1)
+    away = np.linalg.norm(centres - point, axis=1)
+    gap = away - np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    nearest = int(np.argmin(away))
+    alike = np.ones(len(corners), dtype=bool)
+    if corners.shape[1] > 2:
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        alike = normals @ normals[nearest] > SAME_FACE
+    sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    size = 0.0
+    largest = float(sizes[nearest])
+    while largest > size:
+        size = largest
+        largest = float(sizes[alike & (gap <= RESOLVED * size)].max(initial=size))
+    return size
 
 
 def _with_room(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shlex
 import threading
 import time
 import tomllib
@@ -42,7 +43,7 @@ from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
-from antiosc_app.kept import MOST_MODELS, FreeModeCache, ResultCache
+from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.build import Evaluation
@@ -65,11 +66,13 @@ from antiosc_app.set_up import (
     MATERIALS,
     MOST_OSCILLATORS,
     NO_LAYER,
+    OWN,
     STRIKERS,
     InspectedFile,
     SetUp,
     Striker,
     Table,
+    constants_of,
     face_of,
     read,
     rounded_up,
@@ -79,7 +82,7 @@ from antiosc_app.set_up import (
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
-    from antiosc import Fall, Site, Structure
+    from antiosc import Fall, Mesh, Site, Structure
     from antiosc_studies.drops.fall import WorstField
     from antiosc_studies.drops.free_body import FreeBody
 
@@ -88,8 +91,12 @@ Step: TypeAlias = Callable[[SetUp, Table], Data]
 
 #: Number of structures in the cache.
 STRUCTURES = 2
-#: Number of falls in the cache.
+#: Number of falls and of impacts in the cache, of meshes, and of models: with its shapes and those
+#: of its stretching one of 77 000 dofs has 85 MB.
 FALLS = 10
+IMPACTS = 3
+MESHES = 2
+MODELS = 12
 #: Number of browser tabs whose latest call is known.
 TABS = 100
 #: Largest duration of a run over `DURATION`, each run twice as long, until striker and part have
@@ -101,7 +108,8 @@ LONGER_OF_MAP = 2.0
 #: Time [s] of the largest stress for a blow at one site over the dofs of the part: 0.12 s for
 #: 14 400 nodes.
 SECONDS = 3e-6
-#: Sections of a scene on which the structure depends; on which its model depends.
+#: Sections of a scene on which the mesh depends, the structure, and its model.
+OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
@@ -176,7 +184,9 @@ class Opened:
         self._lock = threading.Lock()
         self._turns: ResultCache[int] = ResultCache(TABS)
         self._structures: ResultCache[Structure] = ResultCache(STRUCTURES)
-        self._models: ResultCache[AntiOscillators] = ResultCache(MOST_MODELS)
+        self._meshes: ResultCache[Mesh] = ResultCache(MESHES)
+        self._models: ResultCache[AntiOscillators] = ResultCache(MODELS)
+        self._impacts: ResultCache[PageImpact] = ResultCache(IMPACTS)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
@@ -186,6 +196,8 @@ class Opened:
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
         self._building = False
         self._closed = False
+        #: name in an address -> report that was written
+        self.reports: dict[str, Path] = {}
         #: the site that was struck last
         self.site: Site | None = None
 
@@ -328,7 +340,8 @@ class Opened:
             "told": _told_of_file(inspection),
             "skin": shape,
             "faces": list(faces),
-            "materials": [] if inspection.of_deck else MATERIALS,
+            "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
+            "constants": {name: asdict(constants_of(name)) for name in MATERIALS},
             "strikers": STRIKERS,
             "striker_materials": MATERIALS,
             "hammers": HAMMERS,
@@ -373,9 +386,19 @@ class Opened:
         call = scene.structure
         self._building = True
         try:
-            return self._structures.of(key, lambda: Evaluation(scene.document)(call))
+            return self._structures.of(key, lambda: self._of_mesh(scene)(call))
         finally:
             self._building = False
+
+    def _of_mesh(self, scene: CompiledScene) -> Evaluation:
+        """The evaluation of a scene whose mesh is known: other supports keep it."""
+        evaluate = Evaluation(scene.document)
+        assert scene.structure is not None
+        call = scene.structure.arguments.get("mesh")
+        if call is not None:  # a deck has none
+            mesh = self._meshes.of(_key(scene, OF_MESH), lambda: Evaluation(scene.document)(call))
+            evaluate.register(call, mesh)
+        return evaluate
 
     def _extracted(self, scene: CompiledScene) -> AntiOscillators:
         """The extracted model of a scene."""
@@ -433,9 +456,15 @@ class Opened:
         structure = self._structure(scene)
         approximate = self._from_modes(scene) if quickly else None
         model = approximate or self._extracted(scene)
-        evaluate = _evaluation(scene, structure=structure, model=model)
-        hit: History = evaluate(scene.history)
-        return PageImpact(sections, scene, structure, model, hit, approximate is None)
+
+        def impact() -> PageImpact:
+            evaluate = _evaluation(scene, structure=structure, model=model)
+            hit: History = evaluate(scene.history)
+            return PageImpact(sections, scene, structure, model, hit, approximate is None)
+
+        if approximate is not None:
+            return impact()
+        return self._impacts.of(toml(sections), impact)
 
     def _opened(self) -> InspectedFile:
         """The opened part; InputError before that."""
@@ -591,7 +620,10 @@ class Opened:
             page_results.impactor = result.hit.impactor
             page_results.stresses = _strengths(result)
         report.write_page(page_results, results.presentations(page_results), page)
-        return {"written": names}
+        name = f"report_{len(self.reports) + 1}"
+        self.reports[name] = page.resolve()
+        again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
+        return {**self._names({}), "written": names, "again": again, "report": name}
 
 
 def _told_of_file(look: new.Inspection) -> str:

@@ -20,11 +20,13 @@ import traceback
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
-from antiosc_app.live import embedded
+from antiosc.base.texts import on_page
+from antiosc_app.live import embedded, policy, script
 
 HOST = "127.0.0.1"
 #: Header of calls with the token of the page's address.
@@ -68,14 +70,21 @@ class Server(ThreadingHTTPServer):
     ----------
     page : its HTML and its Content-Security-Policy.
     calls : name -> function that answers; an AntioscError becomes a sentence on the page.
+    reports : name in an address -> file of a report that this program has written.
     """
 
     daemon_threads = True
 
-    def __init__(self, page: tuple[str, str], calls: Mapping[str, Call]) -> None:
+    def __init__(
+        self,
+        page: tuple[str, str],
+        calls: Mapping[str, Call],
+        reports: Mapping[str, Path] | None = None,
+    ) -> None:
         super().__init__((HOST, 0), _Request)
         self.token = secrets.token_urlsafe(24)
         self.calls = calls
+        self.reports = {} if reports is None else reports
         self.page = page[0].encode()
         self.policy = page[1]
         self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
@@ -154,7 +163,7 @@ class _Request(BaseHTTPRequestHandler):
             content = f"{error}\n".encode()
             status = error.status
         self.send_response(status)
-        for name, value in {**ALWAYS, "Content-Security-Policy": self.server.policy}.items():
+        for name, value in {**ALWAYS, "Content-Security-Policy": self._policy()}.items():
             self.send_header(name, value)
         self.send_header("Content-Type", f"{kind}; charset=utf-8")
         self.send_header("Content-Length", str(len(content)))
@@ -185,9 +194,17 @@ class _Request(BaseHTTPRequestHandler):
         self._arrived()
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
-        if parts[2:] != [""]:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page.")
-        return "text/html", self.server.page
+        if parts[2:] == [""]:
+            return "text/html", self.server.page
+        try:
+            return "text/html", self.server.reports["/".join(parts[2:])].read_bytes()
+        except (KeyError, OSError):
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page.") from None
+
+    def _policy(self) -> str:
+        """What may run in the answer: the program of the page, or that of a report."""
+        is_report = self.path.rpartition("/")[2] in self.server.reports
+        return policy(script()) if is_report else self.server.policy
 
     def _call(self) -> tuple[str, bytes]:
         """(content type, content) of a call's answer."""
@@ -205,7 +222,7 @@ class _Request(BaseHTTPRequestHandler):
             traceback.print_exc()
             name = type(error).__name__
             answer = {"error": f"antiosc failed ({name}: {error}): undo it; the terminal has more."}
-        return "application/json", embedded(answer).encode()
+        return "application/json", on_page(embedded(answer)).encode()
 
     def _values(self) -> dict[str, Any]:
         """The values of a call: a JSON table without NaN, not nested too deep."""

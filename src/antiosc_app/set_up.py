@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from antiosc import IMPACTORS
+from antiosc import IMPACTORS, Solid
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
-from antiosc.extension import SAME_FACE
 from antiosc_app.new import (
     BALL_MATERIAL,
     FALL_HEIGHT,
     FLOOR_MATERIAL,
     FRICTION,
     IMPACTS,
+    RESOLVED,
     TILT,
     Inspection,
+    facet_size_at,
 )
 
 #: A table of a scene.
@@ -32,8 +31,6 @@ FLOOR = "floor"
 STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
 HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK" and impactor.steel)
-#: Radius of a patch over the size of the faces there.
-RESOLVED = 1.05
 #: Refinement factor of a finer mesh.
 FINER = 3.0
 #: Largest number of held faces.
@@ -45,6 +42,9 @@ MOST_OSCILLATORS = 400
 #: Names of isotropic materials; default of a part.
 MATERIALS = tuple(name for name in materials.names() if materials.record(name).G is None)
 FIRST = "steel S235"
+#: The choice of a material that is not in the table, given by its constants.
+OWN = "own material"
+LACKING = "a material of your own needs E, nu and rho."
 #: Names of floors: rigid, or a half-space of a material.
 RIGID_FLOOR = "rigid"
 FLOORS = (RIGID_FLOOR, *MATERIALS)
@@ -72,31 +72,13 @@ class InspectedFile(NamedTuple):
     faces : name -> table of the support that fixes this face.
     """
 
-    def size_at(self, point: Sequence[float]) -> float:
-        """Size [m] of the skin's facets under the patch that they resolve at a point, as a site
-        measures it: the largest mean side of the facets within its radius that face alike.
-        """
-        corners = self.look.points[self.look.faces]
-        centres = corners.mean(axis=1)
-        away = np.linalg.norm(centres - point, axis=1)
-        gap = away - np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-        nearest = int(np.argmin(away))
-        alike = np.ones(len(corners), dtype=bool)
-        if corners.shape[1] > 2:
-            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            alike = normals @ normals[nearest] > SAME_FACE
-        sizes = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-        size = 0.0
-        largest = float(sizes[nearest])
-        while largest > size:
-            size = largest
-            largest = float(sizes[alike & (gap <= RESOLVED * size)].max(initial=size))
-        return size
-
     name: str
     look: Inspection
     faces: Mapping[str, Mapping[str, Any]]
+
+    def size_at(self, point: Sequence[float]) -> float:
+        """Size [m] of the facets of the skin under the patch that they resolve at a point."""
+        return facet_size_at(self.look.points, self.look.faces, point)
 
 
 @dataclass(frozen=True)
@@ -150,6 +132,29 @@ class Striker:
 
 
 @dataclass(frozen=True)
+class OwnMaterial:
+    """The constants of a material that is not in the table; those of `Solid`, which checks them."""
+
+    E: float
+    nu: float
+    rho: float
+    yield_strength: float | None = None
+    yield_range: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        solid = Solid(**asdict(self))
+        if solid.yield_range is not None:
+            low, high = solid.yield_range
+            if not low <= (solid.yield_strength or 0.0) <= high:
+                raise InputError("yield_range needs a yield_strength within it.")
+
+    @property
+    def table(self) -> Table:
+        """The given constants."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True)
 class SetUp:
     """One impact on the part of a file."""
 
@@ -158,8 +163,10 @@ class SetUp:
     #: radius of the patch [m]; None: as the mesh of a solid resolves it
     radius: float | None = None
     striker: Striker = field(default_factory=Striker)
-    #: name of the material; "" for a deck
+    #: name of the material, or OWN; "" for a deck
     material: str = FIRST
+    #: the constants of OWN
+    own: OwnMaterial | None = None
     #: thickness of a sheet, or diameter of a bar [m]
     thickness: float | None = None
     #: names of the held faces
@@ -197,9 +204,17 @@ class SetUp:
         checks.flag("finer", self.finer)
         checks.nonnegative("yield_strength", self.yield_strength, "Pa")
         if self.material:
-            checks.choice("the material", self.material, MATERIALS)
+            checks.choice("the material", self.material, (*MATERIALS, OWN))
+        if self.material == OWN and self.own is None:
+            raise InputError(LACKING)
         if len(self.held) > MOST_HELD or not all(isinstance(face, str) for face in self.held):
             raise InputError(f"held lists at most {MOST_HELD} names of faces.")
+
+
+def constants_of(name: str) -> OwnMaterial:
+    """The constants of a material of the table, from which an own one starts on the page."""
+    record = materials.record(name)
+    return OwnMaterial(record.E, record.nu, record.rho, record.yield_strength, record.yield_range)
 
 
 def rounded_up(value: float) -> float:
@@ -214,7 +229,19 @@ def read(values: object) -> SetUp:
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
     _as_tuples(striker, [name for name in ("down", "tilt", "finer") if name in striker])
     _as_tuples(table, ("point", "direction", "held"))
+    if table.get("own") is not None:
+        table["own"] = _own(table["own"])
     return SetUp(**{**table, "striker": Striker(**striker)})
+
+
+def _own(values: object) -> OwnMaterial:
+    """The own material that the page sends."""
+    table = dict(_checked_fields("material of your own", values, OwnMaterial))
+    if not {"E", "nu", "rho"} <= table.keys():
+        raise InputError(LACKING)
+    if table.get("yield_range") is not None:
+        _as_tuples(table, ["yield_range"])
+    return OwnMaterial(**table)
 
 
 def _as_tuples(table: Table, names: Sequence[str]) -> None:
@@ -281,7 +308,10 @@ def _part(source: InspectedFile, set_up: SetUp, finer: Sequence[Sequence[float]]
     if finer and inspection.meshed:
         sizes = [rounded_up(source.size_at(place) / FINER) for place in finer]
         read["refine"] = [[list(place), size] for place, size in zip(finer, sizes, strict=True)]
+    own = set_up.own if set_up.material == OWN else None
     material: Table = {"name": set_up.material}
+    if own is not None:
+        material = {"kind": inspection.family, **own.table}
     thickness = set_up.thickness or inspection.thickness
     if inspection.family == "Shell":
         material["thickness"] = thickness

@@ -46,7 +46,8 @@ class View:
         directives = (
             f"connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors {frames}"
         )
-        self._server = Server((html, f"{live.policy(program)}; {directives}"), opened.calls)
+        page = html, f"{live.policy(program)}; {directives}"
+        self._server = Server(page, opened.calls, opened.reports)
         self._server.start()
         self.address = self._server.address
 

@@ -22,6 +22,7 @@ import parts
 from antiosc.base import progress
 from antiosc.base.errors import InputError, by_weight
 from antiosc.base.texts import engineering, exceeds, percent
+from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
@@ -51,6 +52,17 @@ view.setPointerCapture = () => {};
 view.dispatchEvent(new PointerEvent("pointerdown", at(0)));
 view.dispatchEvent(new PointerEvent("pointermove", at(30)));
 view.dispatchEvent(new PointerEvent("pointerup", at(30)));
+"""
+SEEN = """
+return ["written", "save"].map((id) => {
+  const {top, bottom} = document.getElementById(id).getBoundingClientRect();
+  return bottom > top && top >= 0 && bottom <= innerHeight;
+});
+"""
+CHOOSE = """
+const field = document.querySelector(arguments[0]);
+field.value = arguments[1];
+field.dispatchEvent(new Event("change"));
 """
 READ = """
 return {data: {...document.documentElement.dataset}, setup: bench.setup,
@@ -124,9 +136,67 @@ def test_a_part_shows_its_faces_and_what_holds_it(opened):
     assert away == pytest.approx(0.005, abs=2 * step)
 
 
+#: Constants of a material of one's own.
+PRINTED = {"E": 2.1e9, "nu": 0.37, "rho": 1200, "yield_strength": 40e6, "yield_range": [25e6, 45e6]}
+
+
+def test_a_material_of_ones_own_is_as_one_of_the_table_with_its_constants(opened):
+    """ABS has no law of the strain rate, so that its constants are all that counts."""
+    first = opened.calls["look"]({})
+    assert set_up.OWN in first["materials"]
+    own = json.loads(json.dumps(first["constants"]["ABS"]))
+    named, given = (
+        call(opened, "settle", asked(opened, material=name, own=own))["blow"]
+        for name in ("ABS", set_up.OWN)
+    )
+    assert given["computed"]["peak_force"] == named["computed"]["peak_force"]
+    assert given["bars"]["shares"] == named["bars"]["shares"]  # the range of the yield strength
+    own |= {"yield_strength": None, "yield_range": None}  # which are optional
+    told = call(opened, "settle", asked(opened, material=set_up.OWN, own=own))
+    assert "Whether the contact yields is not known" in told["verdict"][0]
+
+
+def test_other_supports_keep_the_mesh_and_a_set_up_is_simulated_once(opened):
+    setup = asked(opened)
+    held = opened._struck(set_up.read(setup))
+    assert opened._struck(set_up.read(setup)) is held
+    free = opened._struck(set_up.read(setup | {"held": []}))
+    assert free.structure.mesh is held.structure.mesh
+    assert free.hit.peak_force != held.hit.peak_force
+
+
+def test_the_page_tells_its_work_without_the_names_of_sections(step):
+    from antiosc_app.opened import Opened
+
+    one, told = Opened(step), []
+    setup = set_up.read(asked(one))
+    one._meshes.clear()
+    one._structures.clear()
+    with progress.following(told.append):
+        one._struck(setup)
+    assert any("assembling the part" in text for text in told)
+    assert not any("[" in text for text in told)
+    one.close()
+
+
+def test_a_site_whose_patch_an_edge_cuts_comes_last():
+    part = ao.Structure(parts.box((8, 6, 2), (0.08, 0.06, 0.02)), ao.material("ABS"), [])
+    mesh, down = on_mesh(part).mesh, np.array([0.0, 0.0, -1.0])
+    outer = Faces(mesh, False)
+    x, faces = mesh.dolfinx.geometry.x, new._around(outer)
+    places = [np.array([a, 0.035, 0.02]) for a in (0.077, 0.045, 0.003, 0.035)]
+    sites = new._clear_of_edges(outer, x, faces, iter([(at, down, None) for at in places]))
+    order = [site[0][0] for site in sites]
+    assert order == [0.045, 0.035, 0.077, 0.003]
+    for a in order:
+        radius = new.RESOLVED * new.facet_size_at(x, faces, (a, 0.035, 0.02))
+        place = np.array([[a, 0.035, 0.02]]), down[None], np.array([radius])
+        assert (located(on_mesh(part), *place).share[0] < 0.9) == (a in (0.077, 0.003))
+
+
 @pytest.mark.slow
 def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
-    setup = asked(opened, material="aluminium 6061-T6", damping=0.01)
+    setup = asked(opened, material=set_up.OWN, own=PRINTED, damping=0.01)
     setup["striker"] |= {"kind": "mass", "mass": 0.2, "radius": 0.02, "speed": 2.0}
     setup["point"], setup["direction"] = [0.0, 0.021, 0.035], [1.0, 0.0, -0.1]
     blow = call(opened, "settle", setup)
@@ -562,6 +632,11 @@ WRONG = [
     {"striker": {"tilt": 3}}, {"striker": {"down": [0, 0, "a"]}},
     {"striker": {"kind": "floor", "height": 0}}, {"striker": {"floor": "lava"}},
     {"striker": {"layer": "lava"}}, {"striker": {"layer_thickness": 0}},
+    {"material": set_up.OWN}, {"own": 3}, {"own": {"E": 1e9}}, {"own": PRINTED | {"path": "x"}},
+    {"own": PRINTED | {"E": {"x = 1\n[output]": 1}}}, {"own": PRINTED | {"nu": 0.5}},
+    {"own": PRINTED | {"rho": "heavy"}}, {"own": PRINTED | {"yield_range": [1e6, 2e6]}},
+    {"own": PRINTED | {"yield_range": "x"}}, {"own": PRINTED | {"yield_strength": None}},
+    {"material": set_up.OWN, "own": PRINTED | {"E": 1e40}},
 ]  # fmt: skip
 
 
@@ -674,6 +749,10 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             if "Written" in browser.run(READ)["written"]:
                 break
             time.sleep(0.1)
+        told = browser.run(READ)["written"]
+        assert f"antiosc run {step.with_suffix('.toml').resolve()}" in told
+        assert browser.run(SEEN) == [True, True]  # the message, and the button beside it
+        report = browser.run("return document.querySelector('#written a').href")
         dimmed = "return [document.body.classList.contains('outdated'), save.disabled]"
         browser.run("document.getElementById('undo').click()")
         assert browser.run(READ)["written"] == ""  # what was written is another set-up
@@ -697,6 +776,9 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         assert browser.run("return [Boolean(bench.page.sites), bench.turn]") == [True, 11]
         time.sleep(2)  # numbers without an answer would be dimmed by now
         assert browser.run(dimmed) == [False, False]
+        browser.address(report, width)
+        assert browser.run("return document.title") == "An impact on angle.step"
+        assert browser.run("return document.querySelector('#numbers').rows.length") > 3  # it runs
         assert browser.said() == []
     scene = step.with_suffix(".toml")
     assert scene.exists()
@@ -792,5 +874,31 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert again["setup"] == held["setup"]
         assert "before the page was loaded again" in again["written"]
         browser.run("undo.click()")
-        assert reached(browser, "complete", 2)["setup"] == changed["setup"]
+        undone = reached(browser, "complete", 2)
+        assert undone["setup"] == changed["setup"]
+
+        names = browser.run(
+            "return [...document.querySelectorAll('#hold button')].map((one) => one.textContent)"
+        )
+        numbers = [int(name.split()[1]) for name in names if name.startswith("face ")]
+        assert "hole" in names[0]  # then faces by their numbers, 2 before 10
+        assert numbers == sorted(numbers)
+        assert len(numbers) > 9
+
+        browser.run(CHOOSE, "select[name=material]", set_up.OWN)
+        own = reached(browser, "complete", 3)
+        assert own["setup"]["own"]["E"] == 210e9  # that of the material before
+        browser.run(CHOOSE, "input[name=E]", "70")
+        softer = reached(browser, "complete", 4)
+        assert softer["setup"]["own"] == {**own["setup"]["own"], "E": 70e9}
+        assert softer["peak"] < own["peak"]
+        assert softer["width"] <= width
+        browser.run(CHOOSE, "input[name=nu]", "0.6")
+        for _ in range(600):
+            if wrong := browser.run(READ)["wrong"]:
+                break
+            time.sleep(0.1)
+        assert wrong.startswith("nu must lie in -1 < nu < 0.5")
+        browser.run("delete document.documentElement.dataset.failed; undo.click(); undo.click()")
+        assert reached(browser, "complete", 7)["setup"] == own["setup"]
         assert browser.said() == []

@@ -10,7 +10,9 @@ import time
 import pytest
 
 from antiosc.base.errors import InputError
+from antiosc.base.texts import on_page, where_to_change
 from antiosc_app import server
+from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
 
 OK, NO = b"200", b"403"
@@ -28,7 +30,7 @@ def answered(values):
 def served(monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 1.0)
     monkeypatch.setattr(server._Request, "timeout", 1.0)
-    one = Server(("<title>part</title>", "default-src 'none'"), {"blow": answered})
+    one = Server(("<title>part</title>", "default-src 'none'"), {"blow": answered}, {})
     one.start()
     yield one
     one.close()
@@ -79,6 +81,32 @@ def test_the_page_and_its_calls_are_answered(served):
         assert header in page
     refused = sent(served, request(served, body=b'{"wrong": 1}'))
     assert json.loads(refused.split(b"\r\n\r\n")[1]) == {"error": "wrong must not be given."}
+
+
+def test_remedies_name_the_fields_of_the_page(served):
+    """Of the keys of a scene and the fields of the page these alone, in answers and in errors."""
+    remedy = where_to_change('error = "x" in [extract]', "this field")
+    values = {"verdict": [f"take more ({remedy})", "in [b]; on the page: c"], "n": 1}
+    reply = sent(served, request(served, body=json.dumps(values).encode()))
+    told = json.loads(reply.split(b"\r\n\r\n")[1])["answer"]["got"]
+    assert told == {"verdict": ["take more (this field)", "in [b]; c"], "n": 1}
+    alone = on_page("judge it elsewhere (in a scene: leave_out in [stress])")
+    assert alone == "judge it elsewhere (in the scene that Save writes: leave_out in [stress])"
+
+
+def test_a_report_that_was_written_is_served_with_its_own_policy(served, tmp_path):
+    path = tmp_path / "part.html"
+    path.write_text("<title>report</title>", encoding="utf-8")
+    served.reports["report_1"] = path
+    get = {"method": "GET", "drop": ("Origin",)}
+    reply = sent(served, request(served, path=f"/{served.token}/report_1", **get))
+    assert status(reply) == OK
+    assert b"<title>report</title>" in reply
+    assert f"Content-Security-Policy: {policy(script())}".encode() in reply
+    for address in (f"/{served.token}/{path}", "/x/report_1", f"/{served.token}/report_1/x"):
+        assert status(sent(served, request(served, path=address, **get))) in (b"404", NO)
+    path.unlink()
+    assert status(sent(served, request(served, path=f"/{served.token}/report_1", **get))) == b"404"
 
 
 def test_a_defect_is_told_on_the_page_and_on_the_terminal(served, capsys):

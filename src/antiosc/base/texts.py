@@ -7,6 +7,7 @@ number as engineers do: 82.7 µs, 2.20 kN ± 2 %.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Iterable
 from math import floor, isfinite, log10
 from typing import Any
@@ -18,8 +19,25 @@ from antiosc.base.errors import AntioscError
 
 #: Most lines of numbers of an object.
 LINES = 4
+
+
+def where_to_change(scene: str, page: str) -> str:
+    """Text: the keys of a scene that help, and the fields of the page; `on_page` keeps these."""
+    return f"in a scene: {scene}; on the page: {page}"
+
+
+#: The keys of a scene in such a text, also in JSON.
+_SCENE_KEYS = re.compile(r'in a scene: (?:[^;()"\\]|\\.)*; on the page: ')
+
+
+def on_page(text: str) -> str:
+    """Sentences with the fields of the page in place of the keys of a scene."""
+    text = _SCENE_KEYS.sub("", text).replace("on the page: ", "")
+    return text.replace("in a scene: ", "in the scene that Save writes: ")
+
+
 #: What makes cells smaller: around a site, or all of them.
-SMALLER_CELLS = "refine, or size; on the page: Finer mesh here, or cell size"
+SMALLER_CELLS = where_to_change("refine, or size", "Finer mesh here, or cell size")
 #: Most characters of one value.
 WIDTH = 72
 

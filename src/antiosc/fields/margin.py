@@ -25,7 +25,15 @@ from antiosc.base.stresses import (
     extreme_principal,
     length,
 )
-from antiosc.base.texts import SMALLER_CELLS, ReprMixin, engineering, percent, point_text
+from antiosc.base.texts import (
+    SMALLER_CELLS,
+    ReprMixin,
+    capitalised,
+    engineering,
+    percent,
+    point_text,
+    where_to_change,
+)
 from antiosc.engine.contact.geometry import hertz_pressure
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import stress_amplitudes
@@ -153,52 +161,67 @@ class Margin(ReprMixin):
 
     @property
     def sentence(self) -> str:
-        """The result in one sentence."""
-        name = CRITERIA[self.criterion][1]
-        there = " there" if self.scope else ""
-        place_text = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
-        if len(self.spans) > 1:
-            place_text += f", in impact {self.impact}"
-        if self.layer is not None:
-            place_text = f"in layer {self.layer} ({self.surface}) {place_text}"
-        if self.criterion == "yield":
-            model = engineering(self.value, "Pa")
-            largest = f"{engineering(self.stress, 'Pa')} {place_text}"
-            if self.at_edge:
-                largest = (
-                    f"{engineering(self.stress, 'Pa')} at this distance by Hertz's pressure on a"
-                    f" half-space (the mesh is too coarse there: its largest is {model}"
-                    f" {place_text})"
-                )
-            elif self.spread:
-                largest += f" ({model}, and what the patch's radius makes uncertain)"
-            exposure_text = (
-                f"the largest von Mises stress{there}, {largest}, is "
-                f"{self.exposure:.3g} of the yield strength {engineering(self.strength, 'Pa')}"
+        """The verdict with its scope, the stress that decides, and what may change the verdict."""
+        if not self.scope and not self.contact:
+            return f"{self._verdict}: {self._largest}"
+        sentences = [self._verdict, self._largest]
+        if self.at_edge:
+            sentences.append(
+                "the mesh is too coarse there: its largest stress is"
+                f" {engineering(self.value, 'Pa')} {self._place}"
             )
-        else:
-            exposure_text = (
-                f"the largest exposure{there} by {name} is {self.exposure:.3g}, {place_text}"
-            )
-        margin = f"margin of safety {self.margin:.3g}"
         if self.nearer is not None and self.nearer.exposure > self.exposure:
-            largest = engineering(self.nearer.value, "Pa")
-            margin += f"; nearer, up to {largest} at {point_text(self.nearer.point)}"
+            stress = engineering(self.nearer.value, "Pa")
+            sentences.append(f"nearer it is up to {stress} at {point_text(self.nearer.point)}")
         if self.thin < inf:
             radius = engineering(float(min(self.beyond[:, 3])) / CONTACT_RADII, "m", 2)
-            margin += (
-                f"; the part is {self.thin:.2g} contact radii thick there, less than"
-                f" {HALF_SPACE:g}, so that Hertz's stress on a half-space does not replace what"
-                f" its mesh does not resolve: make the cells at the contact smaller than {radius}"
-                f" ({SMALLER_CELLS})"
-            )
-        return f"{self._verdict}: {exposure_text}; {margin}"
+            sentences += [
+                "this verdict may change with the mesh: its cells at the contact are larger than"
+                f" its radius, and the part is {self.thin:.2g} contact radii thick there, too"
+                f" thin (less than {HALF_SPACE:g}) for Hertz's stress in their place",
+                f"make the cells there smaller than {radius} ({SMALLER_CELLS})",
+            ]
+        first, *others = sentences
+        return ". ".join([first, *map(capitalised, others)])
+
+    @property
+    def _place(self) -> str:
+        """Place and time of the worst point: "at (1, 2, 3) mm, 809 µs"."""
+        place = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
+        if len(self.spans) > 1:
+            place += f", in impact {self.impact}"
+        if self.layer is None:
+            return place
+        return f"in layer {self.layer} ({self.surface}) {place}"
+
+    @property
+    def _largest(self) -> str:
+        """Text: the largest stress or exposure, and the margin of safety."""
+        there = " there" if self.scope else ""
+        margin = f"margin of safety {self.margin:.3g}"
+        if self.criterion != "yield":
+            name = CRITERIA[self.criterion][1]
+            exposure = f"{self.exposure:.3g}, {self._place}"
+            return f"the largest exposure{there} by {name} is {exposure}; {margin}"
+        return (
+            f"the largest von Mises stress{there}, {self._stress}, is {self.exposure:.3g} of the"
+            f" yield strength {engineering(self.strength, 'Pa')}; {margin}"
+        )
+
+    @property
+    def _stress(self) -> str:
+        """Text: the judged stress, its place, and what makes it larger than that of the model."""
+        stress, of_model = (engineering(stress, "Pa") for stress in (self.stress, self.value))
+        if self.at_edge:
+            return f"{stress} at this distance by Hertz's pressure on a half-space"
+        if stress == of_model:
+            return f"{stress} {self._place}"
+        spread = engineering(self.spread, "Pa")
+        return f"{stress} {self._place} ({spread} of it for the radius of the patch)"
 
     @property
     def _verdict(self) -> str:
-        """Sentence on whether yield or failure is reached, and on the zones that the margin leaves
-        out.
-        """
+        """Text: whether yield or failure is reached, and where this holds."""
         noun = CRITERIA[self.criterion][0]
         runs = self.spans or (self,)
         is_certain = any(run.bounds[0] >= 1 for run in runs)
@@ -207,11 +230,9 @@ class Margin(ReprMixin):
             verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))}"
         else:
             verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
-        if self.scope:
-            verdict = f"{self.scope} {verdict}"
-        elif self.contact:
-            verdict = f"apart from it {verdict}"
-        return f"the contact yields; {verdict}" if self.contact else verdict
+        if not self.contact:
+            return f"{verdict} {self.scope}".rstrip()
+        return f"{verdict} {self.scope or 'apart from the contact'}, which itself yields"
 
     def __str__(self) -> str:
         return self.sentence
@@ -586,11 +607,11 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
             " holds the part"
         )
     if share >= UNRESOLVED_JUMP:
+        place = ", ".join(f"{c:.4g}" for c in x)
+        refined = f"refine = [[[{place}], SIZE]] or size in [geometry], in m"
         return (
             f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
-            " resolve it; make the cells there smaller: of a geometry by refine ="
-            f" [[[{', '.join(f'{c:.4g}' for c in x)}], SIZE]] in [geometry] of its scene, in m,"
-            " which the page saves; of a finished mesh by a smaller size (on the page: cell size)"
+            f" resolve it; make the cells there smaller ({where_to_change(refined, 'cell size')})"
         )
     return ""
 

@@ -1,6 +1,6 @@
 """Why the impact at a site of a map is doubtful, and what helps."""
 
-from antiosc.base.texts import SMALLER_CELLS
+from antiosc.base.texts import SMALLER_CELLS, where_to_change
 
 #: Reasons.
 CUT = "an edge cuts the patch"
@@ -11,10 +11,11 @@ PIERCED = "the striker pierces the part elsewhere"
 BEYOND_WALL = "the force exceeds that on a wall"
 #: Reason -> what leaves fewer doubtful sites.
 REMEDIES = {
-    CUT: "take a smaller radius of the patch (on the page: Site; in a scene: [map] radius), on"
-    f" cells not larger than it ({SMALLER_CELLS})",
+    CUT: "take a smaller radius of the patch"
+    f" ({where_to_change('[map] radius', 'patch radius')}), on cells not larger than it"
+    f" ({SMALLER_CELLS})",
     SUPPORTED: "hold the part elsewhere, or map another face",
-    EDGE: "map one face (on the page: click it, then Map; in a scene: [map] where)",
+    EDGE: f"map one face ({where_to_change('[map] where', 'click it, then Map')})",
     HOLLOW: "take a smaller striker",
     PIERCED: "take a smaller striker",
     BEYOND_WALL: f"take cells smaller than the radius of the patch ({SMALLER_CELLS})",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
 from antiosc.fem.structure.structure import Structure
@@ -17,6 +18,9 @@ from antiosc.reduce.extraction.stretching import with_stretch
 H = TypeVar("H", bound=History)
 #: Simulates the impact on a model.
 Run = Callable[[AntiOscillators], H]
+#: The models with second-order forces, by the models without them, as long as these are in use: the
+#: forces are the same for every striker, and take longer than the impact.
+_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, AntiOscillators] = WeakKeyDictionary()
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
@@ -42,15 +46,22 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     try:
-        return with_stretch(structure, model, "auto")
+        return _with_stretch(structure, model)
     except InputError:  # of a part that has none
         return model
+
+
+def _with_stretch(structure: Structure, model: AntiOscillators) -> AntiOscillators:
+    """The model with second-order forces, computed once for a model."""
+    if model not in _WITH_STRETCH:
+        _WITH_STRETCH[model] = with_stretch(structure, model, "auto")
+    return _WITH_STRETCH[model]
 
 
 def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
     """The impact with second-order forces; None if the part or the run has none."""
     try:
-        return run(with_stretch(structure, model, "auto"))
+        return run(_with_stretch(structure, model))
     except InputError:  # the linear run tells of its deflection
         return None
 

@@ -13,6 +13,9 @@ const FIELDS = {
     ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000],
     ["modulus", "Young's modulus", "GPa", 0.001, 1000]],
 };
+// A material that is not in the list, and its constants: name, label, unit; the last is a range.
+const OWN = "own material", CONSTANTS = [["E", "Young's modulus", "GPa"], ["nu", "Poisson's ratio", ""], ["rho", "density", "kg/m³"],
+  ["yield_strength", "yield strength", "MPa"]], RANGE = ["yield_range", "its range", "MPa"];
 const UNSTATED = ["density", "modulus"]; // of decks that do not state them
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
 const WHOLE = ["n"]; // fields of whole numbers
@@ -253,9 +256,10 @@ class Bench {
   make_fields() {
     const { facts } = this;
     find("file").textContent = facts.told;
-    const names = facts.faces.map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
+    const names = in_order(facts.faces).map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
-    this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.change({ material }));
+    this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
+    this.own_material();
     this.choice(find("striker"), "kind", facts.strikers, () => this.setup.striker.kind, (kind) => this.striker({ kind }), KINDS_OF_STRIKER);
     this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
       (material) => this.striker({ material }), {}, ["ball", "mass"]);
@@ -283,6 +287,39 @@ class Bench {
     find("stresses").onclick = () => this.map(true);
     find("python").onfocus = () => find("python").select();
     this.show_fields();
+  }
+
+  // A material of one's own starts from the constants of the material before it.
+  choose_material(material) {
+    const { own, material: before } = this.setup;
+    this.change(material === OWN ? { material, own: own || this.facts.constants[before] } : { material });
+  }
+
+  // The constants of a material that is not in the list; yield strength and range may be empty.
+  own_material() {
+    if (!this.facts.materials.length) return;
+    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...RANGE, 2]];
+    for (const [name, label, unit, count] of fields) {
+      const row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit] || 1;
+      const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name,
+        ariaLabel: `${label}${count > 1 ? [", from", ", to"][i] : ""} in ${unit || "1"}` }));
+      made("span", row, unit);
+      inputs.forEach((input) => { input.onchange = () => this.set_constant(name, inputs.map((one) => one.value === "" ? null : exact(one.value * size))); });
+      this.shown.push(() => {
+        row.hidden = this.setup.material !== OWN;
+        const value = (this.setup.own || {})[name];
+        inputs.forEach((input, i) => { input.value = value == null ? "" : exact((count > 1 ? value[i] : value) / size); });
+      });
+    }
+  }
+
+  // A constant of one number, or a range, which counts once both its ends are there, or none.
+  set_constant(name, values) {
+    const { own } = this.setup, empty = values.includes(null);
+    if (values.length > 1 && empty && values.some((value) => value !== null)) return;
+    const value = empty ? null : values.length > 1 ? values : values[0];
+    const range = name === "yield_strength" && empty ? { yield_range: null } : {};
+    this.change({ own: { ...own, ...range, [name]: value } });
   }
 
   // The largest cell of the mesh: a number alone, for every value makes another mesh.
@@ -582,7 +619,10 @@ class Bench {
     const { folder, names } = await this.call("save");
     this.ask(`Write ${names.join(" and ")} into ${folder}?`, "Write them", async () => {
       const found = await this.step("write", { agreed: names });
-      if (found) this.wrote(`Written: ${found.written.join(", ")}. Again: antiosc run ${found.written[0]}`);
+      if (!found) return;
+      this.wrote(`Written into ${found.folder}: ${found.written.join(" and ")}. The same numbers again: ${found.again} `);
+      made("a", find("written"), "Open the report", { href: found.report, target: "_blank", rel: "noopener" });
+      find("written").scrollIntoView({ block: "nearest" }); // beside the button, which may be far from the top
     });
   }
 
@@ -607,6 +647,12 @@ function notice(element, told) {
   const more = made("details", element);
   made("summary", more, `${told.length - shown} more`);
   for (const [, text] of told.slice(shown)) made("p", more, text);
+}
+
+// Names of faces as a reader looks for them: holes, groups of the file, then faces by their numbers.
+function in_order(names) {
+  const rank = (name) => (/^hole .*mm/.test(name) ? 0 : /^(face|flat side) \d+$/.test(name) ? 2 : 1);
+  return [...names].sort((a, b) => rank(a) - rank(b) || a.localeCompare(b, "en", { numeric: true }));
 }
 
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit

@@ -45,6 +45,20 @@ from antiosc_app.scene_file.schema import (
 
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
+#: Section -> what its call computes, in words for who waits.
+DOING = {
+    "geometry": "reading the mesh",
+    "deck": "reading the deck",
+    "material": "assembling the part",
+    "structure": "assembling the part",
+    "extract": "extracting the model of the part",
+    "impactor": "the striker",
+    "simulate": "computing the impact",
+    "strike": "computing the impact",
+    "drop": "computing the fall",
+    "stress": "looking for the largest stress",
+    "worst": "looking for the largest stress",
+}
 #: Largest list of a scene file.
 LONGEST_LIST = 200_000
 
@@ -74,6 +88,13 @@ class Call:
     def name(self) -> str:
         """Name of the callable: "simulate", "Structure.from_files"."""
         return str(getattr(self.make, "__qualname__", ""))
+
+    @property
+    def doing(self) -> str:
+        """What the call computes, in words for who waits."""
+        if not self.place:
+            return self.name
+        return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:
         """Place and sentence for an error of this call; at the argument that the error names."""
@@ -128,7 +149,7 @@ class Evaluation:
     def _object(self, call: Call) -> object:
         if call.made is None and call not in self._made:
             arguments = {name: self(value) for name, value in call.arguments.items()}
-            with progress.doing(f"computing [{label(call.place)}]" if call.place else call.name):
+            with progress.doing(call.doing):
                 try:
                     self._made[call] = call.make(**arguments)
                 except InputError as error:

@@ -12,6 +12,7 @@ import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import extreme_principal
+from antiosc.base.texts import engineering
 from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
@@ -205,7 +206,7 @@ def test_a_contact_that_yields_is_told_beside_the_margin():
         pressure = ao.contact_stress(ball, hit.peak_force, 210e9, 0.3).pressure
         assert (pressure > 1.6 * 355e6) == yields
         assert margin.contact == yields
-        assert ("the contact yields; apart from it" in margin.sentence) == yields
+        assert ("apart from the contact, which itself yields. The" in margin.sentence) == yields
         assert not len(margin.beyond)  # a sheet has no zone of the contact
 
 
@@ -217,7 +218,7 @@ def test_the_margin_leaves_out_balls_that_are_given(strip):
     assert worst.value == pytest.approx(6 * 100.0 * (0.2 - 0.06) / (0.01 * 0.02**2), rel=0.02)
     assert worst.point[0] == pytest.approx(0.06)
     assert worst.nearer.value == ao.peak_field(part, hit, body="part").margin().value
-    assert worst.sentence.startswith("farther than 53 mm from what is left out yield is not")
+    assert worst.sentence.startswith("yield is not reached farther than 53 mm from what")
     np.testing.assert_array_equal(peak.points[peak.judged], worst.point)
     whole = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.0, 0.0, 1.0)]).margin()
     assert whole.value == worst.nearer.value
@@ -255,7 +256,7 @@ def test_a_solid_is_judged_beyond_three_radii_of_a_contact_that_yields():
         assert margin.spread == pytest.approx(spread[k], rel=1e-9)
         stress = max((peak.values + spread)[k], hit_zone(hit).edge_stress if yields else 0.0)
         assert margin.exposure == pytest.approx(stress / alu.yield_strength)
-        assert ("yields; outside 3 radii of the contact (" in margin.sentence) == yields
+        assert ("reached outside 3 radii of the contact (" in margin.sentence) == yields
         assert ("by Hertz's pressure on" in margin.sentence) == yields == margin.at_edge
         if yields:
             np.testing.assert_allclose(margin.beyond, [[*site, contact]])
@@ -313,6 +314,7 @@ def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
     assert (margin.edge_stress == 0.0) == is_thin
     assert margin.thin == pytest.approx(thickness if is_thin else np.inf)
     assert (f"is {thickness:.2g} contact radii thick there" in margin.sentence) == is_thin
+    assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
 
 
 def test_a_margin_within_its_error_by_the_mesh_is_undecided():
@@ -323,6 +325,18 @@ def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     assert not undecided.reached
     certain = dataclasses.replace(undecided, value=1.01 * YIELD)
     assert certain.sentence.startswith("yield is reached")
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-4, 0.1])
+def test_a_stress_is_told_once_and_its_uncertain_part_where_it_shows(spread):
+    ball = np.array([[0.0, 0.0, 0.0, 3.2e-3]])
+    margin = ao.results.Margin(
+        "yield", 0.4 * YIELD, YIELD, np.zeros(3), 0.0, contact=True, beyond=ball,
+        spread=0.4 * YIELD * spread,
+    )  # fmt: skip
+    assert margin.sentence.count(engineering(margin.stress, "Pa")) == 1
+    uncertain = f"({engineering(margin.spread, 'Pa')} of it for the radius of the patch)"
+    assert (uncertain in margin.sentence) == (spread == 0.1)
     for value, share in ((0.8, 0.27), (1.2, 0.27), (0.5, 0.27), (2.0, 0.27), (2.0, 3.3)):
         judged = dataclasses.replace(margin, value=value * YIELD, force_error=share)
         is_open = value * (1 - share) < 1 <= value * (1 + share)

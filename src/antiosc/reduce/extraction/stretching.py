@@ -23,7 +23,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.progress import doing
+from antiosc.base.progress import counting, doing
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -40,6 +40,8 @@ SOLVES_OF_FREE = 6
 EXHAUSTED = 1e-6
 #: Points whose strains are multiplied at once.
 AT_ONCE = 20_000
+#: What is computed, for who waits.
+WORDS = "stretching of the part as it bends"
 
 
 def part_of(structure: Structure) -> MeshedStructure:
@@ -96,7 +98,7 @@ def _stretch_of_motions(structure: Structure, modes: Array, phi: Array, count: C
     """The `Stretch` of motions phi (rows, m), which are combinations `modes` (J, m) of the free
     modes.
     """
-    with doing(f"second-order forces of {len(modes.T)} modes", structure.comm.rank):
+    with doing(WORDS, structure.comm.rank):
         derivatives = tensors(structure, _points(structure), phi)
     quadratic, cubic, shapes = derivatives
     return Stretch(modes, quadratic, cubic, count, shapes)
@@ -156,11 +158,14 @@ def tensors(structure: Structure, points: PartPoints, phi: Array) -> tuple[Array
 def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
     """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
     stresses = [points.stress(slope) for slope in slopes]
-    loads = []
-    for i, j in pairs:
-        strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
-        slope_forces = points.along(stresses[i], slopes[j]) + points.along(stresses[j], slopes[i])
-        loads.append(points.load(strained, slope_forces / 2))
+    loads: list[Array] = []
+    with counting(WORDS, len(pairs)) as done:
+        for i, j in pairs:
+            strained = points.weighted_stress(points.second(slopes[i], slopes[j])) / 2
+            slope_forces = points.along(stresses[i], slopes[j])
+            slope_forces = slope_forces + points.along(stresses[j], slopes[i])
+            loads.append(points.load(strained, slope_forces / 2))
+            done(len(loads))
     return np.column_stack(loads)
 
 
