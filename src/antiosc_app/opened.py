@@ -94,7 +94,7 @@ STRUCTURES = 2
 #: Number of falls and of impacts in the cache, of meshes, and of models: with its shapes and those
 #: of its stretching one of 77 000 dofs has 85 MB.
 FALLS = 10
-IMPACTS = 3
+IMPACTS = 2
 MESHES = 2
 MODELS = 12
 #: Number of browser tabs whose latest call is known.
@@ -425,6 +425,17 @@ class Opened:
         """
         if set_up.striker.kind == FLOOR:
             raise InputError("a fall has no map: choose a ball, a mass or a hammer.")
+        key = repr(set_up)
+        known = self._impacts.get(key)
+        if known is not None and not (known.settled or quickly):
+            del self._impacts[key]
+        blow = self._impacts.of(key, partial(self._until_parted, set_up, quickly))
+        assert blow.scene.model is not None
+        self.site = blow.scene.model.arguments["site"].made
+        return blow
+
+    def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
+        """The impact of a set-up that is not known yet; `quickly` as in `_struck`."""
         source = self._in_cells_of(set_up)
         longest = LONGER * DURATION
         if source.look.family == "Shell":
@@ -446,8 +457,6 @@ class Opened:
             warn(f"The patch has grown to a radius of {radius}, which carries the force.")
         for message in messages:
             warn(message)
-        assert blow.scene.model is not None
-        self.site = blow.scene.model.arguments["site"].made
         return blow
 
     def _run(self, sections: Table, quickly: bool) -> PageImpact:
@@ -456,15 +465,9 @@ class Opened:
         structure = self._structure(scene)
         approximate = self._from_modes(scene) if quickly else None
         model = approximate or self._extracted(scene)
-
-        def impact() -> PageImpact:
-            evaluate = _evaluation(scene, structure=structure, model=model)
-            hit: History = evaluate(scene.history)
-            return PageImpact(sections, scene, structure, model, hit, approximate is None)
-
-        if approximate is not None:
-            return impact()
-        return self._impacts.of(toml(sections), impact)
+        evaluate = _evaluation(scene, structure=structure, model=model)
+        hit: History = evaluate(scene.history)
+        return PageImpact(sections, scene, structure, model, hit, approximate is None)
 
     def _opened(self) -> InspectedFile:
         """The opened part; InputError before that."""

@@ -382,6 +382,7 @@ def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
             break
         time.sleep(0.2)
     opened._models.clear()
+    opened._impacts.clear()
     quick = call(opened, "blow", setup)
     assert (quick["settled"], settled["settled"]) == (False, True)
     one, other = (each["blow"]["computed"]["peak_force"] for each in (quick, settled))

@@ -15,7 +15,7 @@ const FIELDS = {
 };
 // A material that is not in the list, and its constants: name, label, unit; the last is a range.
 const OWN = "own material", CONSTANTS = [["E", "Young's modulus", "GPa"], ["nu", "Poisson's ratio", ""], ["rho", "density", "kg/m³"],
-  ["yield_strength", "yield strength", "MPa"]], RANGE = ["yield_range", "its range", "MPa"];
+  ["yield_strength", "yield strength", "MPa"]], STRENGTHS = ["yield_range", "its range", "MPa"];
 const UNSTATED = ["density", "modulus"]; // of decks that do not state them
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
 const WHOLE = ["n"]; // fields of whole numbers
@@ -298,7 +298,7 @@ class Bench {
   // The constants of a material that is not in the list; yield strength and range may be empty.
   own_material() {
     if (!this.facts.materials.length) return;
-    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...RANGE, 2]];
+    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...STRENGTHS, 2]];
     for (const [name, label, unit, count] of fields) {
       const row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit] || 1;
       const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name,
