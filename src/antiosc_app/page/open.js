@@ -253,10 +253,16 @@ class Bench {
 
   // -- fields
 
+  // Names of faces as a reader looks for them: holes, groups of the file, then faces by their numbers.
+  in_order(names) {
+    const rank = (name) => (/^hole .*mm/.test(name) ? 0 : /^(face|flat side) \d+$/.test(name) ? 2 : 1);
+    return [...names].sort((a, b) => rank(a) - rank(b) || a.localeCompare(b, "en", { numeric: true }));
+  }
+
   make_fields() {
     const { facts } = this;
     find("file").textContent = facts.told;
-    const names = in_order(facts.faces).map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
+    const names = this.in_order(facts.faces).map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
     this.own_material();
@@ -647,12 +653,6 @@ function notice(element, told) {
   const more = made("details", element);
   made("summary", more, `${told.length - shown} more`);
   for (const [, text] of told.slice(shown)) made("p", more, text);
-}
-
-// Names of faces as a reader looks for them: holes, groups of the file, then faces by their numbers.
-function in_order(names) {
-  const rank = (name) => (/^hole .*mm/.test(name) ? 0 : /^(face|flat side) \d+$/.test(name) ? 2 : 1);
-  return [...names].sort((a, b) => rank(a) - rank(b) || a.localeCompare(b, "en", { numeric: true }));
 }
 
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
