@@ -741,7 +741,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
         )
         at_edge = reached(browser, "complete", 6)
-        assert at_edge["stress"].endswith("MPa")
+        assert "MPa (mesh not estimated" in at_edge["stress"]  # of a patch that an edge cuts
         assert "edge cuts the patch" in at_edge["wrong"]
         browser.run("document.getElementById('save').click()")
         time.sleep(1)
@@ -897,7 +897,7 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert softer["width"] <= width
         browser.run(CHOOSE, "input[name=nu]", "0.6")
         for _ in range(600):
-            if wrong := browser.run(READ)["wrong"]:
+            if wrong := browser.run("return document.documentElement.dataset.failed"):
                 break
             time.sleep(0.1)
         assert wrong.startswith("nu must lie in -1 < nu < 0.5")
