@@ -100,10 +100,14 @@ void aom_supernodes_to_16_bits(const aom_supernodes *L, float *scale) {
             const float *column = (const float *)L->values + first;
             int16 *rounded = (int16 *)L->values + first;
             float largest = 0.0F;
-            for (int64_t i = j; i < height; i++)
-                largest = fmaxf(largest, fabsf(column[i]));
-            for (int64_t i = 0; i < height; i++)
-                rounded[i] = i < j ? 0 : (int16_t)lrintf(column[i] * (INT16_MAX / largest));
+            for (int64_t i = j; i < height; i++) {
+                float size = column[i] < 0.0F ? -column[i] : column[i];
+                largest = size > largest ? size : largest;
+            }
+            for (int64_t i = 0; i < height; i++) {
+                float x = column[i] * (INT16_MAX / largest);
+                rounded[i] = i < j ? 0 : (int16_t)(x < 0.0F ? x - 0.5F : x + 0.5F);
+            }
             if (rounded[j] < 1)
                 rounded[j] = 1; /* no division by zero */
             scale[L->start[s] + j] = largest / INT16_MAX;

@@ -56,7 +56,7 @@ view.dispatchEvent(new PointerEvent("pointerup", at(30)));
 SEEN = """
 return ["written", "save"].map((id) => {
   const {top, bottom} = document.getElementById(id).getBoundingClientRect();
-  return bottom > top && top >= 0 && bottom <= innerHeight;
+  return bottom > top && top > -1 && bottom < innerHeight + 1; // browsers scroll by whole pixels
 });
 """
 CHOOSE = """
@@ -478,7 +478,7 @@ def test_a_patch_that_is_too_small_for_the_force_grows(opened):
     setup["striker"] |= {"kind": "hammer"}
     grown = call(opened, "blow", setup)
     assert grown["site"]["radius"] > small
-    assert any(told.startswith("The patch has grown to") for told in grown["warnings"])
+    assert any("The patch has grown to" in told for _, told in grown["warnings"])
     with pytest.raises(ao.AccuracyError, match="radius of at least"):  # one that is given is kept
         call(opened, "blow", {**setup, "radius": small})
 
