@@ -495,8 +495,9 @@ class ByPetsc(PetscSolver, Factorization):
 
 
 #: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered
-#: by the softest motions, which a rounded factor knows worst.
-PRECONDITIONER_ERROR = 0.03
+#: by the softest motions, which a rounded factor knows worst. With 0.092, in 16 bits, 1.03 million
+#: dofs took 84 s, with 5e-4, in single precision, 95 s, side by side.
+PRECONDITIONER_ERROR = 0.15
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
