@@ -603,7 +603,13 @@ NO_MESH_ERROR = "mesh not estimated: compare two cell sizes"
 def without_mesh_error(peak: PeakField) -> str:
     """The end of a sentence on a stress: that its error by the mesh is not estimated, or ""."""
     is_stress = peak.unit == "Pa" or peak.exposure is not None
-    return f" ({NO_MESH_ERROR})" if is_stress and _mesh_bar(peak) is None else ""
+    return f" ({NO_MESH_ERROR})" if is_stress and _lacks_mesh_error(peak) else ""
+
+
+def _lacks_mesh_error(peak: PeakField) -> bool:
+    """Whether the judged stress is that of a mesh, without an estimate of its error."""
+    by_hertz = peak.exposure is not None and peak.margin().at_edge
+    return not by_hertz and _mesh_bar(peak) is None
 
 
 def stress_bar(peak: PeakField, force: float | None) -> float | None:
@@ -671,10 +677,12 @@ def largest_stress(
 
 def _stress_note(peak: PeakField, force: float | None) -> str:
     """What the error bar of a judged stress leaves out, in a few words; "" if it has one."""
-    share = _mesh_bar(peak)
-    if share is None:
+    if _lacks_mesh_error(peak):
         return NO_MESH_ERROR
-    return f"± {percent(share)} by the mesh, force not estimated" if force is None else ""
+    share = _mesh_bar(peak)
+    if share is None or force is not None:
+        return ""
+    return f"± {percent(share)} by the mesh, force not estimated"
 
 
 def _absorbed(hit: History) -> str:

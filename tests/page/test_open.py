@@ -741,7 +741,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
         )
         at_edge = reached(browser, "complete", 6)
-        assert "MPa (mesh not estimated" in at_edge["stress"]  # of a patch that an edge cuts
+        assert at_edge["stress"].endswith("MPa")  # by Hertz's pressure, not of the mesh
         assert "edge cuts the patch" in at_edge["wrong"]
         browser.run("document.getElementById('save').click()")
         time.sleep(1)
