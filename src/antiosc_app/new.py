@@ -129,9 +129,9 @@ LIKE_A_PLATE = 40.0
 #: A part of at most so many nodes is struck before its scene is written: this took 5.7 s of
 #: processor time for 5394 nodes of a solid (99 201 dofs), 65 s for 8200 nodes of a sheet.
 MOST_NODES = 6000
-#: Duration [s] of that impact, that under a patch, which must carry the largest force, and the
-#: largest number of its anti-oscillators. A vessel of 7166
-#: shells took 32 s of processor time with 20; with 150, two extractions took most of 78 s.
+#: Duration [s] of that impact, and on a patch, which must carry the largest force; the largest
+#: number of its anti-oscillators. A vessel of 7166 shells took 32 s of processor time with 20; with
+#: 150, two extractions took most of 78 s.
 MOMENT, TO_PEAK, MOST_OSCILLATORS = 2e-4, 2e-3, 20
 #: Number of other sites that are tried where the first is in a hollow or supported.
 OTHERS = 3

@@ -62,7 +62,8 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     up = path.R[-1, 2]
     heights = (skin.points - body.centre) @ up - float((body.points[pressing] @ up).min())
     d = DEPTHS * current.deepest
-    area = cut_areas(skin.points[skin.outward], heights[skin.outward], up, d)
+    triangles = skin.outward
+    area = cut_areas(skin.points[triangles], heights[triangles], up, d)
     modulus, strength = _matter(floor, current, int(pressing[0]))
     punch = 2 * modulus * np.sqrt(area / pi) * d
     force = np.fmin(TABOR * strength * area, punch)

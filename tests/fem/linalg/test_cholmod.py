@@ -72,10 +72,12 @@ def test_a_rounded_factor_solves_as_the_exact_one(of):
     exact = Cholesky(A).solve(b)
     size = np.sqrt(b @ exact)  # errors in energy
     solver = RoundedFactor(Analysis(A))
+    in_single = solver.supernodes.values.nbytes
     for rounded, tolerance in ((lambda: None, 2e-6), (solver.round_to_16_bits, 5e-3)):
         rounded()
         error = solver.solve(b) - exact
         assert 0 < np.sqrt(error @ (A @ error)) < tolerance * size
+    assert solver.supernodes.values.base.nbytes == pytest.approx(in_single / 2, abs=2)  # in place
 
 
 @pytest.mark.parametrize("of", [lambda: grid(4), partial(dense, 16)])

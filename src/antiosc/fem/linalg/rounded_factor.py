@@ -126,14 +126,11 @@ def _ordered(
 @cache
 def _blas() -> library.CBlas:
     """The functions of the BLAS and LAPACK that SciPy uses."""
-    api = ctypes.pythonapi
-    api.PyCapsule_GetName.restype, api.PyCapsule_GetName.argtypes = (
-        ctypes.c_char_p,
-        [ctypes.py_object],
-    )
-    api.PyCapsule_GetPointer.restype = ctypes.c_void_p
-    api.PyCapsule_GetPointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
+    name_of, pointer_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer_of.restype = ctypes.c_void_p
+    pointer_of.argtypes = [ctypes.py_object, ctypes.c_char_p]
     names = {cython_lapack: ("spotrf",), cython_blas: ("strsm", "ssyrk", "sgemm")}
     capsules = [m.__pyx_capi__[name] for m, group in names.items() for name in group]
-    pointers = [api.PyCapsule_GetPointer(c, api.PyCapsule_GetName(c)) for c in capsules]
+    pointers = [pointer_of(capsule, name_of(capsule)) for capsule in capsules]
     return library.CBlas(*pointers)

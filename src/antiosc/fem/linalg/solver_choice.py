@@ -625,6 +625,16 @@ def preconditioner(
     `analysis` hands over the symbolic factor.
     """
     process.trim_heap()
+    solve = _by_rounded(A, analysis)
+    return factorize(A).solve if solve is None else solve
+
+
+def _by_rounded(
+    A: PETSc.Mat, analysis: Callable[[], Analysis | None]
+) -> Callable[[Array], Array] | None:
+    """Solves with the factor in 16 bits, or in single precision if these are not accurate enough;
+    None if neither is.
+    """
     comm = A.getComm().tompi4py()
     # as large as the stiffness: held rows, with 1 on the diagonal, must not hide the others
     b = np.sqrt(np.abs(A.getDiagonal().array))
@@ -637,16 +647,18 @@ def preconditioner(
         error = comm.allreduce(residual @ solver.solve(residual))
         return bool(error <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ x))
 
+    # One factor at a time, and rounded in place: two take more memory than any other step.
     with suppress(NotConvergedError):  # not positive definite after rounding
-        for final in (False, True):
-            factor = _rounded(A, analysis)
-            if factor is None or not accurate(factor):
-                break
-            if not final:  # in place: both at once would take more memory than any other step
-                factor.round_to_16_bits()
-            if final or accurate(factor):
-                return factor.solve
-    return factorize(A).solve
+        factor = _rounded(A, analysis)
+        if factor is None or not accurate(factor):
+            return None
+        factor.round_to_16_bits()
+        if accurate(factor):
+            return factor.solve
+        del factor
+        factor = _rounded(A, analysis)
+        return None if factor is None else factor.solve
+    return None
 
 
 def _rounded(
