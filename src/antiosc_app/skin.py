@@ -86,11 +86,14 @@ def _triangles(mask: BoolArray, doubled: bool) -> IntArray:
 
 
 def _groups(mesh: Mesh) -> dict[str, Held]:
-    """The groups that can be fixed (faces, edges and points), the largest first."""
+    """The groups that can be fixed (faces, edges and points), the largest first.
+
+    A group is without parts if its cells are gone, as a face whose nodes are merged.
+    """
     size = {
         name: sum(len(entities) for dim, entities in parts.items() if dim == max(parts))
         for name, parts in mesh.groups.items()
-        if min(parts) < mesh.tdim
+        if min(parts, default=mesh.tdim) < mesh.tdim
     }
     return {name: {"where": name} for name in sorted(size, key=lambda group: -size[group])}
 

@@ -805,6 +805,18 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     assert skin(part, new._inspect_mesh(one, {}, None)).held == ["side of the box"]
 
 
+def test_a_group_without_parts_is_no_face_to_be_held():
+    """As a face whose nodes are merged when the mesh is read."""
+    from antiosc_app.skin import skin
+
+    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
+    with_gone = replace(mesh, groups={**mesh.groups, "gone": {}})
+    part = ao.Structure(with_gone, ao.material("steel S235"), [])
+    faces = skin(part, new._inspect_mesh(with_gone, {}, None)).faces
+    assert {"-x", "+z"} <= {*faces}
+    assert "gone" not in faces
+
+
 def test_the_size_at_a_point_is_that_of_the_facets_under_its_patch():
     """As a site measures it, which warns of facets larger than the patch; those of other sides of
     an edge do not count.
