@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
@@ -28,6 +29,8 @@ SHARP_ANGLE = 40.0
 COINCIDENT = 1e-6
 #: Height of a triangle over its longest side below which it has no area.
 FLAT = 1e-6
+#: Rounds of cutting triangles at corners on their sides.
+MOST_CUTS = 10
 #: Largest hole that is closed, over the size of the surface.
 SMALL_HOLE = 0.05
 #: Mean thickness 2 V/A over the size from which a closed surface is that of a solid.
@@ -55,7 +58,7 @@ class FacetSkin:
     points : (n, 3)
     triangles : (t, 3) corners, consistently oriented; closed pieces have outward normals.
     piece : (t,) number of the piece of each triangle.
-    open_edges : number of edges that do not belong to two triangles.
+    open_edges : number of edges that are not passed once each way by two triangles, or by pairs.
     remarks : repairs that were made, one sentence each.
     """
 
@@ -67,7 +70,7 @@ class FacetSkin:
 
     @property
     def closed(self) -> bool:
-        """Whether each edge belongs to exactly two triangles."""
+        """Whether each edge belongs to two triangles, or to pairs of these."""
         return self.open_edges == 0 and len(self.triangles) > 0
 
     @property
@@ -95,10 +98,14 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     """(triangles with consistent orientation, number of the connected piece of each).
 
     Pieces that enclose a volume are oriented outward. If a piece is one-sided, or more than two
-    triangles meet at an edge, neighbours may differ.
+    triangles meet at an edge, neighbours may differ, unless the triangles close as they are: bodies
+    that touch along an edge are one piece.
     """
     count = len(triangles)
     consistent, a, b = _neighbours(triangles)
+    if not _unpaired(triangles):
+        piece = _components(*_along_edges(triangles), count)
+        return _outward(points, np.array(triangles, dtype=np.int64), piece), piece
     # each triangle twice: as it is, and turned
     rows = np.concatenate([a, a + count])
     columns = np.concatenate(
@@ -110,9 +117,41 @@ def oriented(points: Array, triangles: AnyIntArray) -> tuple[IntArray, IntArray]
     flipped = np.array(triangles, dtype=np.int64)
     reversed_side = side[:count] != side[start][piece]
     flipped[reversed_side] = flipped[reversed_side][:, ::-1]
-    inward = np.bincount(piece, volumes(points - points.mean(axis=0), flipped)) < 0
-    flipped[inward[piece]] = flipped[inward[piece]][:, ::-1]
-    return flipped, piece
+    return _outward(points, flipped, piece), piece
+
+
+def _outward(points: Array, triangles: IntArray, piece: IntArray) -> IntArray:
+    """The triangles; pieces that enclose a negative volume are turned."""
+    inward = np.bincount(piece, volumes(points - points.mean(axis=0), triangles)) < 0
+    triangles[inward[piece]] = triangles[inward[piece]][:, ::-1]
+    return triangles
+
+
+def _edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """(ends (3t, 2) of the sides of t triangles, first sides first, number of the edge of each,
+    uses of each edge).
+    """
+    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    _, edge, uses = np.unique(
+        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return ends, edge.ravel(), uses
+
+
+def _unpaired(triangles: AnyIntArray) -> int:
+    """Number of edges that are not passed equally often each way."""
+    ends, edge, _ = _edges(triangles)
+    way = np.where(ends[:, 0] < ends[:, 1], 1.0, -1.0)
+    return int((np.bincount(edge, way) != 0).sum())
+
+
+def _along_edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
+    """Pairs of triangles that share an edge, so that all at an edge are connected."""
+    _, edge, _ = _edges(triangles)
+    order = np.argsort(edge, kind="stable")
+    same = edge[order][1:] == edge[order][:-1]
+    owner = order % len(triangles)
+    return owner[:-1][same], owner[1:][same]
 
 
 def _components(a: IntArray, b: IntArray, count: int) -> IntArray:
@@ -128,12 +167,9 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
     """(mask of consistent orientation, first triangle, second triangle) for edges of two
     triangles.
     """
-    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    ends, edge, uses = _edges(triangles)
     owner = np.tile(np.arange(len(triangles)), 3)
-    _, edge, uses = np.unique(
-        np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    order = np.argsort(edge.ravel(), kind="stable")
+    order = np.argsort(edge, kind="stable")
     first = order[(np.cumsum(uses) - uses)[uses == 2]]
     second = order[(np.cumsum(uses) - uses)[uses == 2] + 1]
     # a common edge is passed once in each direction
@@ -155,24 +191,32 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
     if flipped:
         notes.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
     sound = ~_flat(points, triangles)
-    is_first = np.zeros(len(triangles), dtype=bool)
-    is_first[np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)[1]] = True
-    for removed, reason in ((~sound, "without area"), (sound & ~is_first, "that repeat another")):
+    repeated, wall = (np.zeros(len(triangles), dtype=bool) for _ in range(2))
+    repeated[sound], wall[sound] = _repeats(triangles[sound])
+    reasons = (
+        (~sound, "without area"),
+        (repeated, "that repeat another"),
+        (wall, "between bodies that touch, or folded,"),
+    )
+    for removed, reason in reasons:
         if removed.any():
             notes.append(
                 f"{name}: {removed.sum()} of {len(removed)} triangles {reason} are left out."
             )
-    triangles = triangles[sound & is_first]
+    triangles = triangles[sound & ~repeated & ~wall]
     if not len(triangles):
         raise MeshError(
             f"{name} holds no triangles with an area: write the surface of the part into it."
         )
+    triangles, cut = _sewn(points, triangles, COINCIDENT * size)
+    if cut:
+        notes.append(f"{name}: {cut} triangles are cut at corners of others on their sides.")
     triangles, piece = oriented(points, triangles)
     points, more, holes = _caps(points, triangles, SMALL_HOLE * size)
     if holes:
         notes.append(f"{name}: {holes} small holes of the surface are closed.")
         triangles, piece = oriented(points, np.vstack([triangles, more]))
-    return FacetSkin(points, triangles, piece, int((_edge_uses(triangles) != 2).sum()), notes)
+    return FacetSkin(points, triangles, piece, _unpaired(triangles), notes)
 
 
 def _merged(points: Array, triangles: IntArray, distance: float) -> tuple[Array, IntArray]:
@@ -227,10 +271,85 @@ def _cut_out(points: Array, triangles: IntArray, row: int, flat: BoolArray) -> N
         flat[row] = False
 
 
-def _edge_uses(triangles: IntArray) -> IntArray:
-    """Number of triangles at each edge."""
-    ends = np.sort(np.concatenate([triangles[:, list(side)] for side in SIDES]), axis=1)
-    return np.asarray(np.unique(ends, axis=0, return_counts=True)[1])
+def _repeats(triangles: IntArray) -> tuple[BoolArray, BoolArray]:
+    """Masks of triangles: (those that repeat another, those of walls, of which none is kept).
+
+    Two bodies that share a face, and a surface that is folded onto itself, have each triangle there
+    twice; the sides at the border of such a wall belong to two other triangles, those at the border
+    of a patch that the file holds twice to one.
+    """
+    _, first, row, copies = np.unique(
+        np.sort(triangles, axis=1),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+        return_counts=True,
+    )
+    repeated = np.ones(len(triangles), dtype=bool)
+    repeated[first] = False
+    several = copies > 1
+    wall = np.zeros(len(first), dtype=bool)
+    if several.any():
+        _, edge, uses = _edges(triangles[first])
+        of_several = np.tile(several, 3)
+        inside = np.bincount(edge[of_several], minlength=len(uses))
+        others = uses - inside
+        patch = _components(*_along_edges(triangles[first][several]), int(several.sum()))
+        side_others = others[edge[of_several]] * (inside[edge[of_several]] == 1)
+        vote = np.array([0.0, -1.0, 1.0])[np.where(side_others > 0, 2 - side_others % 2, 0)]
+        is_wall = np.bincount(np.tile(patch, 3), vote) > 0
+        wall[several] = is_wall[patch] & (copies[several] == 2)
+    of_wall = wall[row.ravel()]
+    return repeated & ~of_wall, of_wall
+
+
+def _sewn(points: Array, triangles: IntArray, distance: float) -> tuple[IntArray, int]:
+    """(triangles, number of those cut): along slits without width, cut at the corners across.
+
+    Unchanged if no fewer edges belong to one triangle alone.
+    """
+    result, cut = triangles, 0
+    for _ in range(MOST_CUTS):
+        rows, parts = _cut_at_corners(points, result, distance)
+        if not len(rows):
+            break
+        cut += len(rows)
+        result = np.vstack([np.delete(result, rows, axis=0), *parts])
+    if (_edges(result)[2] == 1).sum() < (_edges(triangles)[2] == 1).sum():
+        return result, cut
+    return triangles, 0
+
+
+def _cut_at_corners(
+    points: Array, triangles: IntArray, distance: float
+) -> tuple[list[int], list[IntArray]]:
+    """(rows of triangles with corners of others on a free side, the parts of each)."""
+    from scipy.spatial import cKDTree
+
+    ends, edge, uses = _edges(triangles)
+    free = np.flatnonzero(uses[edge] == 1)
+    if not len(free):
+        return [], []
+    corners = np.unique(ends[free])
+    x, y = points[ends[free]].transpose(1, 0, 2)
+    length = np.linalg.norm(y - x, axis=1)
+    near = cKDTree(points[corners]).query_ball_point((x + y) / 2, length / 2)
+    rows: list[int] = []
+    parts: list[IntArray] = []
+    for k, among in enumerate(near):
+        row = int(free[k] % len(triangles))
+        along = (points[corners[among]] - x[k]) @ (y[k] - x[k]) / length[k]
+        off = points[corners[among]] - x[k] - np.outer(along, (y[k] - x[k]) / length[k])
+        inner = (along > distance) & (along < length[k] - distance)
+        on = inner & (np.linalg.norm(off, axis=1) <= distance)
+        if not on.any() or row in rows:
+            continue
+        i, j = ends[free[k]]
+        chain = [i, *corners[among][on][np.argsort(along[on])], j]
+        (apex,) = set(triangles[row].tolist()) - {int(i), int(j)}
+        rows.append(row)
+        parts.append(np.array([[a, b, apex] for a, b in pairwise(chain)], dtype=np.int64))
+    return rows, parts
 
 
 def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntArray, int]:
@@ -238,9 +357,8 @@ def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntAr
 
     A hole is a closed chain of edges of one triangle each, at most `most` wide.
     """
-    ends = np.concatenate([triangles[:, list(side)] for side in SIDES])
-    _, row, uses = np.unique(np.sort(ends, axis=1), axis=0, return_index=True, return_counts=True)
-    rim = ends[row[uses == 1]]
+    ends, edge, uses = _edges(triangles)
+    rim = ends[uses[edge] == 1]
     label = _components(rim[:, 0], rim[:, 1], len(points))
     middles: list[Array] = []
     caps = [np.zeros((0, 3), dtype=np.int64)]

@@ -300,6 +300,45 @@ def test_a_triangle_on_a_line_takes_a_part_of_its_neighbour():
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
 
 
+def test_bodies_that_share_a_face_are_one_and_a_fold_is_left_out():
+    """Twice of a triangle: of a wall none is kept, of a patch that the file repeats one."""
+    points, triangles = block(3)
+    beside = points + np.array([1.0, 0.0, 0.0])
+    both = np.vstack([triangles, triangles + len(points)])
+    skin = cleaned(np.vstack([points, beside]), both, "two.stl")
+    assert (skin.closed, skin.piece.max()) == (True, 0)
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(2.0)
+    assert areas(skin.points, skin.triangles).sum() == pytest.approx(10.0)
+    assert "36 of" in skin.remarks[0]
+    fold = np.array([[*triangles[0, :2], len(points)], [*triangles[0, 1::-1], len(points)]])
+    tip = points[triangles[0]].mean(axis=0) + np.array([0.0, 0.0, 0.1])
+    skin = cleaned(np.vstack([points, tip]), np.vstack([triangles, fold]), "fold.stl")
+    assert (skin.closed, len(skin.triangles)) == (True, len(triangles))
+    sheet = np.vstack([triangles[:18], triangles[:18, ::-1]])
+    assert len(cleaned(points, sheet, "sheet.stl").triangles) == 18
+
+
+def test_bodies_that_touch_along_an_edge_are_closed():
+    points, triangles = block(2)
+    beside = points + np.array([1.0, 1.0, 0.0])
+    both = np.vstack([triangles, triangles + len(points)])
+    skin = cleaned(np.vstack([points, beside]), both, "two.stl")
+    assert (skin.closed, skin.piece.max()) == (True, 0)
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(2.0)
+
+
+def test_a_slit_without_width_is_sewn():
+    """A side of length 3 lies along sides of 1, 1 and 1 (two corners), with nothing between."""
+    axes = [[0, 0, 0], [3, 0, 0], [0, 3, 0], [0, 0, 3]]
+    points = np.array([*axes, [1, 0, 0], [2, 0, 0]], dtype=float)
+    whole = [[0, 2, 1], [0, 3, 2], [1, 2, 3]]
+    cut = [[0, 4, 3], [4, 5, 3], [5, 1, 3]]
+    skin = cleaned(points, np.array([*whole, *cut]), "part")
+    assert (skin.closed, len(skin.triangles)) == (True, 8)
+    assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
+    assert skin.remarks == ["part: 1 triangles are cut at corners of others on their sides."]
+
+
 def test_a_mesh_with_less_volume_than_its_surface_is_told():
     mesh = FileMesh(np.vstack([np.zeros(3), np.eye(3)]), {"tetra": np.arange(4)[None]}, "gmsh")
     assert deviation(mesh, 1 / 6) == []
