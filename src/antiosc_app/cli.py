@@ -143,8 +143,7 @@ def _parser() -> argparse.ArgumentParser:
                 "run the unreduced model and CalculiX too, if each takes at most so many seconds"
             )
             command.add_argument("--compare", type=float, metavar="SECONDS", help=other_commands)
-            about = "one HTML page of the impact, with the table and the chart"
-            command.add_argument("--report", metavar="OUT.html", help=about)
+            _report(command, "one HTML page of the impact, with the table and the chart")
         if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
         if name == "monte-carlo":
@@ -165,12 +164,18 @@ def _parser() -> argparse.ArgumentParser:
 def _results(command: argparse.ArgumentParser) -> None:
     """Add the options of commands that produce results."""
     command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
-    command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
+    _report(command, "write a report: one page, one file")
     command.add_argument(
         "--dry-run",
         action="store_true",
         help="print what would be computed and what it costs, instead of running",
     )
+
+
+def _report(command: argparse.ArgumentParser, about: str) -> None:
+    """Add --report; without a name the page has that of the scene file."""
+    about = f"{about} (without a name: that of the scene, .html)"
+    command.add_argument("--report", metavar="OUT.html", nargs="?", const="", help=about)
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:

@@ -133,7 +133,7 @@ OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
 
 def _tradeoff(options: Namespace) -> int:
     """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
-    page = None if options.report is None else report.checked(options.report)
+    page = _page(options)
     scene = compiled(to_a_tolerance(read(options.file)))
     arguments = {**one_impact(scene, options.file)}
     if options.tol is not None:
@@ -199,6 +199,13 @@ def _schema(_options: Namespace) -> int:
     return 0
 
 
+def _page(options: Namespace) -> Path | None:
+    """The path of the report that is asked for; without a name, the scene's with .html."""
+    if options.report is None:
+        return None
+    return report.checked(options.report or str(Path(options.file).with_suffix(".html")))
+
+
 def _study(options: Namespace) -> int:
     """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
     scene = compiled(read(options.file))
@@ -210,7 +217,7 @@ def _study(options: Namespace) -> int:
     if options.dry_run:
         print_text(_forecast(scene))
         return 0
-    page = None if options.report is None else report.checked(options.report)
+    page = _page(options)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out

@@ -332,8 +332,8 @@ def test_a_yield_strength_has_its_verdict(
     strong = FALL.replace("rho = 2700\n", "rho = 2700\nyield_strength = 275e6\n")
     strong = re.sub(r"material = \{E.*?\}", 'material = "concrete C30/37"', strong)
     (box_folder / "drop.toml").write_text(strong + ASKED[: ASKED.index("filter")] + "[output]\n")
-    assert cli.main(["run", "drop.toml", "--out", "out", "--report", "page.html"]) == 0
-    printed, page = capsys.readouterr().out, (box_folder / "page.html").read_text()
+    assert cli.main(["run", "drop.toml", "--out", "out", "--report"]) == 0
+    printed, page = capsys.readouterr().out, (box_folder / "drop.html").read_text()
     for text in (printed, page):
         assert re.search(
             r"yield .*? reached outside 3 radii of the contact \(.*? mm\), which itself yields\.",
