@@ -68,7 +68,7 @@ class Instance(Scope):
         except ValueError:
             return self.whole.sets.get((keyword, (owner.prefix + word).upper()))
         rows = owner.numbered(keyword, lambda known: known.rows(label))
-        return rows if len(rows) else None
+        return self.whole.everywhere(keyword, rows) if len(rows) else None
 
     def numbered(self, keyword: str, rows_of: Callable[[Numbering], IntArray]) -> IntArray:
         """Rows in the deck that `rows_of` selects here, or else in the assembly's only instance."""
@@ -99,6 +99,8 @@ class Whole:
     sets: dict[tuple[str, str], IntArray] = field(default_factory=dict)
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
+    #: (NSET or ELSET, rows of the file) -> rows with their copies, where the mesh is revolved
+    everywhere: Callable[[str, IntArray], IntArray] = field(default=lambda _keyword, rows: rows)
 
     def element_labels(self) -> IntArray:
         """Numbers of all elements that are cells, in the deck's order of cells."""

@@ -23,7 +23,9 @@ from antiosc.io.neutral import CORNERS, EDGES
 from antiosc_decks.abaqus_cards import GENERATORS, Card, Row
 from antiosc_decks.properties import axes_of
 
-Role = Literal["solid", "shell", "beam", "plane stress", "plane strain", "rod", "other"]
+Role = Literal[
+    "solid", "shell", "beam", "plane stress", "plane strain", "axisymmetric", "rod", "other"
+]
 
 #: Nodes of an element -> its shape.
 SHEETS = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
@@ -40,7 +42,8 @@ TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"(?:D?S|STRI)([34689]|65)(?:R5|R?S?W?T?)", "shell", SHEETS),
     (r"CPS([3468])[A-Z]*", "plane stress", SHEETS),
     (r"CPE([3468])[A-Z]*", "plane strain", SHEETS),
-    (r"(?:CPEG|CAX|CGAX|DC2D|DCAX|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),
+    (r"(?:CAX|CGAX|DCAX)([3468])[A-Z]*", "axisymmetric", SHEETS),
+    (r"(?:CPEG|DC2D|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),
     (r"(?:R3D|M3D|SFM3D)([3468])[A-Z]*", "other", SHEETS),
     (r"(?:B|PIPE)[23]([123])[A-Z]*", "beam", LINES),
     (r"T[23]D(2)[A-Z]*", "rod", LINES),

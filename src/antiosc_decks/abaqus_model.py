@@ -17,6 +17,7 @@ from antiosc_decks.builder import UNITS, ModelBuilder, Unstated, add_mass, add_t
 from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import axes_of
+from antiosc_decks.revolved import hold_rings, revolve
 
 #: Cards with the values of elements that are not cells -> what they give, types of the elements.
 POINT_ELEMENTS = {
@@ -38,6 +39,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
     assembled.deck.remarks += assembled.account.unknown(options=True)
+    revolved = revolve(assembled)
     builder = ModelBuilder(assembled.deck, units, unstated, bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
     for card in assembled.named("NONSTRUCTURALMASS"):
@@ -52,6 +54,8 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
         builder.fixed[:] = False  # those of the model end
     for card in boundaries:
         _boundary(builder, card)
+    if revolved:
+        hold_rings(builder)
     builder.hold()
     for block in assembled.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane

@@ -255,6 +255,12 @@ class Sections:
             arguments = arguments_of_rod
         elif card.keyword == "SOLIDSECTION" and roles == {"solid"}:
             kind, arguments = self._solid(card)
+            revolved = any("AX" in block.type for block in blocks)
+            card.needs(
+                kind == "Solid" or not revolved,
+                "the material of axisymmetric elements must be isotropic: revolve the mesh to "
+                "solids (C3D8, C3D20), with its *ORIENTATION.",
+            )
         elif "BEAM" not in card.keyword and roles <= PLANE and not composite:
             kind, arguments = self._plane(card, roles)  # a thickness means the same of shells
         elif "BEAM" in card.keyword and roles == {"beam"}:
@@ -278,12 +284,6 @@ class Sections:
     def _refuse(self, card: Card, roles: set[str], types: set[str]) -> NoReturn:
         """Raise the error of a section card that does not fit its elements."""
         kinds = ", ".join(sorted(types))
-        axisymmetric = any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in types)
-        card.needs(
-            not axisymmetric,
-            f"the elements {kinds} are axisymmetric, which is not supported; revolve their mesh "
-            "about its axis to solids (C3D8, C3D20).",
-        )
         card.needs(
             len(roles) <= 1,
             f"one section for {' and '.join(sorted(roles))} elements "

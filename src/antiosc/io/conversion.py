@@ -441,13 +441,15 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         _note_inner(block, nodes)
         return
     for face in rectangles(block.shape):
-        middles = _middles(block, nodes, face)
+        whole = ~_repeats(block.corners[:, list(face)])  # the diagonals of others are edges
+        middles = _middles(block[whole], nodes, face)
         for k in (0, 1):
-            nodes.place(block.corners[:, [face[k], face[k + 2]]], *middles)
+            nodes.place(block.corners[whole][:, [face[k], face[k + 2]]], *middles)
     if block.shape == "hexahedron":
-        middles = _middles(block, nodes)
+        whole = ~_folded(block)
+        middles = _middles(block[whole], nodes)
         for ends in DIAGONALS:
-            nodes.place(block.corners[:, list(ends)], *middles)
+            nodes.place(block.corners[whole][:, list(ends)], *middles)
 
 
 def _note_inner(block: Block, nodes: NodeTable) -> None:
@@ -467,7 +469,12 @@ def _collapsed(block: Block) -> bool:
 
 def _folded(block: Block) -> BoolArray:
     """Mask of the elements that repeat a node."""
-    ordered = np.sort(block.corners, axis=1)
+    return _repeats(block.corners)
+
+
+def _repeats(nodes: IntArray) -> BoolArray:
+    """Mask of the rows that repeat a node."""
+    ordered = np.sort(nodes, axis=1)
     return np.asarray((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
 
 
@@ -497,8 +504,7 @@ def _triangles(corners: IntArray) -> tuple[IntArray, IntArray]:
         a, b, c, d = np.take_along_axis(corners, order, axis=1).T
         corners = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
         rows = np.concatenate([rows, rows])
-    ordered = np.sort(corners, axis=1)
-    sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
+    sound = ~_repeats(corners)
     return corners[sound], rows[sound]
 
 
