@@ -17,9 +17,9 @@ from antiosc_decks.abaqus_cards import OTHER
 from antiosc_decks.abaqus_joints import READERS
 from antiosc_decks.builder import ModelBuilder
 
-#: Number of sectors by the number of plane elements. A disc and a ring on 16 sectors had
-#: their first six frequencies within 1e-4 of a fine mesh of tetrahedra, and 1500 elements on the
-#: axis became 585 000 dofs in 35 s; a quarter of a circle on 2 second-order edges is 8e-4 too small.
+#: Number of sectors by the largest number of plane elements. A ring on 16 sectors had its first six
+#: frequencies within 1e-4 of a fine mesh of tetrahedra; 1500 elements on the axis became 585 000
+#: dofs in 35 s. The area of a circle on 8 sectors is 8e-4 too small.
 SECTORS = ((1500, 16), (3000, 8))
 #: Radii below this share of the largest lie on the axis.
 ON_AXIS = 1e-9
@@ -46,8 +46,8 @@ def revolve(whole: Whole) -> bool:
     sectors = next((n for most, n in SECTORS if elements <= most), 0)
     if not sectors:
         raise MeshError(
-            f"{deck.name} has {elements} axisymmetric elements; at most {SECTORS[-1][0]} are revolved"
-            " to solids: mesh it coarser."
+            f"{deck.name} has {elements} axisymmetric elements; at most {SECTORS[-1][0]} are"
+            " revolved to solids: mesh it coarser."
         )
     nodes_at = _turned_nodes(deck, sectors)
     plane = deck.blocks
@@ -65,8 +65,8 @@ def revolve(whole: Whole) -> bool:
     for keyword, sets in (("NSET", deck.node_sets), ("ELSET", deck.element_sets)):
         sets.update({name: everywhere(keyword, rows) for name, rows in sets.items()})
     deck.remarks.append(
-        f"the axisymmetric mesh of {deck.name} is revolved about y into {sectors} sectors of solids;"
-        " what it holds along the radius is held around the axis too."
+        f"the axisymmetric mesh of {deck.name} is revolved about y into {sectors} sectors of"
+        " solids; what it holds along the radius is held around the axis too."
     )
     return True
 

@@ -143,7 +143,7 @@ def test_a_disc_struck_in_the_middle_and_one_of_solids_meet_the_same_force(tmp_p
 
 
 @pytest.mark.parametrize(
-    "more, sentence",
+    ("more", "sentence"),
     [
         ("*EQUATION\n2\n1, 1, 1., 2, 1, -1.\n", r"line \d+ of ring.inp: \*EQUATION of an axisymm"),
         ("*NODE\n900, -0.01, 0.\n", "at a radius"),
