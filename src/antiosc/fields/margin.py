@@ -15,8 +15,9 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import (
     Strengths,
@@ -74,12 +75,14 @@ class Margin(ReprMixin):
     criterion : "yield" (von Mises), "tsai_hill", "tsai_wu" or "delamination".
     value : the von Mises stress for "yield", Pa; otherwise the exposure.
     strength : the yield strength for "yield", Pa; otherwise 1.
+    strength_range : least and largest yield strength of batches of the material [Pa], if known.
     point : (3,) place of the worst point, m.
     time : time at which it occurs, s.
     layer, surface : for a laminate: number of the layer, from the bottom, and its surface.
     contact : whether the contact itself yields, which the values do not include.
-    beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: three radii of each
-        contact that yields, in solids.
+    beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: those that were asked for,
+        then three radii of each contact that yields, in solids.
+    asked : number of balls that were asked for.
     spread : error of the value (in its unit) since a patch of another radius than the contact
         spreads its force; it is added to the value in the exposure and in the margin.
     edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
@@ -87,7 +90,8 @@ class Margin(ReprMixin):
         part that is thinner than six radii of the contact, where it does not hold.
     thin : thickness of such a part under the contact over its radius, if the faces of the mesh are
         larger than that radius; else inf.
-    mesh_error : estimated error of the value by the mesh, in its unit; 0 without an estimate.
+    mesh_error : error of the value by the mesh, in its unit; of shells, where it is not estimated,
+        40 % of the value.
     force_error : relative error of the forces of the contacts, which the stresses follow; 0 if it
         is not known. Like `mesh_error` it counts in the verdict alone.
     nearer : the worst point in the balls that are left out; None without balls.
@@ -113,6 +117,8 @@ class Margin(ReprMixin):
     thin: float = inf
     impact: int = 0
     spans: tuple[Margin, ...] = ()
+    strength_range: tuple[float, float] | None = None
+    asked: int = 0
 
     @property
     def at_edge(self) -> bool:
@@ -144,20 +150,27 @@ class Margin(ReprMixin):
     @property
     def scope(self) -> str:
         """Where the margin holds: "outside 3 radii of the contact (4.2 mm)"; "": anywhere."""
-        if not len(self.beyond):
-            return ""
-        ends = dict.fromkeys(engineering(end(self.beyond[:, 3]), "m", 2) for end in (min, max))
-        radii = " to ".join(ends)
-        if not self.contact:
-            return f"farther than {radii} from what is left out"
-        return f"outside {CONTACT_RADII:g} radii of the contact ({radii})"
+        of_contacts = self.beyond[self.asked :, 3]
+        places = []
+        if len(of_contacts):
+            ends = dict.fromkeys(engineering(end(of_contacts), "m", 2) for end in (min, max))
+            places.append(f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})")
+        if self.asked:
+            places.append("the balls of leave_out")
+        return f"outside {' and '.join(places)}" if places else ""
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Least and largest exposure within the errors of mesh, edge of the balls, and force."""
-        least = max(self.value, (1 - EDGE_ERROR) * self.edge_stress) * (1 - self.force_error)
+        """Least and largest exposure within the errors of mesh, edge of the balls, force, and the
+        range of the strength.
+        """
+        weakest, strongest = self.strength_range or (self.strength, self.strength)
+        least = max(self.value - self.mesh_error, (1 - EDGE_ERROR) * self.edge_stress)
         largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
-        return least / self.strength, largest * (1 + self.force_error) / self.strength
+        return (
+            least * (1 - self.force_error) / strongest,
+            largest * (1 + self.force_error) / weakest,
+        )
 
     @property
     def sentence(self) -> str:
@@ -174,7 +187,8 @@ class Margin(ReprMixin):
             stress = engineering(self.nearer.value, "Pa")
             sentences.append(f"nearer it is up to {stress} at {point_text(self.nearer.point)}")
         if self.thin < inf:
-            radius = engineering(float(min(self.beyond[:, 3])) / CONTACT_RADII, "m", 2)
+            of_contacts = self.beyond[self.asked :, 3]
+            radius = engineering(float(min(of_contacts)) / CONTACT_RADII, "m", 2)
             sentences += [
                 "this verdict may change with the mesh: its cells at the contact are larger than"
                 f" its radius, and the part is {self.thin:.2g} contact radii thick there, too"
@@ -203,9 +217,13 @@ class Margin(ReprMixin):
             name = CRITERIA[self.criterion][1]
             exposure = f"{self.exposure:.3g}, {self._place}"
             return f"the largest exposure{there} by {name} is {exposure}; {margin}"
+        strength = engineering(self.strength, "Pa")
+        if self.strength_range is not None:
+            low, high = (engineering(bound, "Pa") for bound in self.strength_range)
+            strength += f" ({low} to {high})"
         return (
             f"the largest von Mises stress{there}, {self._stress}, is {self.exposure:.3g} of the"
-            f" yield strength {engineering(self.strength, 'Pa')}; {margin}"
+            f" yield strength {strength}; {margin}"
         )
 
     @property
@@ -259,15 +277,24 @@ NOTHING = np.zeros((0, 4))
 
 
 class Zones(NamedTuple):
-    """Balls (n, 4) that a margin leaves out, and the contacts whose patches spread their forces."""
+    """Balls (n, 4) that a margin leaves out, and the contacts whose patches spread their forces.
+
+    `asked`: how many of the balls, the first ones, were asked for.
+    """
 
     balls: Array = NOTHING
     contacts: Sequence[YieldingZone] = ()
+    asked: int = 0
 
     @classmethod
     def about(cls, contacts: Sequence[YieldingZone]) -> Zones:
         """The zones about contacts that yield."""
         return cls(np.reshape([zone.ball for zone in contacts], (-1, 4)), contacts)
+
+    def and_balls(self, leave_out: ArrayLike) -> Zones:
+        """The zones with balls (n, 4) that were asked for."""
+        balls = checks.floats("leave_out", leave_out, (None, 4))
+        return self._replace(balls=np.vstack([balls, self.balls]), asked=len(balls))
 
     def of_span(self, span: int) -> Zones:
         """The same balls, with the contacts of one span of the run."""
@@ -311,13 +338,15 @@ def margin_of(
         in_zones = is_within(points, leave_out)
         outside = np.where(in_zones, np.nan, strengths)
         inside = np.where(in_zones, strengths, np.nan)
-        no_balls = zones._replace(balls=NOTHING)
+        no_balls = zones._replace(balls=NOTHING, asked=0)
         beyond = margin_of(criterion, values, outside, points, times, places, no_balls)
         nearer = margin_of(criterion, values, inside, points, times, places, NO_ZONES)
         if beyond is None:
             return nearer
         edge_stress = zones.edge_stress if criterion == "yield" else 0.0
-        beyond = replace(beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress)
+        beyond = replace(
+            beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress, asked=zones.asked
+        )
         return replace(beyond, thin=zones.thin) if criterion == "yield" else beyond
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
@@ -405,6 +434,18 @@ def criteria_of(structure: Structure) -> list[str]:
         for name, c in computed_from.items()
         if any(_has_strength(strength, c) for strength in strengths)
     ]
+
+
+def strength_range(structure: Structure, strength: float) -> tuple[float, float] | None:
+    """Range of the yield strength of the materials that have this one [Pa]; None: not known."""
+    materials = source(structure).materials_of(structure, None)
+    ranges = [
+        material.yield_range
+        for material in materials
+        if getattr(material, "yield_strength", None) == strength
+        and getattr(material, "yield_range", None) is not None
+    ]
+    return (min(low for low, _ in ranges), max(high for _, high in ranges)) if ranges else None
 
 
 def with_strength(criterion: str, tensors: NodeTensors) -> NodeTensors:

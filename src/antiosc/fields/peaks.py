@@ -489,8 +489,8 @@ def peak_field(
         As in `probe`; default: the outline of the sections of beams, which sections given by A and
         I do not have.
     leave_out : array_like (n, 4), optional
-        For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m].
-        Default: three radii of each contact that yields. Farther away, the difference between the
+        For solids: balls whose stresses the margin does not judge, as rows x, y, z, radius [m],
+        besides three radii of each contact that yields. Farther away, the difference between the
         contact and the patch that carries its force in the model is in `Margin.spread`.
 
     Notes
@@ -597,9 +597,16 @@ def peak_field(
         elif result.values.any():
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
-        dented = margin.contact_yields(history)
-        judged = _with_errors(result, replace(result._margin, contact=dented))
-        spans = tuple(_with_errors(result, span) for span in judged.spans)
+        judged = replace(
+            result._margin,
+            contact=margin.contact_yields(history),
+            strength_range=margin.strength_range(structure, result._margin.strength),
+        )
+        judged = _with_errors(result, judged)
+        spans = tuple(
+            _with_errors(result, replace(span, strength_range=judged.strength_range))
+            for span in judged.spans
+        )
         result = replace(result, _margin=replace(judged, spans=spans))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
@@ -625,12 +632,12 @@ def _of_spans(history: AnyHistory, factors: Array, times: Array) -> list[Search]
 def _zones(
     leave_out: ArrayLike | margin.Zones | None, history: AnyHistory, body: str
 ) -> margin.Zones:
-    """The zones that the margin leaves out: the given balls, or those of the history."""
+    """The zones that the margin leaves out: those of the history, and the given balls."""
     if leave_out is None:
         return margin.zones_of(history, body)
     if isinstance(leave_out, margin.Zones):  # of a fall
         return leave_out
-    return margin.Zones(checks.floats("leave_out", leave_out, (None, 4)))
+    return margin.zones_of(history, body).and_balls(leave_out)
 
 
 def _with_pairs(
@@ -710,10 +717,18 @@ def _with_mesh_error(
     return replace(field, mesh_error=mesh_error)
 
 
+#: Share of a stress of shells that counts as its error by the mesh, which is not estimated: on a
+#: plate of 300 × 200 × 2 mm struck on a patch of 4 or 10 mm of radius, cells of 20 mm gave 33 and
+#: 28 % more than those of 2.5 mm, cells of 10 and 5 mm 1 to 8 % more or less.
+NOT_ESTIMATED = 0.4
+
+
 def _with_errors(field: PeakField, judged: Margin) -> Margin:
     """A margin with the mesh error of the field, relative to the stress, at its worst point."""
-    if field.mesh_error is None or judged.at_edge:
+    if judged.at_edge:
         return judged
+    if field.mesh_error is None:
+        return replace(judged, mesh_error=NOT_ESTIMATED * judged.value if field.doubt else 0.0)
     k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
     share = float(field.mesh_error[k] / (field.values[k] or 1.0))
     return replace(judged, mesh_error=share * judged.value)

@@ -363,7 +363,10 @@ class Fall(Trajectory, Result):
         }
         forces = np.zeros((merged["time"].size, parts[0].forces.shape[1]))
         with without_warnings():
-            options = {"leave_out": Zones.about(zones)} | options
+            left_out = Zones.about(zones)
+            if options.get("leave_out") is not None:
+                left_out = left_out.and_balls(options["leave_out"])
+            options |= {"leave_out": left_out}
             joined_motion = replace(parts[0], forces=forces, spans=np.array(spans), **merged)
             field = peak_field(self.body.structure, joined_motion, quantity, **options)
         starts = [self.episodes[motion[0]].start.time for motion in self.groups]

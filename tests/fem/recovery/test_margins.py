@@ -218,7 +218,7 @@ def test_the_margin_leaves_out_balls_that_are_given(strip):
     assert worst.value == pytest.approx(6 * 100.0 * (0.2 - 0.06) / (0.01 * 0.02**2), rel=0.02)
     assert worst.point[0] == pytest.approx(0.06)
     assert worst.nearer.value == ao.peak_field(part, hit, body="part").margin().value
-    assert worst.sentence.startswith("yield is not reached farther than 53 mm from what")
+    assert worst.sentence.startswith("yield is not reached outside the balls of leave_out")
     np.testing.assert_array_equal(peak.points[peak.judged], worst.point)
     whole = ao.peak_field(part, hit, body="part", leave_out=[(0.0, 0.0, 0.0, 1.0)]).margin()
     assert whole.value == worst.nearer.value
@@ -323,8 +323,53 @@ def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     undecided = dataclasses.replace(margin, mesh_error=0.2 * YIELD)
     assert undecided.sentence.startswith("yield may be reached")
     assert not undecided.reached
-    certain = dataclasses.replace(undecided, value=1.01 * YIELD)
+    above = dataclasses.replace(undecided, value=1.19 * YIELD)
+    assert above.sentence.startswith("yield may be reached")
+    certain = dataclasses.replace(undecided, value=1.21 * YIELD)
     assert certain.sentence.startswith("yield is reached")
+
+
+@pytest.mark.parametrize(
+    ("stress", "verdict"), [(0.79, "is not"), (0.81, "may be"), (1.29, "may be"), (1.31, "is")]
+)
+def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
+    margin = ao.results.Margin(
+        "yield", stress * YIELD, YIELD, np.zeros(3), 0.0, strength_range=(0.8 * YIELD, 1.3 * YIELD)
+    )
+    assert margin.sentence.startswith(f"yield {verdict} reached")
+    low, high = (engineering(share * YIELD, "Pa") for share in (0.8, 1.3))
+    assert f"{engineering(YIELD, 'Pa')} ({low} to {high})" in margin.sentence
+
+
+def test_a_peak_takes_the_range_of_its_material():
+    strengths = {"yield_strength": YIELD, "yield_range": (0.9 * YIELD, 1.2 * YIELD)}
+    steel = ao.Solid(210e9, 0.3, 7850.0, **strengths)
+    mesh = ao.box_mesh((0.1, 0.02, 0.01), size=0.01)
+    part = ao.Structure(mesh, steel, [ao.Support("-x")])
+    model = ao.extract(part, ao.Site((0.09, 0.01, 0.01), (0, 0, -1), radius=0.012), n=6)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 0.1), ao.Linear(1e6), duration=2e-3)
+    margin = ao.peak_field(part, hit).margin()
+    assert margin.strength_range == (0.9 * YIELD, 1.2 * YIELD)
+
+
+def test_a_stress_of_shells_within_its_unestimated_error_is_undecided():
+    mesh = sheets.sheet(6, lambda s, t: (0.1 * s, 0.05 * t))
+    site = ao.Site((0.06, 0.02, 0.0), (0, 0, -1), radius=0.01)
+
+    def margin_of(strength: float) -> ao.results.Margin:
+        sheet = ao.Shell(210e9, 0.3, 7850.0, thickness=0.002, yield_strength=strength)
+        part = ao.Structure(mesh, sheet, [ao.Support(lambda x: x[0] < 1e-9)])
+        model = ao.extract(part, site, n=6)
+        hit = ao.simulate(model, ao.RigidMass(0.01, 0.1), ao.Linear(1e6), duration=2e-3)
+        margin = ao.peak_field(part, hit).margin()
+        assert margin is not None
+        return margin
+
+    stress = margin_of(1e9).value
+    verdicts = [
+        margin_of(share * stress).sentence.split(" reached")[0] for share in (0.5, 0.9, 1.3, 1.5)
+    ]
+    assert verdicts == ["yield is", "yield may be", "yield may be", "yield is not"]
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-4, 0.1])
@@ -725,3 +770,16 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     strains = np.hstack([s[..., 0] for s in middle_strains(at, axes)])
     energy = weight @ (forces * strains).sum(axis=1)
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
+
+
+def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
+    mesh = ao.box_mesh((0.06, 0.04, 0.02), size=0.005)
+    part = ao.Structure(mesh, ao.Solid(70e9, 0.33, 2700.0, yield_strength=40e6), [ao.Support("-z")])
+    model = ao.extract(part, ao.Site((0.03, 0.02, 0.02), (0, 0, -1), radius=0.006), n=8)
+    ball = ao.Sphere(0.01, 210e9, 0.3, 7850.0, velocity=1.0)
+    hit = ao.simulate(model, ball, ball.hertz(70e9, 0.33), duration=2e-4)
+    alone = ao.peak_field(part, hit).margin()
+    with_ball = ao.peak_field(part, hit, leave_out=[(0.0, 0.0, 0.0, 0.004)]).margin()
+    np.testing.assert_array_equal(with_ball.beyond[1:], alone.beyond)
+    assert len(alone.beyond) == 1
+    assert with_ball.scope == f"{alone.scope} and the balls of leave_out"
