@@ -221,7 +221,7 @@ class _Request(BaseHTTPRequestHandler):
         except Exception as error:  # or the page would wait for a server that is well
             traceback.print_exc()
             name = type(error).__name__
-            answer = {"error": f"antiosc failed ({name}: {error}): undo it; the terminal has more."}
+            answer = {"error": f"antiosc failed ({name}: {error}); the terminal has more."}
         return "application/json", on_page(embedded(answer)).encode()
 
     def _values(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from math import ceil, floor, log10
@@ -140,18 +141,38 @@ class OwnMaterial:
     rho: float
     yield_strength: float | None = None
     yield_range: tuple[float, float] | None = None
+    #: name of the material that it begins as, whose strength grows alike with the strain rate
+    origin: str = ""
 
     def __post_init__(self) -> None:
-        solid = Solid(**asdict(self))
-        if solid.yield_range is not None:
-            low, high = solid.yield_range
-            if not low <= (solid.yield_strength or 0.0) <= high:
-                raise InputError("yield_range needs a yield_strength within it.")
+        if self.origin:
+            checks.choice("the material", self.origin, MATERIALS)
+        solid = Solid(**self.table)
+        if solid.yield_range is None:
+            return
+        low, high = solid.yield_range
+        if not low <= (solid.yield_strength or 0.0) <= high:
+            raise InputError("yield_range needs yield_strength within it.")
 
     @property
     def table(self) -> Table:
-        """The given constants."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
+        """The given constants, with the growth of the strength."""
+        constants = {**asdict(self), "rate": self._rate()}
+        del constants["origin"]
+        return {name: value for name, value in constants.items() if value is not None}
+
+    def _rate(self) -> tuple[float, ...] | None:
+        """The growth of the strength, in proportion to the origin's, that the bar is no narrower
+        than of the same constants by name.
+        """
+        if not self.origin or self.yield_strength is None:
+            return None
+        origin = materials.record(self.origin)
+        if origin.rate is None or origin.yield_strength is None:
+            return None
+        D, q, *strengths = origin.rate
+        share = self.yield_strength / origin.yield_strength
+        return D, q, *(share * strength for strength in strengths)
 
 
 @dataclass(frozen=True)
@@ -177,8 +198,8 @@ class SetUp:
     size: float | None = None
     #: whether the mesh is refined around the site
     finer: bool = False
-    #: yield strength of the materials of a deck that state none [Pa]; 0: unknown
-    yield_strength: float = 0.0
+    #: yield strength of the materials of a deck that state none [Pa]; None: unknown
+    yield_strength: float | None = None
     #: number of anti-oscillators; None: as a new scene has
     n: int | None = None
     #: density of the materials of a deck that state none [kg/m³]; None: as it was read
@@ -194,7 +215,8 @@ class SetUp:
         for name in ("radius", "thickness", "size"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
-        for name, unit in (("duration", "s"), ("density", "kg/m³"), ("modulus", "Pa")):
+        of_deck = (("yield_strength", "Pa"), ("density", "kg/m³"), ("modulus", "Pa"))
+        for name, unit in (("duration", "s"), *of_deck):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
         if self.damping is not None:
@@ -202,7 +224,6 @@ class SetUp:
         if self.n is not None:
             checks.whole("n", self.n, least=1, most=MOST_OSCILLATORS)
         checks.flag("finer", self.finer)
-        checks.nonnegative("yield_strength", self.yield_strength, "Pa")
         if self.material:
             checks.choice("the material", self.material, (*MATERIALS, OWN))
         if self.material == OWN and self.own is None:
@@ -214,7 +235,8 @@ class SetUp:
 def constants_of(name: str) -> OwnMaterial:
     """The constants of a material of the table, from which an own one starts on the page."""
     record = materials.record(name)
-    return OwnMaterial(record.E, record.nu, record.rho, record.yield_strength, record.yield_range)
+    strengths = record.yield_strength, record.yield_range
+    return OwnMaterial(record.E, record.nu, record.rho, *strengths, origin=name)
 
 
 def rounded_up(value: float) -> float:
@@ -223,8 +245,37 @@ def rounded_up(value: float) -> float:
     return float(f"{ceil(value / power * (1 - 1e-9)) * power:.2g}")
 
 
+#: Names in messages that are other ones on the page.
+LABELS = {
+    "E": "Young's modulus",
+    "nu": "Poisson's ratio",
+    "rho": "density",
+    "yield_range": "the range of the yield strength",
+    "point": "place",
+    "down": "what points down",
+    "n": "anti-oscillators",
+    "size": "cell size",
+    "damping": "damping ratio",
+}
+
+
+def labelled(message: str) -> str:
+    """A message with the labels of the page in place of the names of values."""
+    names = [item.name for kind in (SetUp, Striker, OwnMaterial) for item in fields(kind)]
+    labels = {name: name.replace("_", " ") for name in names if "_" in name} | LABELS
+    return re.sub(r"\w+", lambda word: labels.get(word[0], word[0]), message)
+
+
 def read(values: object) -> SetUp:
-    """The set-up that the page sends; InputError for anything else."""
+    """The set-up that the page sends; InputError, in the words of the page, for anything else."""
+    try:
+        return _read(values)
+    except InputError as error:
+        raise InputError(labelled(str(error))) from None
+
+
+def _read(values: object) -> SetUp:
+    """The set-up that the page sends."""
     table = dict(_checked_fields("set-up", values, SetUp))
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
     _as_tuples(striker, [name for name in ("down", "tilt", "finer") if name in striker])

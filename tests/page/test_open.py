@@ -19,7 +19,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base import progress
+from antiosc.base import materials, progress
 from antiosc.base.errors import InputError, by_weight
 from antiosc.base.texts import engineering, exceeds, percent
 from antiosc.extension import Faces
@@ -154,6 +154,39 @@ def test_a_material_of_ones_own_is_as_one_of_the_table_with_its_constants(opened
     own |= {"yield_strength": None, "yield_range": None}  # which are optional
     told = call(opened, "settle", asked(opened, material=set_up.OWN, own=own))
     assert "Whether the contact yields is not known" in told["verdict"][0]
+
+
+def test_an_own_material_that_begins_as_another_has_no_narrower_bar(opened):
+    own = json.loads(json.dumps(opened.calls["look"]({})["constants"]["steel S235"]))
+    bars = [
+        call(opened, "settle", asked(opened, material=name, own=own))["blow"]["bars"]["shares"]
+        for name in ("steel S235", set_up.OWN)
+    ]
+    assert bars[1] == bars[0]  # with the growth of its strength by the strain rate
+    record = materials.record("steel S235")
+    stronger = set_up.OwnMaterial(**own | {"yield_strength": 470e6, "yield_range": None})
+    assert stronger.table["rate"] == (*record.rate[:2], 2 * record.rate[2])
+    assert "rate" not in set_up.OwnMaterial(**PRINTED).table
+
+
+@pytest.mark.parametrize(
+    ("changed", "label"),
+    [
+        ({"own": PRINTED | {"yield_strength": 50e6}}, "range of the yield strength"),
+        ({"own": PRINTED | {"nu": 0.5}}, "Poisson's ratio"),
+        ({"own": PRINTED | {"E": 0}}, "Young's modulus"),
+        ({"own": PRINTED | {"rho": -1}}, "density"),
+        ({"striker": {"layer_thickness": 0}}, "layer thickness"),
+        ({"striker": {"corner_radius": "x"}}, "corner radius"),
+        ({"striker": {"down": [0, 0, "a"]}}, "what points down"),
+        ({"n": 0}, "anti-oscillators"),
+        ({"yield_strength": 0}, "yield strength"),
+    ],
+)
+def test_a_refusal_names_the_fields_of_the_page(opened, changed, label):
+    with pytest.raises(InputError, match=label) as error:
+        call(opened, "settle", asked(opened, **changed))
+    assert not re.search(r"[a-z]_[a-z]|\b(E|nu|rho|n)\b", str(error.value))
 
 
 def test_other_supports_keep_the_mesh_and_a_set_up_is_simulated_once(opened):
@@ -761,13 +794,10 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         assert browser.run(dimmed) == [False, False]
         change = "bench.change({point: [9, 9, 9]});"  # no place of the part
         assert browser.run(change + dimmed) == [True, True]  # at once
-        for _ in range(600):
-            if browser.run("return 'failed' in document.documentElement.dataset"):
-                break
-            time.sleep(0.1)
-        assert browser.run(dimmed) == [True, True]
-        browser.run("delete document.documentElement.dataset.failed; undo.click()")
-        reached(browser, "complete", 9)
+        assert failed(browser)
+        browser.run("delete document.documentElement.dataset.failed")
+        stayed = reached(browser, "complete", 9)
+        assert stayed["setup"]["point"] != [9, 9, 9]
         assert browser.run(dimmed) == [False, False]
         browser.run("bench.strike(); setTimeout(() => bench.map(), 300)")  # it waits for no picture
         for _ in range(1200):
@@ -908,11 +938,94 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert softer["peak"] < own["peak"]
         assert softer["width"] <= width
         browser.run(CHOOSE, "input[name=nu]", "0.6")
-        for _ in range(600):
-            if wrong := browser.run("return document.documentElement.dataset.failed"):
-                break
-            time.sleep(0.1)
-        assert wrong.startswith("nu must lie in -1 < nu < 0.5")
-        browser.run("delete document.documentElement.dataset.failed; undo.click(); undo.click()")
-        assert reached(browser, "complete", 7)["setup"] == own["setup"]
+        rule = "return document.querySelector('input[name=nu]').closest('label').innerText"
+        assert "between -1 and 0.5" in browser.run(rule)
+        browser.run("undo.click()")
+        assert reached(browser, "complete", 5)["setup"] == own["setup"]
+        assert browser.said() == []
+
+
+#: The number fields that are shown, each emptied and then given what it cannot be: whether it keeps
+#: the text, is marked, has a rule beside it and stays; and what the set-up has then.
+TYPED = """
+const refused = {}, past = bench.past.length, before = JSON.stringify(bench.setup);
+const fields = [...document.querySelectorAll("#setup input[type=number]")];
+for (const field of fields.filter((one) => one.offsetParent)) {
+  const row = field.closest("label"), kept = field.value;
+  for (const text of field.name === "size" ? ["-1e9"] : ["", "-1e9"]) {
+    const signed = row.classList.contains("triple");
+    if (text && signed) continue;
+    field.value = text;
+    field.dispatchEvent(new Event("change"));
+    const rule = row.querySelector(".rule"), told = rule && !rule.hidden ? rule.textContent : "";
+    const marked = field.getAttribute("aria-invalid") === "true";
+    const open = text === "" && bench.past.length > past;
+    if (open) bench.undo(bench.past, bench.future);
+    else refused[`${field.ariaLabel} ${text}`] = [field.value === text, marked, told, row.hidden];
+    field.value = kept;
+    field.setAttribute("aria-invalid", false);
+    if (rule) rule.hidden = true;
+  }
+}
+return [refused, JSON.stringify(bench.setup) === before];
+"""
+
+
+def failed(browser):
+    """The refusal that the page tells."""
+    for _ in range(600):
+        if wrong := browser.run("return document.documentElement.dataset.failed"):
+            return wrong
+        time.sleep(0.1)
+    raise AssertionError(browser.said())
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_a_field_keeps_what_was_typed_and_the_last_set_up_stays_in_force(command):
+    with Browser() as browser:
+        browser.address(command, 1300)
+        first = reached(browser, "complete", 1)
+        turn = 1
+        for kind in ("ball", "mass", "floor"):
+            browser.run(CHOOSE, "select[name=kind]", kind)
+            if kind == "floor":
+                browser.run(CHOOSE, "select[name='soft layer']", "cork")
+            else:
+                browser.run(CHOOSE, "select[name=material]", set_up.OWN)
+            refused, same = browser.run(TYPED)
+            assert same
+            assert len(refused) > 12
+            for field, (kept, marked, rule, hidden) in refused.items():
+                assert (kept, marked, hidden) == (True, True, False), field
+                assert "number" in rule or "both ends" in rule, field
+        # refused by the server: the numbers are those of the set-up before, which others change
+        browser.run("bench.change({striker: {...bench.setup.striker, kind: 'ball'}})")
+        turn = browser.run("return bench.turn")
+        ball = reached(browser, "complete", turn)
+        browser.run(CHOOSE, "input[name='direction x']", "0")
+        browser.run(CHOOSE, "input[name='direction y']", "0")
+        turn = browser.run("return bench.turn")
+        reached(browser, "complete", turn)
+        browser.run(CHOOSE, "input[name='direction z']", "0")
+        assert "direction" in failed(browser)
+        browser.run("delete document.documentElement.dataset.failed")
+        again = reached(browser, "complete", turn + 2)
+        assert again["setup"]["direction"] == [0, 0, ball["setup"]["direction"][2]]
+        rule = "return document.querySelector('[name=\"direction z\"]').closest('label').innerText"
+        assert "direction" in browser.run(rule).split("\n", 1)[1]
+        assert "direction" in again["wrong"]
+        assert browser.run("return document.body.classList.contains('outdated')") is False
+        browser.run(CHOOSE, "input[name=speed]", "2")
+        faster = reached(browser, "complete", turn + 3)
+        assert faster["peak"] > again["peak"]
+        assert browser.run("return document.querySelector('[name=\"direction z\"]').value") == "0"
+        browser.run("undo.click()")
+        reached(browser, "complete", turn + 4)
+        assert browser.run("return document.querySelector('[name=\"direction z\"]').value") != "0"
+        # a range goes with the yield strength
+        browser.run(CHOOSE, "input[name=yield_strength]", "470")
+        doubled = reached(browser, "complete", turn + 5)
+        assert doubled["setup"]["own"]["yield_range"] == pytest.approx([470e6, 720e6])
+        assert first["setup"]["own"] is None
         assert browser.said() == []

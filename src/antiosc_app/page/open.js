@@ -19,7 +19,12 @@ const OWN = "own material", CONSTANTS = [["E", "Young's modulus", "GPa"], ["nu",
 const UNSTATED = ["density", "modulus"]; // of decks that do not state them
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
 const WHOLE = ["n"]; // fields of whole numbers
-const OPTIONAL = ["damping", "yield_strength"]; // fields that are shown without a value
+const OPTIONAL = { damping: "none", yield_strength: "unknown" }; // fields that are shown without a value, and what they say then
+// What a number field takes, in its unit: the rule as it is told beside it, and whether a number keeps it.
+const ANY = ["a number", () => true], ABOVE_0 = ["a number above 0", (x) => x > 0];
+const RULES = { damping: ["a number of at least 0", (x) => x >= 0], nu: ["a number between -1 and 0.5", (x) => x > -1 && x < 0.5],
+  n: ["a whole number of at least 1", (x) => Number.isInteger(x) && x >= 1] };
+const rule_of = (name) => RULES[name] || ABOVE_0;
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
@@ -84,6 +89,7 @@ class Bench {
     const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
     if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
     const seconds = Math.floor((performance.now() - this.began) / 1e3);
+    find("doing").title = doing;
     find("doing").textContent = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
     if (seconds >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
@@ -101,11 +107,9 @@ class Bench {
       if (["blow", "map"].includes(name)) this.outdated(false);
       return found;
     } catch (error) {
-      if (turn === this.turn) {
-        if (name === "blow") this.caution = "";
-        this.wrong(error.message, true);
-        if (name === "blow") this.outdated(true);
-      }
+      if (turn !== this.turn) return null;
+      if (name === "blow") this.refused(error.message);
+      else this.wrong(error.message, true);
       return null;
     }
   }
@@ -128,7 +132,7 @@ class Bench {
 
   // An error or a hint, the caution, and the warnings of what is shown.
   wrong(text, failed) {
-    const first = [text, this.caution].filter(Boolean), known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
+    const first = [text || this.refusal, this.caution].filter(Boolean), known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
     const others = known.filter(([, one]) => !this.caution.includes(one)).sort((a, b) => a[0] - b[0]);
     notice(find("wrong"), [...first.map((one) => [0, one]), ...others]);
     if (failed) document.documentElement.dataset.failed = text;
@@ -215,6 +219,12 @@ class Bench {
       name: tag ? this.facts.faces[tag - 1] : "" };
   }
 
+  // A place on the skin, whose points have coordinates of 16 bits, without digits that these do not know.
+  placed(point) {
+    const digit = 10 ** Math.ceil(Math.log10(this.skin.half / 32767));
+    return point.map((x) => exact(Math.round(x / digit) * digit));
+  }
+
   click(x, y, hold) {
     const { page } = this;
     if (page && page.sites) return page.choose(page.sites.near(x, y));
@@ -223,8 +233,8 @@ class Bench {
     if (!seen) return;
     if (this.falls() || !hold && document.querySelector("input[name=click]:checked").value === "strike") {
       this.face = seen.name;
-      if (this.falls()) this.striker({ down: seen.normal.map(rounded) });
-      else this.change({ point: seen.point.map(rounded), direction: seen.normal.map((c) => rounded(-c)) });
+      if (this.falls()) this.striker({ down: aimed(seen.normal) });
+      else this.change({ point: this.placed(seen.point), direction: aimed(seen.normal.map((c) => -c)) });
     } else if (seen.name) this.toggle(seen.name);
     else this.wrong("This face is not flat and has no name in the file: it cannot be held by a click.", false);
   }
@@ -244,7 +254,7 @@ class Bench {
     return (to_x, to_y, done) => {
       const [from, d] = view.sight(to_x, to_y), out = less(from, place.point), along = dot(out, d);
       const near = out.map((c, i) => c - along * d[i]), across = Math.hypot(...near);
-      const up = Math.sqrt(Math.max(reach ** 2 - across ** 2, 0)), direction = unit(near.map((c, i) => up * d[i] - c)).map(rounded);
+      const up = Math.sqrt(Math.max(reach ** 2 - across ** 2, 0)), direction = aimed(unit(near.map((c, i) => up * d[i] - c)));
       place.direction = direction;
       page.picture();
       if (done) this.change({ direction });
@@ -304,28 +314,36 @@ class Bench {
   // The constants of a material that is not in the list; yield strength and range may be empty.
   own_material() {
     if (!this.facts.materials.length) return;
-    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...STRENGTHS, 2]];
+    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...STRENGTHS, 2]], lent = made("small", find("part"));
     for (const [name, label, unit, count] of fields) {
       const row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit] || 1;
       const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name,
         ariaLabel: `${label}${count > 1 ? [", from", ", to"][i] : ""} in ${unit || "1"}` }));
       made("span", row, unit);
-      inputs.forEach((input) => { input.onchange = () => this.set_constant(name, inputs.map((one) => one.value === "" ? null : exact(one.value * size))); });
+      inputs.forEach((input) => { input.onchange = () => this.set_constant(name, inputs, size); });
       this.shown.push(() => {
         row.hidden = this.setup.material !== OWN;
         const value = (this.setup.own || {})[name];
-        inputs.forEach((input, i) => { input.value = value == null ? "" : exact((count > 1 ? value[i] : value) / size); });
+        inputs.forEach((input, i) => fill(input, value == null ? "" : exact((count > 1 ? value[i] : value) / size)));
       });
     }
+    this.shown.push(() => {
+      const { own } = this.setup, { origin = "" } = own || {};
+      lent.hidden = this.setup.material !== OWN || !own.yield_strength || !origin;
+      lent.textContent = `The growth of its strength with the strain rate is that of ${origin}${own && own.yield_range ? ", and its range, until you change it, too: both in proportion to the yield strength" : ", in proportion to the yield strength"}.`;
+    });
   }
 
-  // A constant of one number, or a range, which counts once both its ends are there, or none.
-  set_constant(name, values) {
-    const { own } = this.setup, empty = values.includes(null);
-    if (values.length > 1 && empty && values.some((value) => value !== null)) return;
-    const value = empty ? null : values.length > 1 ? values : values[0];
-    const range = name === "yield_strength" && empty ? { yield_range: null } : {};
-    this.change({ own: { ...own, ...range, [name]: value } });
+  // A constant of one number, or a range, which counts once both its ends are there, or none. The range
+  // of a yield strength grows with it.
+  set_constant(name, inputs, size) {
+    const { own } = this.setup, optional = name.startsWith("yield_"), values = typed(inputs, size, rule_of(name), optional);
+    if (!values) return;
+    if (values.some((one) => one !== null) && values.includes(null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
+    const value = values.includes(null) ? null : values.length > 1 ? values : values[0];
+    const { yield_range: range, yield_strength: before } = own, grown = (end) => exact(end * value / before);
+    const scaled = name === "yield_strength" ? { yield_range: value && before && range ? range.map(grown) : null } : {};
+    this.change({ own: { ...own, ...scaled, [name]: value } }, true, inputs);
   }
 
   // The largest cell of the mesh: a number alone, for every value makes another mesh.
@@ -334,18 +352,22 @@ class Bench {
     const row = made("label", find("part"), "cell size", { className: "slider" });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name: "size", ariaLabel: "cell size in mm" });
     made("span", row, "mm");
-    number.onchange = () => this.resize(number.value === "" ? null : exact(number.value * SIZES.mm));
-    this.shown.push(() => { number.value = Number(((this.setup.size ?? this.facts.size) / SIZES.mm).toPrecision(4)); });
+    number.onchange = () => {
+      const size = typed([number], SIZES.mm, ABOVE_0, true);
+      if (size) this.resize(size[0], [number]);
+    };
+    this.shown.push(() => fill(number, Number(((this.setup.size ?? this.facts.size) / SIZES.mm).toPrecision(4))));
   }
 
   // Another size of the cells; a mesh that takes long is made once the user has agreed.
-  async resize(size) {
+  async resize(size, inputs = []) {
     try {
       const { question } = await this.call("forecast", { setup: { ...this.setup, size } });
-      const make = () => this.change({ size });
+      const make = () => this.change({ size }, true, inputs);
       if (question) this.ask(question, "Make it", make, () => this.show_fields());
       else make();
     } catch (error) {
+      inputs.forEach((input) => mark(input, error.message));
       this.wrong(error.message, true);
     }
   }
@@ -364,12 +386,17 @@ class Bench {
     made("span", row, unit ? `${label} (${unit})` : label);
     const inputs = [0, 1, 2].map((i) =>
       made("input", row, "", { type: "number", step: "any", name: `${name} ${"xyz"[i]}`, ariaLabel: `${label}, ${"xyz"[i]}${unit && ` in ${unit}`}` }));
-    const set = (values) => (kinds ? this.striker(values) : this.change(values));
-    inputs.forEach((input) => { input.onchange = () => set({ [name]: inputs.map((one) => exact(one.value * size)) }); });
+    const set = (values) => (kinds ? this.striker(values, true, inputs) : this.change(values, true, inputs));
+    inputs.forEach((input) => {
+      input.onchange = () => {
+        const values = typed(inputs, size, ANY);
+        if (values) set({ [name]: values });
+      };
+    });
     this.shown.push(() => {
       const values = (kinds ? this.setup.striker : { ...this.setup, ...this.chosen })[name];
       row.hidden = !(kinds || STRUCK).includes(this.setup.striker.kind);
-      inputs.forEach((input, i) => { input.value = exact(values[i] / size); });
+      inputs.forEach((input, i) => fill(input, exact(values[i] / size)));
     });
   }
 
@@ -384,24 +411,27 @@ class Bench {
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
     made("span", row, unit);
     const size = SIZES[unit] || 1;
-    const set = (shown, done) => {
-      const values = { [name]: open && shown === "" ? null : exact(shown * size) };
-      return kinds ? this.striker(values, done) : this.change(values, done);
-    };
+    number.placeholder = OPTIONAL[name] || "";
+    const set = (value, done, inputs) => (kinds ? this.striker({ [name]: value }, done, inputs) : this.change({ [name]: value }, done, inputs));
     const value = () => {
       const value = least ? least * (most / least) ** range.value : range.value * most;
       return WHOLE.includes(name) ? Math.round(value) : Number(value.toPrecision(3));
     };
-    range.oninput = () => set(value(), false);
-    range.onchange = () => set(value(), true);
-    number.onchange = () => set(number.value, true);
+    range.oninput = range.onchange = ({ type }) => {
+      mark(number, "");
+      set(exact(value() * size), type === "change", []);
+    };
+    number.onchange = () => {
+      const values = typed([number], size, rule_of(name), open);
+      if (values) set(values[0], true, [number]);
+    };
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
       const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
-      row.hidden = !wanted.includes(kind) || !now && !OPTIONAL.includes(name) || name.startsWith("layer_") && !this.layered();
+      row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
-      number.value = now;
+      fill(number, now || !(name in OPTIONAL) ? now : "");
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });
   }
@@ -426,11 +456,13 @@ class Bench {
     if (name === "duration") return this.lasts || 0;
     if (UNSTATED.includes(name)) return this.facts.unstated[name];
     if (name === "n") return this.facts.n;
+    if (name === "yield_strength") return 0;
     return this.falls() || name !== "damping" ? this.facts.fall[name] : 0;
   }
 
   show_fields() {
     for (const one of this.shown) one();
+    forget("[hidden]");
     const falls = this.falls();
     find("site-fields").hidden = falls;
     const clicks_hold = !falls && this.facts.faces.length;
@@ -452,10 +484,11 @@ class Bench {
 
   // -- what changes
 
-  striker(values, done = true) { this.change({ striker: { ...this.setup.striker, ...values } }, done); }
+  striker(values, done = true, inputs = []) { this.change({ striker: { ...this.setup.striker, ...values } }, done, inputs); }
 
-  // Another set-up; while a slider moves (`done` false) it is the same one for Undo.
-  change(values, done = true) {
+  // Another set-up, by some fields; while a slider moves (`done` false) it is the same one for Undo.
+  change(values, done = true, inputs = []) {
+    this.inputs = inputs;
     if (!this.moving) {
       this.past.push(this.setup);
       this.past.splice(0, this.past.length - MOST_UNDO);
@@ -471,14 +504,36 @@ class Bench {
     if (!from.length) return;
     to.push(this.setup);
     this.setup = from.pop();
+    this.inputs = [];
+    forget();
     this.show_fields();
     this.strike();
   }
 
+  // A set-up that is refused gives way to the last one that has an answer; the fields that asked for it
+  // keep what was typed, marked.
+  refused(text) {
+    const { answered, past } = this, at = past.indexOf(answered);
+    this.caution = "";
+    if (!answered || this.moving || answered === this.setup) {
+      this.wrong(text, true);
+      this.outdated(true);
+      return;
+    }
+    for (const input of this.inputs) mark(input, text);
+    if (at >= 0) past.splice(at);
+    this.setup = answered;
+    this.show_fields();
+    this.strike(text);
+    document.documentElement.dataset.failed = text;
+  }
+
   // -- the answer: at once, settled, and with motion and stress
 
-  async strike() {
+  // `refusal`: why the set-up before it was refused.
+  async strike(refusal = "") {
     const turn = ++this.turn;
+    this.refusal = refusal;
     clearTimeout(this.later);
     if (!this.moving) this.keep();
     this.outdated(true);
@@ -491,6 +546,7 @@ class Bench {
     this.draw_awaited();
     const found = await this.step("blow");
     if (!found) return;
+    this.answered = this.setup;
     if (found.fall) return this.fall(found);
     if (this.shown_blow !== turn) this.before = this.page && this.page.hit || null;
     this.shown_blow = turn;
@@ -604,7 +660,7 @@ class Bench {
   // The fields of the site show the site that is chosen on the map.
   follow(i) {
     const { sites } = this.page;
-    this.chosen = { point: sites.at(i).map(rounded), direction: sites.along(i).map(rounded) };
+    this.chosen = { point: this.placed(Array.from(sites.at(i))), direction: aimed(Array.from(sites.along(i))) };
     this.show_fields();
   }
 
@@ -655,7 +711,34 @@ function notice(element, told) {
   for (const [, text] of told.slice(shown)) made("p", more, text);
 }
 
+// What was typed into number fields, times the size of their unit; null where an empty one leaves the
+// choice open. Where a text breaks the rule it stays, marked, and nothing is returned.
+function typed(inputs, size, [rule, keeps], open = false) {
+  const numbers = inputs.map(({ value, validity }) => (value !== "" ? Number(value) : open && !validity.badInput ? null : NaN));
+  const wrong = numbers.map((x) => x !== null && !(Number.isFinite(x) && keeps(x)));
+  inputs.forEach((input, i) => mark(input, wrong[i] ? rule + (open ? ", or nothing" : "") : ""));
+  return wrong.includes(true) ? null : numbers.map((x) => (x === null ? null : exact(x * size)));
+}
+
+// Mark a field, with the rule that it breaks beside it; "" ends it.
+function mark(input, rule) {
+  const row = input.closest("label"), note = row.querySelector(".rule") || made("small", row, "", { className: "rule", role: "alert" });
+  input.setAttribute("aria-invalid", Boolean(rule));
+  note.hidden = !row.querySelector("[aria-invalid=true]");
+  if (rule) note.textContent = rule;
+}
+
+// End the marks of the fields in some rows.
+function forget(rows = "") {
+  for (const input of document.querySelectorAll(`${rows} [aria-invalid=true]`)) mark(input, "");
+}
+
+// The value of a field, unless what was typed is marked.
+function fill(input, value) {
+  if (input.getAttribute("aria-invalid") !== "true") input.value = value;
+}
+
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
-const rounded = (x) => (Math.abs(x) < 1e-9 ? 0 : Number(x.toPrecision(5)));
+const aimed = (direction) => direction.map((x) => Math.round(1e3 * x) / 1e3 + 0); // as far as the skin knows it; no -0
 
 globalThis.bench = new Bench();
