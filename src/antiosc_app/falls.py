@@ -11,7 +11,7 @@ from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, exceeds, percent, point_text
-from antiosc_app.live import FIRST_TO_LAST, Data, Headline, bar_of_fall, stress_sentences
+from antiosc_app.live import FIRST_TO_LAST, WIDE, Data, Headline, bar_of_fall, stress_sentences
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended, stresses_of_impacts
 from antiosc_studies.drops.fall import WorstField
@@ -22,6 +22,8 @@ from antiosc_studies.drops.trajectory import FallImpact
 OF_FLIGHT = 40
 #: Number of times at which the page shows the part in all.
 FRAMES = 300
+#: Quantile of the values that ends the colours where the largest exceeds it so many times; part.js.
+USUAL, SPIKE = 0.995, 1.5
 #: Number of samples of a force.
 CURVE = 800
 #: Numbers of an impact, and their units.
@@ -42,7 +44,8 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     part = geometry(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
-        part["values"] = (worst.values / (worst.values.max() or 1.0))[nearest].astype(np.float32)
+        part["values"] = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)[nearest]
+        part["values"] = part["values"].astype(np.float32)
     return {
         "fall": {
             "part": part,
@@ -52,10 +55,29 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
             "stresses": stresses_of_impacts(worst),
-            "most": None if worst is None else engineering(float(worst.values.max()), worst.unit),
+            "most": None if worst is None else _legend(worst),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
+
+
+def _top(worst: WorstField) -> float:
+    """The end of the scale of colours: the largest value, or what it exceeds at few points."""
+    largest = _largest(worst)
+    usual = float(np.quantile(worst.values, USUAL))
+    return usual if 0 < SPIKE * usual < largest else largest
+
+
+def _largest(worst: WorstField) -> float:
+    """The largest value, with those of the impacts where these are stresses too."""
+    stresses = stresses_of_impacts(worst) if worst.unit == "Pa" else []
+    return float(max([worst.values.max(), *stresses]))
+
+
+def _legend(worst: WorstField) -> str:
+    """Text at the end of the scale of colours."""
+    top, largest = (engineering(end(worst), worst.unit) for end in (_top, _largest))
+    return top if top == largest else f"{top} and more, up to {largest}"
 
 
 def _surface(fall: Fall) -> tuple[Array, IntArray]:
@@ -128,10 +150,6 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     caution = _caution(fall, hardest)
     sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
     return Headline(about, numbers, sentences, caution=caution)
-
-
-#: Share of the force from which its bar is told before the numbers.
-WIDE = 0.5
 
 
 def _caution(fall: Fall, hardest: int) -> str:

@@ -36,6 +36,7 @@ from antiosc.base.texts import (
     SMALLER_CELLS,
     capitalised,
     engineering,
+    exceeds,
     percent,
     point_text,
     restitution_text,
@@ -318,7 +319,9 @@ def _computed(hit: History) -> Data:
     numbers = {name: float(getattr(hit, name)) for name in QUANTITIES}
     counts = {"restitution": hit.restitution, "contacts": len(hit.contacts)}
     counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
-    return {"time": time, "force": force, **numbers, **counts}
+    last = hit.contacts[-1][1] if hit.contacts else 0.0
+    ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
+    return {"time": time, "force": force, **numbers, **counts, **ends}
 
 
 def halved(size: str, dim: int) -> str:
@@ -389,11 +392,13 @@ def headline_of_history(
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
+        ("stretch", _stretching(hit)),
         ("doubt", piercing(hit.model, hit.impactor)),
         ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    caution = " ".join(filter(None, [hit.unfinished, caution_of(hit, budget, structure)]))
+    cautions = [rough(hit, budget), hit.unfinished, caution_of(hit, budget, structure)]
+    caution = " ".join(filter(None, cautions))
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
 
 
@@ -685,6 +690,12 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
     return f"± {percent(share)} by the mesh, force not estimated"
 
 
+def _stretching(hit: History) -> str:
+    """Sentence whether the part stretches, and what this changes."""
+    texts = (text.replace("'structure'", "the part") for text in hit.stretch_texts)
+    return " ".join(f"{capitalised(text)}." for text in texts)
+
+
 def _absorbed(hit: History) -> str:
     """Sentence on the share of the striker's energy that remains in the part."""
     if len(hit.assembly.bodies) != 2 or not hit.contacts:
@@ -747,16 +758,34 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
 ALL_MODES = "use an explicit finite element program, for no more second-order modes are taken"
 
 
+#: Share of the force from which its bar is told before the numbers.
+WIDE = 0.5
+
+
+def rough(hit: History, budget: ErrorBudget | None) -> str:
+    """Sentence, before the numbers, on a force with a wide bar, and what narrows it; "" if not."""
+    bar = force_bar(budget)
+    if budget is None or bar is None or not exceeds(bar, WIDE, 2):
+        return ""
+    return f"The force is a rough one, ± {percent(bar)}: {_narrows(hit, budget)}"
+
+
 def _accuracy(hit: History, budget: ErrorBudget) -> str:
-    """Sentence on the cause that limits the accuracy, and the remedy."""
+    """Sentence on the cause that limits the accuracy, and the remedy, if it is not told before."""
+    if rough(hit, budget):
+        return budget.law
+    return f"{budget.law} {capitalised(_narrows(hit, budget))}".lstrip()
+
+
+def _narrows(hit: History, budget: ErrorBudget) -> str:
+    """The end of a sentence on the cause of most of the bar, and the remedy."""
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
-    largest = (
-        f"The largest part of the bar of the peak force comes from the {cause},"
+    return (
+        f"the largest part of the bar of the peak force comes from the {cause},"
         f" {percent(getattr(bar, cause))}: to narrow it, {remedy}."
     )
-    return f"{budget.law} {largest}".lstrip()
 
 
 def _remedy_of_stretch(hit: History) -> str:

@@ -17,6 +17,7 @@ from antiosc import History, ImpactMap, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError
 from antiosc.base.stresses import equivalent
+from antiosc.base.texts import engineering, point_text
 from antiosc.engine.contact.base import is_compiled
 from antiosc.extension import (
     MAP_QUANTITIES,
@@ -65,9 +66,10 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     to_shapes = _by_coordinates(hit)
     page = geometry(skin.points[used_nodes], faces)
     page["held"] = _held(displacements).astype(np.uint8)
-    page["motion"] = fields(
-        displacements @ to_shapes, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1)
-    )
+    motion = displacements @ to_shapes
+    page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
+    if hit.assembly.bodies["structure"].omega.all():  # a free part moves on as a whole
+        page["deflection"] = _deflection(motion, skin.points[used_nodes], hit)
     if stress is not None:
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
@@ -255,6 +257,26 @@ def fields(linear: Array, x: Array, most: int, size: Callable[[Array], Array]) -
 def _equivalent(stress: Array) -> Array:
     """Von Mises stress of stress fields."""
     return equivalent(np.moveaxis(stress, 1, -1))
+
+
+def _deflection(motion: Array, points: Array, hit: History) -> Data:
+    """The largest displacement in the run: value [m], and place and time in words.
+
+    `motion` (P, 3, J + 1). The point is that of some times, while the bodies touch and after; its
+    largest is looked for between these.
+    """
+    end = float(hit.run.time[-1])
+    touched = hit.contacts[-1][1] if hit.contacts else end
+    times = np.union1d(np.linspace(0.0, end, TIMES), np.linspace(0.0, touched, TIMES))
+    moved = np.linalg.norm(motion @ _coordinates(hit, times).T, axis=1)
+    i, k = divmod(int(moved.argmax()), times.size)
+    near = np.linspace(times[max(k - 1, 0)], times[min(k + 1, times.size - 1)], TIMES)
+    sizes = np.linalg.norm(motion[i] @ _coordinates(hit, near).T, axis=0)
+    time = float(near[sizes.argmax()])
+    told = f"at {point_text(points[i])}, {engineering(time, 's')}"
+    if time >= end:
+        told += ", the end of the run: it may grow on"
+    return {"value": float(sizes.max()), "told": f"{told}; without an error bar"}
 
 
 def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:

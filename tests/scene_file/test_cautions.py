@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 
 import antiosc as ao
@@ -33,3 +36,36 @@ def test_a_time_that_contains_flights_is_not_called_the_time_of_the_contact(mass
     assert label in numbers
     in_contact = sum(end - start for start, end in hit.contacts)
     assert (in_contact < 0.9 * hit.contact_time) == (label == live.FIRST_TO_LAST)
+
+
+def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
+    part = sheets.plate(16, 0.02)
+    heads = []
+    for n in (1, 60):
+        site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1), radius=0.02)
+        model = ao.extract(part, site, n=n, error="estimate")
+        hit = ao.simulate(model, ao.RigidMass(1e-4, 1.0), ao.Hertz(1e10), duration=1e-3)
+        budget = hit.error_budget
+        heads.append((budget, live.headline_of_history(hit, part, budget, {}, None)))
+    (wide, rough), (narrow, fine) = heads
+    assert wide["peak_force"].total > 0.5 > narrow["peak_force"].total
+    assert rough.caution.startswith(
+        f"The force is a rough one, ± {live.percent(wide['peak_force'].total)}"
+    )
+    assert "to narrow it, extract more anti-oscillators" in rough.caution
+    assert "to narrow it" not in " ".join(rough.sentences)
+    assert "rough" not in fine.caution
+    assert "to narrow it" in " ".join(fine.sentences)
+
+
+def test_a_linear_sheet_tells_its_deflection_over_its_thickness():
+    part = sheets.plate(8, 0.002)
+    model = ao.extract(part, ao.Site((0.5, 0.5, 0.0), (0, 0, -1), radius=0.02), n=10, stretch=False)
+    for speed, told in ((0.005, False), (0.05, True)):
+        hit = ao.simulate(model, ao.RigidMass(0.5, speed), ao.Hertz(1e8), duration=0.05)
+        ratio = float(np.abs(hit.displacement).max()) / 0.002
+        assert (0.04 < ratio < 0.5) == told
+        ratios = [
+            re.search(r"by ([\d.]+) times the thickness", text)[1] for text in hit.stretch_texts
+        ]
+        assert list(map(float, ratios)) == pytest.approx([ratio] * told, rel=0.03)

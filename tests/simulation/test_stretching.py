@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.base.errors import InputError
-from antiosc.base.texts import STOPPED
+from antiosc.base.texts import STOPPED, percent
 from antiosc.impact import stretching
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
@@ -246,7 +246,14 @@ def test_numbers_that_are_no_forces_are_told(change, what):
 def test_what_stretches_is_told_and_a_striker_that_does_is_not_on_the_page():
     hit = ao.simulate(model(3), BALL, LAW, DURATION)
     linear = ao.simulate(replace(model(), stretch=None), BALL, LAW, DURATION)
-    assert "'structure' stretches: second-order forces of 3 motions" in hit.summary()
+    (told,) = hit.stretch_texts
+    change = hit.peak_force / linear.peak_force - 1
+    direction = "larger" if change > 0 else "smaller"
+    assert told.startswith("'structure' stretches: second-order forces of 3 motions make")
+    assert told.endswith(f"largest force {percent(abs(change))} {direction}")
+    assert told in hit.summary()
+    slight = ao.simulate(model(3, scale=1e-6), BALL, LAW, DURATION)
+    assert "less than its error" in slight.stretch_texts[0]
     assert "stretch" not in linear.summary()
     assert live.blow_of_history(hit, {})["body"]["stretch"] is not None
     assert live.blow_of_history(linear, {})["body"]["stretch"] is None

@@ -264,9 +264,12 @@ def restitution_text(e: float, digits: int = 3) -> str:
 
 
 def point_text(point: Iterable[float]) -> str:
-    """The coordinates [m] of a point as text: "(20, 40, 75) mm"."""
+    """The coordinates [m] of a point as text: "(20, 40, 75) mm".
+
+    One that is below the last digit of the largest is 0.
+    """
     coordinates = [float(x) for x in point]
-    rounding = 1e-9 * max(map(abs, coordinates), default=0.0)
+    rounding = 1e-5 * max(map(abs, coordinates), default=0.0)
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in coordinates)}) mm"
 
 

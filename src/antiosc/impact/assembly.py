@@ -215,6 +215,7 @@ class Assembly:
     thin : whether a body is a supported sheet or thin solid.
     stretches : whether a body has second-order forces.
     stretched : second-order forces of the bodies that stretch, which have rows in the march.
+    stretch_effect : relative change of the largest force of a contact by these.
     """
 
     parts: Callable[[], Parts]
@@ -227,6 +228,7 @@ class Assembly:
     thin: bool
     stretches: bool
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
+    stretch_effect: float = field(default=0.0, kw_only=True)
 
     @cached_property
     def _parts(self) -> Parts:

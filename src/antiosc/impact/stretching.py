@@ -127,6 +127,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     a = linear.assembly
     motions = {name: motion_of(linear, name) for name in a.bodies}
     motion_by_body = {name: motion for name, motion in motions.items() if motion is not None}
+    force = largest_force(linear)
     fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
     if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE:
         return linear, ""
@@ -140,6 +141,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     while True:
         stretches = {name: motion.first(count) for name, motion in motion_by_body.items()}
         run = again(with_rows(a, stretches))
+        run.assembly.stretch_effect = largest_force(run) / force - 1 if force else 0.0
         if fixed:
             return run, ""
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
@@ -155,6 +157,11 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     if last and worst > max(tol, WARN):
         return found, _not_enough(count, worst)
     return found, ""
+
+
+def largest_force(history: History) -> float:
+    """The largest peak force [N] of the contacts."""
+    return max((contact.peak_force for contact in history.contact_histories), default=0.0)
 
 
 def largest(changes: list[dict[str, float]]) -> dict[str, float]:

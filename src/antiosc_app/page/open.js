@@ -660,7 +660,7 @@ class Bench {
   // The fields of the site show the site that is chosen on the map.
   follow(i) {
     const { sites } = this.page;
-    this.chosen = { point: this.placed(Array.from(sites.at(i))), direction: aimed(Array.from(sites.along(i))) };
+    this.chosen = { point: this.placed(sites.at(i)), direction: aimed(sites.along(i)) };
     this.show_fields();
   }
 

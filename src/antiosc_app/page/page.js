@@ -2,12 +2,13 @@
 
 const QUANTITIES = [["peak_force", "peak force", "N"], ["contact_time", "contact time", "s"],
   ["impulse", "impulse", "N s"], ["restitution", "restitution", ""], ["contacts", "contacts", ""]];
-const DENT = ["dent", "dent", "m"], STRESS = ["stress", "largest stress", "Pa"];
+const DENT = ["dent", "dent", "m"], STRESS = ["stress", "largest stress", "Pa"], MOVED = ["deflection", "largest deflection", "m"];
 const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed", "m/s"],
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
 const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
 const MANY = 20000; // steps times modes
+const SHORT = 0.2; // share of a run up to which the chart shows the contacts alone
 
 const find = (id) => document.getElementById(id);
 
@@ -52,7 +53,7 @@ class Page {
     const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start), this.blow.striker.mobility) / 2 : Infinity;
     if (this.blow.computed) this.blow.computed.stress ??= data.stress ?? null;
     this.least = { speed: Math.min(this.start.speed / RANGE, slow) };
-    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
+    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...(this.part && data.part.deflection ? [MOVED] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
     this.said = [...document.querySelectorAll("[data-of]")].map((p) => ({ p, of: p.dataset.of, computed: p.textContent }));
     this.make_sliders();
     this.make_numbers();
@@ -163,9 +164,12 @@ class Page {
     this.rough = !resting && !this.at_start() && hit.n_nodes * hit.modes > MANY;
     if (!this.rough) hit = strike(blow.tol);
     const bars = this.known_bars = this.bars(hit, duration);
+    if (this.at_start()) Object.assign(hit, this.blow.computed || {}, { answer: 0 });
+    else if (hit.answer) Object.assign(hit, UNKNOWN);
     this.hit = hit;
-    this.until = Math.min(duration, Math.max(1.25 * hit.last, 0.02 * duration)) || duration;
-    hit.stress = NaN; // until the picture follows
+    this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
+    this.until = this.used < SHORT * duration ? this.used : duration;
+    hit.stress = hit.deflection = NaN; // until the picture follows
     this.write(hit, bars);
     this.bar = bars.peak_force ?? 0;
     this.draw_chart();
@@ -228,6 +232,7 @@ class Page {
       unbroken(now, plain === unknown ? [] : parts);
       if (plain === unknown) now.textContent = plain;
       if (name === "stress" && parts.length === 1 && Number.isFinite(value) && this.data.stress_note) made("small", now, ` (${this.data.stress_note})`);
+      if (name === "deflection" && Number.isFinite(value) && this.at_start()) made("small", now, ` ${this.data.part.deflection.told}`);
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
@@ -235,7 +240,8 @@ class Page {
     }
     this.say(hit);
     const notes = [];
-    if (hit.answer) notes.push("The run stopped before its end: the numbers are not reliable.");
+    if (hit.answer) notes.push("The run stopped before its end, so that its numbers are not known.");
+    if (this.reached < hit.duration) notes.push(`The picture ends at ${engineering(this.reached, "s")}: the page has no memory for more of its steps.`);
     if (hit.contacts === 0) notes.push("The bodies do not touch.");
     if (hit.touching) notes.push("The bodies still touch at the end of the run.");
     if (hit.peak_force > hit.reach) {
@@ -247,7 +253,8 @@ class Page {
     if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
-      + (bars.peak_force ? "; the band: the error bar" : "") + ".";
+      + (bars.peak_force ? "; the band: the error bar" : "")
+      + (this.until < hit.duration ? `; none from ${engineering(hit.last, "s")} to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 
   // A number of the headline: that of the computed case, or the present one; of a map it is of all sites.
@@ -285,7 +292,7 @@ class Page {
   }
 
   draw_chart() {
-    const playing = this.part && this.kind ? this.frame / FRAMES * this.last() : null;
+    const playing = this.part && this.kind ? this.time() : null;
     this.chart.show({ until: this.until, now: this.hit, computed: this.sites ? this.blow.computed : this.compared(), bar: this.bar, at: playing });
   }
 
@@ -294,24 +301,30 @@ class Page {
     if (this.rough) this.change(true);
     if (this.sites) this.sites.strike(this.engine, this.at_start() ? null : this.set, this.blow);
     if (this.part) {
-      this.engine.strike(this.hit.posed, this.hit.duration, this.blow.coarse);
-      this.part.follow(this.engine, this.hit, this.last());
-      this.follow_stress();
+      const { hit } = this, run = this.engine.strike(hit.posed, hit.duration, this.blow.coarse);
+      this.reached = run.answer ? run.time[run.time.length - 1] || 0 : hit.duration;
+      this.part.follow(this.engine, hit, this.closely(), this.reached);
+      this.follow_picture();
     }
     this.picture();
   }
 
-  // The end of the pictures: that of the chart, or the time of the largest stress where it comes later.
-  last() { return Math.min(Math.max(this.until, 1.02 * (this.data.stress_time || 0)), this.hit.duration); }
+  // Up to when the pictures follow closely: the end of the contacts, or the time of the largest stress where it comes later.
+  closely() { return Math.min(Math.max(this.used, 1.02 * (this.data.stress_time || 0)), this.reached); }
 
-  // The largest stress: that of the computed case, as the picture's largest grows; none before the verdict that judges it.
-  follow_stress() {
-    if (!this.data.part.stress) return;
-    const drawn = this.part.most("stress");
+  // The time of the picture.
+  time() { return this.part && this.part.times ? this.part.times[this.frame] : 0; }
+
+  // Largest stress and deflection: those of the computed case, as the picture's largest grows; no stress before the verdict that judges it.
+  follow_picture() {
+    const { data, part, hit } = this, kinds = Object.keys(part.fields).filter((kind) => part.fields[kind]);
+    const drawn = Object.fromEntries(kinds.map((kind) => [kind, part.most(kind)]));
     this.drawn ??= drawn; // the first impact is the computed one
-    this.hit.stress = this.data.awaited ? NaN : (this.data.stress ?? this.drawn) * drawn / (this.drawn || 1);
-    this.part.known = { stress: this.hit.stress };
-    this.write(this.hit, this.known_bars);
+    const grown = (kind, known) => known * drawn[kind] / (this.drawn[kind] || 1);
+    if (data.part.stress && !data.awaited) hit.stress = grown("stress", data.stress ?? this.drawn.stress);
+    if (data.part.deflection) hit.deflection = grown("motion", data.part.deflection.value);
+    part.known = { stress: hit.stress, motion: hit.deflection };
+    if (kinds.length) this.write(hit, this.known_bars);
   }
 
   picture() {
@@ -321,7 +334,7 @@ class Page {
     if (this.sites) this.sites.show(this.kind, this.site);
     else if (this.part) this.part.show(this.kind, this.frame);
     find("frame").value = this.frame;
-    find("frame").setAttribute("aria-valuetext", engineering(this.frame / FRAMES * this.last(), "s"));
+    find("frame").setAttribute("aria-valuetext", engineering(this.time(), "s"));
     if (this.kind) this.legend();
     this.draw_chart();
   }
@@ -329,9 +342,10 @@ class Page {
   legend() {
     const [label, unit] = this.sites ? [this.data.sites.names[this.kind], this.data.sites.units[this.kind]] : NAMES[this.kind];
     const [low, high] = this.sites ? this.sites.range(this.kind) : [0, this.part.top(this.kind)];
+    const most = this.sites ? high : this.part.largest_of(this.kind);
     find("low").textContent = engineering(low, unit);
-    find("high").textContent = engineering(high, unit);
-    const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.frame / FRAMES * this.last(), "s")}` : "";
+    find("high").textContent = engineering(high, unit) + (most > high ? ` and more, up to ${engineering(most, unit)}` : "");
+    const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.time(), "s")}` : "";
     const wide = this.sites && this.sites.logarithmic(this.kind);
     find("what").textContent = label + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
   }
@@ -350,6 +364,9 @@ class Page {
     step();
   }
 }
+
+// The numbers of a run that the page could not compute to its end.
+const UNKNOWN = Object.fromEntries([...QUANTITIES, DENT].map(([name]) => [name, NaN]));
 
 // Relative differences of two impacts, each at least half the largest: antiosc.impact.quantities.
 function differences(one, other, names) {

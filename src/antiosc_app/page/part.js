@@ -1,6 +1,7 @@
 // The part of the report: its points, its motion and stress from a few fields, the striker.
 
-const ENLARGED = 0.08, FRAMES = 60; // of the size of the part; of a run
+const ENLARGED = 0.08, FRAMES = 60, CLOSE = 42; // of the size of the part; of a run, and of its part that is followed closely
+const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colours where the largest value exceeds it so many times
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const ARROW = 0.5; // length of the arrow over half the size of the part
 const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
@@ -15,10 +16,10 @@ class Part {
     this.outside = place && outward(this.rest, data.faces, place.point, place.direction);
   }
 
-  // What a run looked like at even times; the largest values of a kind in it.
-  follow(engine, hit, until) {
-    const data = this.data;
-    this.times = [...Array(FRAMES + 1).keys()].map((k) => k * until / FRAMES);
+  // What a run looked like, at even times closely until a time, and then to the end.
+  follow(engine, hit, until, end) {
+    const data = this.data, close = until < end ? CLOSE : FRAMES, rest = (k) => (k - close) * (end - until) / (FRAMES - close);
+    this.times = [...Array(FRAMES + 1).keys()].map((k) => (k > close ? until + rest(k) : k * until / close));
     const body = this.blow.body.omega.length;
     this.states = this.times.map((t) => {
       const { q, force } = engine.state(hit, t);
@@ -27,27 +28,35 @@ class Part {
       const own = q.slice(0, body);
       return { x: [...own, force, ...pairs(this.blow.body.stretch, own)], way };
     });
-    this.largest = {};
+    [this.largest, this.usual] = [{}, {}];
     if (data.motion) this.factor = Number((ENLARGED * 2 * data.half / (this.most("motion") || 1)).toPrecision(1));
   }
 
+  // The largest value of a kind in a run; also the value that all points but a few never exceed.
   most(kind) {
     if (!(kind in this.largest)) {
-      const every = this.states.filter((_, k) => k % 3 === 0);
-      this.largest[kind] = Math.max(...every.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0)));
+      const most = new Float32Array(this.count);
+      this.states.forEach(({ x }) => this.sizes(kind, x).forEach((size, p) => { most[p] = Math.max(most[p], size); }));
+      most.sort();
+      [this.largest[kind], this.usual[kind]] = [most[this.count - 1], most[Math.floor(USUAL * (this.count - 1))]];
     }
     return this.largest[kind];
   }
 
   // The frame with the largest value.
   peak(kind) {
-    const every = this.states.filter((_, k) => k % 3 === 0);
-    const sizes = every.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0));
-    return 3 * sizes.indexOf(Math.max(...sizes));
+    const sizes = this.states.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0));
+    return sizes.indexOf(Math.max(...sizes));
   }
 
-  // The end of the scale of colours: the largest value, be it drawn or between the drawn points and times.
-  top(kind) { return Math.max(this.most(kind), this.known && this.known[kind] || 0); }
+  // The largest value, be it drawn or between the drawn points and times.
+  largest_of(kind) { return Math.max(this.most(kind), this.known && this.known[kind] || 0); }
+
+  // The end of the scale of colours: the largest value, or what it exceeds in a few points alone.
+  top(kind) {
+    const largest = this.largest_of(kind), usual = this.usual[kind];
+    return usual > 0 && largest > SPIKE * usual ? usual : largest;
+  }
 
   // A field at one state: components of all points.
   field({ fields, scale, factors }, x) {

@@ -19,6 +19,7 @@ from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
 from antiosc.impact.histories.bars import ErrorBudget
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
+from antiosc.impact.histories.linear_theory import linear_texts, stretch_effect
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.tables import Results
@@ -203,12 +204,15 @@ class History(RunHistory, Results):
 
     @property
     def stretch_texts(self) -> list[str]:
-        """Sentences on bodies that stretch, with the number of their modes."""
+        """Sentences on bodies that stretch, with the number of their modes, and on the linear ones
+        of sheets.
+        """
         forces = self.assembly.stretched
         return [
             f"{name!r} stretches: second-order forces of {stretch.modes.shape[1]} motions"
+            f" {stretch_effect(self)}"
             for name, stretch in forces.items()
-        ]
+        ] or list(linear_texts(self))
 
     @property
     def force_text(self) -> str:

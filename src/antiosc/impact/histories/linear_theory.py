@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc.base import errors
 from antiosc.base._types import Array
+from antiosc.base.texts import percent
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.states import free_steps
@@ -90,6 +91,25 @@ def large_deflection_message(history: RunHistory) -> str:
             worst = w / h
             message = (beyond_quartic if stretches else beyond_linear)(name, w, h)
     return message
+
+
+def stretch_effect(history: RunHistory) -> str:
+    """How much second-order forces change the largest force, as the end of a sentence."""
+    change = history.assembly.stretch_effect
+    if abs(change) <= history.error.get("peak", 0.0):
+        return "change the largest force by less than its error by the time steps"
+    return f"make the largest force {percent(abs(change))} {'larger' if change > 0 else 'smaller'}"
+
+
+def linear_texts(history: RunHistory) -> Iterator[str]:
+    """Sentences on sheets whose linear model stands, though not far below its limit."""
+    for name, body, h in _sheets(history):
+        ratio = deflection(history, name) / h if body.omega.all() else 0.0
+        if SLIGHT_DEFLECTION < ratio <= SMALL_DEFLECTION:  # beyond, a warning tells it
+            yield (
+                f"{name!r} is taken as linear, without stretching: it deflects by {ratio:.2g} times"
+                " the thickness of its sheet"
+            )
 
 
 #: The least deflection over the thickness that may change a displacement by 0.3 % (`NEGLIGIBLE` of
