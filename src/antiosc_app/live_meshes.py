@@ -275,8 +275,8 @@ def _deflection(motion: Array, points: Array, hit: History) -> Data:
     time = float(near[sizes.argmax()])
     told = f"at {point_text(points[i])}, {engineering(time, 's')}"
     if time >= end:
-        told += ", the end of the run: it may grow on"
-    return {"value": float(sizes.max()), "told": f"{told}; without an error bar"}
+        told += " (end of the run)"
+    return {"value": float(sizes.max()), "told": f"{told}, no bar"}
 
 
 def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:

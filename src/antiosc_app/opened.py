@@ -236,10 +236,13 @@ class Opened:
 
     # -- one thread computes
 
-    def _computed(self, work: Callable[[], Data], stops: Callable[[], bool] = never) -> Data:
+    def _computed(
+        self, work: Callable[[], Data], stops: Callable[[], bool] = never, finer: bool = False
+    ) -> Data:
         """The result of `work` in the computing thread, with its warnings and their weights.
 
-        {"stale": True} where `stops` has become true during the work.
+        {"stale": True} where `stops` has become true during the work. `finer`: whether its mesh is
+        refined at the site already.
         """
 
         def stop_if_asked(doing: str) -> None:
@@ -261,7 +264,9 @@ class Opened:
             warnings = by_weight(messages, " ".join([caution, *verdict]))
             told = {"warnings": [[weight(one), capitalised(one)] for one in warnings]}
             source = self._source
-            remedy = "" if source is None else _smaller_cells(source.look, self._given is None)
+            remedy = ""
+            if source is not None:
+                remedy = _smaller_cells(source.look, self._given is None, finer)
             return {name: _with_remedy(value, remedy) for name, value in {**result, **told}.items()}
 
         self._count(1)
@@ -297,7 +302,8 @@ class Opened:
         def work() -> Data:
             return {"stale": True} if overtaken() else step(set_up, values)
 
-        return self._computed(work, never if step == self._write else overtaken)
+        stops = never if step == self._write else overtaken
+        return self._computed(work, stops, set_up.is_finer)
 
     def _search_modes(self) -> None:
         """Compute a round of free modes of the last structure, unless the page waits."""
@@ -645,8 +651,10 @@ def _told_of_file(look: new.Inspection) -> str:
     return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
 
 
-def _smaller_cells(look: new.Inspection, has_size: bool) -> str:
-    """What makes the cells of an opened part smaller, by the fields of its page."""
+def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
+    """What makes the cells of an opened part smaller, by the fields of its page that are left."""
+    if look.meshed and finer:
+        return "cell size"
     if look.meshed:
         return "Finer mesh here, or cell size"
     return live.halved("cell size", new.DIMENSIONS[look.family] * (has_size and not look.kept))

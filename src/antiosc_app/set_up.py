@@ -231,6 +231,11 @@ class SetUp:
         if len(self.held) > MOST_HELD or not all(isinstance(face, str) for face in self.held):
             raise InputError(f"held lists at most {MOST_HELD} names of faces.")
 
+    @property
+    def is_finer(self) -> bool:
+        """Whether the mesh is refined at the site, or at the impacts of a fall."""
+        return bool(self.striker.finer) if self.striker.kind == FLOOR else self.finer
+
 
 def constants_of(name: str) -> OwnMaterial:
     """The constants of a material of the table, from which an own one starts on the page."""

@@ -21,7 +21,7 @@ import antiosc as ao
 import parts
 from antiosc.base import materials, progress
 from antiosc.base.errors import InputError, by_weight
-from antiosc.base.texts import engineering, exceeds, percent
+from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
@@ -580,6 +580,20 @@ def test_finer_mesh_of_a_fall_is_where_its_impacts_strike(opened):
     setup["striker"]["kind"] = "ball"
     struck = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)
     assert "refine" not in struck["geometry"]
+
+
+def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
+    setup = set_up.read(asked(opened))
+    falls = replace(setup.striker, kind="floor", finer=((0.0, 0.0, 0.0),))
+    for made, is_finer in (
+        (setup, False),
+        (replace(setup, finer=True), True),
+        (replace(setup, finer=True, striker=replace(falls, finer=())), False),
+        (replace(setup, striker=falls), True),
+    ):
+        assert made.is_finer == is_finer
+        told = opened._computed(lambda: {"caution": f"({SMALLER_CELLS})"}, finer=is_finer)
+        assert told["caution"] == ("(cell size)" if is_finer else "(Finer mesh here, or cell size)")
 
 
 def test_a_warning_that_is_among_the_sentences_is_shown_once():

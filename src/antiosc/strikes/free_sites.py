@@ -13,6 +13,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.checks import whole
+from antiosc.base.progress import doing
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.structure.structure import Structure
@@ -65,15 +66,20 @@ def free_sites(
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
     start_time = time.perf_counter()
-    map_sites = sites_of(matrices, where, direction, radius)
+    rank = structure.comm.rank
+    with doing("finding the sites of the map", rank):
+        map_sites = sites_of(matrices, where, direction, radius)
     structure.factorize(math.inf)
     located = time.perf_counter()
-    free = _free_modes(structure, modes, band, most, least)
+    count = len(map_sites.sites)
+    with doing(f"free modes for {count} sites", rank):
+        free = _free_modes(structure, modes, band, most, least)
     omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
     phi = np.column_stack([structure.rigid_modes, free.phi])
     b = structure.comm.allreduce(map_sites.sites.loads.T @ phi)
     solved = time.perf_counter()
-    C, G = deflections(structure, map_sites.sites.loads, omega, b)
+    with doing(f"compliances at {count} sites", rank):
+        C, G = deflections(structure, map_sites.sites.loads, omega, b)
     step_start = time.perf_counter()
     seconds = {
         "sites": located - start_time,

@@ -33,7 +33,7 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import flag, instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
-from antiosc.base.progress import counting
+from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.curvature import SHARP
@@ -237,7 +237,8 @@ def impact_map(
             f"the band {_hertz(band)} must end below the last of {len(omega)} free modes,"
             f" {_hertz(omega[-1])}: ask for more modes, or lower the band, which is in Hz."
         )
-    models, errors = _reduced(sites_seen, counts, structure.shift, band, accuracy)
+    with doing(f"models of {len(sites)} sites", structure.comm.rank):
+        models, errors = _reduced(sites_seen, counts, structure.shift, band, accuracy)
     reduced = time.perf_counter()
     models, error, direct = _refined(structure, sites, models, errors, band, accuracy)
     extracted = time.perf_counter()
