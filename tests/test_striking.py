@@ -243,7 +243,10 @@ def test_a_mesh_that_takes_too_long_or_too_much_memory_is_not_made(step: Any) ->
 
 
 def test_when_no_mesh_helps_it_is_said(step: Any) -> None:
-    assert "take the tolerance alone" in step(answer(budget(0.05, time=0.0094)))[1]
+    told = step(answer(budget(0.05, time=0.0094)))[1]
+    assert "(time steps 0.94 %) leaves too little of 1 %" in told
+    wider = 0.0094 * striking.AIM / (striking.AIM - striking.TRUNCATION_SHARE - striking.LEAST_ROOM)
+    assert told.endswith(f"shorten the time steps, or take a tol of at least {100 * wider:.2g} %.")
     assert step(answer(budget(0.05, time=0.0093)))[1] == ""
     assert "300 anti-oscillators do not bring" in step(answer(n=300))[1]
     assert step(answer(n=299))[1] == ""

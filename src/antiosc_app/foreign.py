@@ -152,7 +152,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             ways = [{"solid": True, "size": size}]
     else:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
-    mesh, options, pieces = _first(path, read, ways)
+    mesh, options, pieces, failed = _first(path, read, ways)
+    notes += failed
     read |= options
     meshed = "size" in read
     if meshed and given is None and mesh.n_cells > MOST_CELLS:
@@ -221,8 +222,17 @@ def _described(pieces: Sequence[Piece]) -> list[str]:
     return [f"it falls into {len(pieces)} pieces ({described_pieces(pieces)})."]
 
 
-def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequence[Piece]]:
-    """(mesh, options, pieces) of the first alternative that works; else the first error."""
+def _not_joined(ways: list[Read], options: Read, reason: InputError | None) -> list[str]:
+    """A sentence (in a list) on solids that could not be joined."""
+    if "fragments" not in ways[0] or "fragments" in options or reason is None:
+        return []
+    return [f"its solids are not joined (fragments), since this failed: {reason}"]
+
+
+def _first(
+    path: Path, read: Read, ways: list[Read]
+) -> tuple[Mesh, Read, Sequence[Piece], list[str]]:
+    """(mesh, options, pieces, notes) of the first alternative that works; else the first error."""
     pieces: Sequence[Piece] = ()
     reason: InputError | None = None
     for way in _with_pieces(ways):
@@ -239,7 +249,7 @@ def _first(path: Path, read: Read, ways: list[Read]) -> tuple[Mesh, Read, Sequen
             continue
         touches = any(words in text for words in UNJOINED for text in warned)
         if not (touches and "merge" in options):
-            return mesh, options, pieces
+            return mesh, options, pieces, _not_joined(ways, options, reason)
     assert reason is not None
     raise reason
 

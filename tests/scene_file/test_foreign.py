@@ -328,7 +328,7 @@ def test_another_site_is_tried_where_the_first_cannot_be_struck(tmp_path, monkey
 def test_the_solids_of_a_file_without_a_unit_are_told_in_the_unit_that_is_taken(tmp_path):
     path = tmp_path / "boxes.brep"
     with gmsh_session() as gmsh:
-        for x, side in ((0, 20), (20, 10)):
+        for x, side in ((0, 10), (20, 20)):
             gmsh.model.occ.addBox(x, 0, 0, side, side, side)
         gmsh.model.occ.synchronize()
         gmsh.write(str(path))

@@ -381,8 +381,10 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the bounding box of each solid, or of the model; each group has all lines."""
-    entities = gmsh.model.getEntities(3) or [(-1, -1)]
+    """A line across the bounding box of each solid, the largest first, or of the model; each group
+    has all lines.
+    """
+    entities = cad.largest_first(gmsh) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]

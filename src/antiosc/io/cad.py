@@ -183,14 +183,20 @@ def _cut(gmsh: ModuleType, names: Names, name: str) -> Names:
     return cut
 
 
+def largest_first(gmsh: ModuleType) -> list[tuple[int, int]]:
+    """The solids by their volumes: the rank of a piece. Of facets, as gmsh numbers them."""
+    solids = list(gmsh.model.getEntities(3))
+    volumes = {solid: gmsh.model.occ.getMass(*solid) for solid in gmsh.model.occ.getEntities(3)}
+    return sorted(solids, key=lambda solid: -volumes.get(solid, 0.0))
+
+
 def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
     """Remove all solids but the `piece`-th largest; return the names of the remaining one."""
-    solids = gmsh.model.getEntities(3)
+    solids = largest_first(gmsh)
     if not solids:  # of sheets: their pieces are those of the mesh
         return names
     if piece > len(solids):
         raise MeshError(f"{name} has {len(solids)} solids; there is no piece {piece}.")
-    solids.sort(key=lambda solid: -gmsh.model.occ.getMass(*solid))
     solid = solids.pop(piece - 1)
     gmsh.model.occ.remove(solids, recursive=True)
     gmsh.model.occ.synchronize()

@@ -491,10 +491,7 @@ def _next(
     allowed = _room(answer.budget, tol)
     resolved = all(bar.stretch and bar.mesh <= allowed[name] for name, bar in answer.budget.items())
     if resolved or min(allowed.values()) < LEAST_ROOM * tol:
-        return np.ones(0), (
-            "A finer mesh does not help: the shares of time steps, patch and second-order forces "
-            "take the tolerance alone; change the radius of the site."
-        )
+        return np.ones(0), _no_room(answer.budget, tol)
     if answer.n >= MOST_N:
         return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
     usual_factor = _usual(answer)
@@ -558,6 +555,24 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
         remaining = allowed - AIM * bar.stretch
         room[name] = allowed if bar.stretch and remaining < LEAST_ROOM * tol else remaining
     return room
+
+
+def _no_room(budget: ErrorBudget, tol: float) -> str:
+    """Why a finer mesh does not bring the budget within the tolerance, and what does."""
+    bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
+    shares = {"time steps": bar.time, "patch": bar.patch, "second-order forces": bar.stretch}
+    words = [f"{name} {percent(share)}" for name, share in shares.items() if share]
+    remedy = "shorten the time steps"
+    if bar.patch >= max(bar.time, bar.stretch):
+        remedy = "take a smaller radius of the site, on smaller cells there"
+    elif bar.stretch > bar.time:
+        remedy = "take more motions that stretch it"
+    wider = sum(shares.values()) * AIM / (AIM - TRUNCATION_SHARE - LEAST_ROOM)
+    return (
+        f"A finer mesh does not help: what does not depend on it ({', '.join(words)}) leaves too"
+        f" little of {percent(tol)} for mesh and truncation; {remedy}, or take a tol of at least"
+        f" {percent(wider)}."
+    )
 
 
 def _finished(

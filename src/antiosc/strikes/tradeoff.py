@@ -208,7 +208,8 @@ class Tradeoff(Result):
         """The cheapest method within `tol`, or the smallest error bar if none is."""
         if self.status:
             smallest_bar = min(member.bar for member in self.table)
-            return f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
+            sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
+            return " ".join([sentence, *self.hit.error_budget.notes[-1:]])
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
