@@ -15,11 +15,11 @@ import antiosc
 from antiosc import impact_band
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError, weight
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
-from antiosc.models.body import GRAVITY
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation

@@ -18,18 +18,20 @@ import numpy as np
 
 import antiosc
 from antiosc.base.errors import (
+    AntioscWarning,
     InputError,
+    NotTakenWarning,
     PiecesError,
     finite_element_packages,
     warnings_to,
     without_warnings,
 )
+from antiosc.base.materials import density_like
 from antiosc_app.scene_file.outline import GEOMETRIES
 from antiosc_app.units import (
     UNITS,
     UNITS_OF_MESHES,
     UNITS_OF_SURFACES,
-    density_like,
     unit_of,
     unit_of_length,
 )
@@ -301,7 +303,8 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
     units = list(dict.fromkeys([best, *units]))
     if size is not None:
         read["size"] = size
-    unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses)
+    told: list[str] = []
+    unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses, told)
     read = {"unit": unit, **read}
     pieces = pieces or more
     members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
@@ -311,6 +314,7 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
         *_option_notes(read),
         *structure.plausibility.get("doubts", ()),
     ]
+    notes += [sentence for sentence in dict.fromkeys(told) if sentence not in notes]
     return ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus, kept=kept)
 
 
@@ -320,15 +324,22 @@ def _first_unit(
     units: Sequence[str],
     read: Read,
     guesses: Mapping[str, float],
+    told: list[str] | None = None,
 ) -> tuple[str, T, Sequence[Piece]]:
     """(unit, what `reader` makes of a deck, pieces) in the first unit in which it is not refused.
+
+    `told` gets what was decided while the deck was read, without what was not taken.
 
     Raises the first InputError; a reason that is the same in two units does not depend on the unit.
     """
     reasons: list[InputError] = []
     for unit in units:
         try:
-            return unit, *_read_deck(partial(reader, str(path), unit), read, guesses)
+            warned: list[str] = []
+            of_unit = _read_deck(partial(reader, str(path), unit), read, guesses, warned)
+            if told is not None:
+                told += [str(one) for one in warned if _is_decision(one)]
+            return unit, *of_unit
         except InputError as error:
             reasons.append(error)
             if len(reasons) > 1 and str(error) == str(reasons[-2]):
@@ -336,16 +347,22 @@ def _first_unit(
     raise reasons[0]
 
 
+def _is_decision(message: str) -> bool:
+    """Whether a warning is of what was decided, not of what was not taken."""
+    return not issubclass(getattr(message, "category", AntioscWarning), NotTakenWarning)
+
+
 def _read_deck(
-    reader: Callable[..., T], read: Read, guesses: Mapping[str, float]
+    reader: Callable[..., T], read: Read, guesses: Mapping[str, float], warned: list[str]
 ) -> tuple[T, Sequence[Piece]]:
     """(what `reader` makes of a deck, pieces); adds to the options `read` the piece and the guesses
-    that are needed.
+    that are needed, and to `warned` the warnings.
     """
     pieces: Sequence[Piece] = ()
     while True:
+        warned.clear()
         try:
-            with warnings_to(list[str]().append):
+            with warnings_to(warned.append):
                 return reader(**read), pieces
         except PiecesError as error:
             if "piece" in read:

@@ -21,6 +21,7 @@ from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
     SMALLER_CELLS,
     engineering,
@@ -40,7 +41,7 @@ from antiosc.extension import (
     trusted,
 )
 from antiosc.models.auto_contact import piercing
-from antiosc.models.body import GRAVITY, info_of, site_points
+from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import (
     legend_beside,
     new_figure,

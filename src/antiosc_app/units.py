@@ -11,9 +11,8 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.materials import names, record
-from antiosc.base.plausible import MASSLESS_WAVE
+from antiosc.base.plausible import GRAVITY, MASSLESS_WAVE
 from antiosc.io.neutral import UnitSystem
-from antiosc.models.body import GRAVITY
 
 #: The units that are tried, the most frequent first.
 UNITS = ("mm", "m", "in", "mm-kg", "ft")
@@ -22,11 +21,6 @@ UNITS = ("mm", "m", "in", "mm-kg", "ft")
 #: from 20 and in inches from 0.63 on (parts of 2.95 and 1.35 inches were taken as metres).
 LIKELIEST_LENGTH = 0.1
 UNITS_OF_MESHES, UNITS_OF_SURFACES = ("mm", "m"), ("mm", "in", "m")
-#: Materials of which a deck without densities may be.
-COMMON = (
-    *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
-    *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
-)
 #: Those in which densities are often stated as weights, lbf/in³ or lbf/ft³.
 OF_POUNDS = ("in", "ft")
 #: Lengths [m] of parts of machines and buildings.
@@ -46,13 +40,6 @@ DUMMY, PLACEHOLDER = 2.0, 1.0
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.
 EQUAL = 0.5
-
-
-def density_like(modulus: float) -> float:
-    """Density [kg/m³] of the common material whose Young's modulus is nearest to this one [Pa]."""
-    common = [record(name) for name in COMMON]
-    nearest = min(common, key=lambda material: abs(log10(np.max(material.E) / modulus)))
-    return float(nearest.rho)
 
 
 def unit_of_length(length: float, units: Sequence[str]) -> str:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import log10
 from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.base.plausible import MASSLESS_WAVE
+from antiosc.base.materials import density_like
+from antiosc.base.plausible import DENSITIES, GRAVITY, MASSLESS_WAVE, MODULI
 from antiosc.io.deck import Array, Deck, DeckPlace, IntArray
 from antiosc.io.neutral import Json, Term, UnitSystem
 from antiosc_decks.constraints import SPRINGS, DeckConstraints, one_piece, separate_copies
@@ -44,6 +46,9 @@ def chosen_elements(deck: Deck) -> BoolArray:
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Poisson's ratio of a material that has the modulus of the caller.
 POISSON = 0.3
+#: Decades between a density and that of a common material of the same modulus, up to which it is
+#: one: titanium and magnesium lie 0.25 from the nearest, foams and woods further off.
+SAME_DENSITY = 0.4
 #: Direction cosines below this are rounding errors.
 LEAST_TERM = 1e-12
 
@@ -135,7 +140,7 @@ class ModelBuilder:
     def rho(self, material: Material) -> float:
         """Density of a material in kg/m³."""
         if material.density:
-            return material.density * self.units.density
+            return self._meant_density(material, material.density)
         if self.unstated.density is not None:
             return self.unstated.density
         material.needs(
@@ -146,6 +151,34 @@ class ModelBuilder:
         )
         self.tell_once(f"the mass of {material.name}, whose density is 0")
         return material.modulus * self.units.stress / MASSLESS_WAVE**2
+
+    def _meant_density(self, material: Material, stated: float) -> float:
+        """The density in the unit of the deck; if no solid has it, the one that is meant."""
+        density = stated * self.units.density
+        modulus = material.modulus * self.units.stress
+        if density <= DENSITIES[1] or not MODULI[0] <= modulus <= MODULI[1]:
+            return density
+        likely = density_like(modulus)
+        gravity = GRAVITY / self.units.length
+        units = {
+            "a weight per volume": self.units.density / gravity,
+            "kg/m³": 1.0,
+            "g/cm³": 1e3,
+            "kg/mm³": 1e9,
+        }
+        off = {words: abs(log10(stated * unit / likely)) for words, unit in units.items()}
+        words = min(off, key=lambda name: off[name])
+        if off[words] > SAME_DENSITY:
+            return density
+        meant = stated * units[words]
+        sentence = (
+            f"the density {stated:g} of the material {material.name} is {density:.3g} kg/m³ in the"
+            f" units of {self.deck.name}, more than any solid has: it is taken as {words},"
+            f" {meant:.4g} kg/m³; masses at nodes are taken as they are."
+        )
+        if sentence not in self.deck.remarks:
+            self.deck.remarks.append(sentence)
+        return meant
 
     def isotropic(self, material: Material, what: str) -> Json:
         """E (Pa), nu and rho (kg/m³) of a material that must be isotropic."""

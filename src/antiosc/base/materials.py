@@ -8,13 +8,21 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from math import log10
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering
 
+#: Materials of which a deck without densities may be.
+COMMON = (
+    *("steel S235", "aluminium 6082-T6", "titanium Ti-6Al-4V", "magnesium AZ31B"),
+    *("concrete C30/37", "PC", "rubber NR 50 IRHD"),
+)
 #: Names that are proposed for one that does not exist.
 PROPOSED = 6
 
@@ -83,6 +91,13 @@ def record(name: object) -> MaterialRecord:
 def names() -> list[str]:
     """The names of all materials."""
     return list(_table()["material"])
+
+
+def density_like(modulus: float) -> float:
+    """Density [kg/m³] of the common material whose Young's modulus is nearest to this one [Pa]."""
+    common = [record(name) for name in COMMON]
+    nearest = min(common, key=lambda material: abs(log10(np.max(material.E) / modulus)))
+    return float(nearest.rho)
 
 
 def _words(name: str) -> list[str]:

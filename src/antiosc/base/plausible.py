@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike
 
 from antiosc.base.errors import InputError, MeshError, warn
 
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
 #: Slowest wave in a bar, √(E/ρ), m/s: soft rubber has some 45, …
 SLOWEST_WAVE = 40.0
 #: … and fastest one: diamond has 18 000.

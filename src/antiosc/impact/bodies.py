@@ -22,12 +22,13 @@ from antiosc.base import checks, plausible
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked, checked_by
 from antiosc.base.errors import InputError
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr
 from antiosc.engine.contact import Gonthier, Hertz
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, density_of, matter_of
 from antiosc.engine.damping import StackedModes
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import GRAVITY, Body, LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody, SiteModes, unchecked_body
 from antiosc.models.motion import Inertia, ModalState, Motion, unit_vectors
 

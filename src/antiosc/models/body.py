@@ -26,8 +26,6 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.models.stretch import Stretch
 
-#: Standard gravity, m/s².
-GRAVITY = 9.80665
 #: Key of `ModelInfo.surfaces` under which the reason stands if a surface is unknown.
 NOT_KNOWN = "not known"
 

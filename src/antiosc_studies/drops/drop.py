@@ -18,12 +18,11 @@ from scipy.spatial.transform import Rotation
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.plausible import FASTEST_WAVE
+from antiosc.base.plausible import FASTEST_WAVE, GRAVITY
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr, Result
 from antiosc.extension import check_executor
-from antiosc.models.body import GRAVITY
 from antiosc.models.motion import unit_vector
 from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
 from antiosc_studies.chance.sample import Quantile, Sample, quantile

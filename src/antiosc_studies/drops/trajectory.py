@@ -14,6 +14,7 @@ from antiosc import ContactLaw, Dent, ElasticPlastic, Gonthier, Hertz
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, without_warnings
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
@@ -21,7 +22,6 @@ from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, 
 from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import HertzContact, YieldingZone
-from antiosc.models.body import GRAVITY
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode

@@ -1,0 +1,34 @@
+"""Densities of decks that are no densities in the units of the deck."""
+
+from __future__ import annotations
+
+import pytest
+
+import abaqus_decks as inp
+
+#: Density in a deck of mm, N and MPa, of steel -> kg/m³, and the unit that is told.
+STATED = {
+    "7.85e-9": (7850.0, ""),
+    "7850.": (7850.0, "kg/m³"),
+    "7.85": (7850.0, "g/cm³"),
+    "7.85e-6": (7850.0, "kg/mm³"),
+    "7.698e-5": (7.698e-5 / 9806.65 * 1e12, "a weight per volume"),
+    "1.": (1e12, ""),  # a placeholder, which is no density in any unit
+}
+
+
+@pytest.mark.parametrize("stated", STATED)
+def test_a_density_that_no_solid_has_is_read_in_the_unit_that_is_meant(tmp_path, stated):
+    text = inp.CUBE + inp.STEEL.replace("8.E-9", stated) + inp.SOLID
+    model, deck = inp.read(tmp_path, text)
+    density, words = STATED[stated]
+    assert model["families"][0][2]["rho"] == pytest.approx(density, rel=1e-9)
+    told = [sentence for sentence in deck.remarks if "more than any solid has" in sentence]
+    assert len(told) == bool(words)
+    assert not words or f"it is taken as {words}, 7850 kg/m³" in told[0]
+
+
+def test_a_density_is_not_changed_beside_a_modulus_that_is_none_either(tmp_path):
+    text = inp.CUBE + inp.STEEL.replace("2E5", "2E11").replace("8.E-9", "7850.") + inp.SOLID
+    model, _ = inp.read(tmp_path, text)  # in SI units, read as mm
+    assert model["families"][0][2]["rho"] == pytest.approx(7850e12)
