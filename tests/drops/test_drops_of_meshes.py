@@ -208,6 +208,20 @@ def test_a_cylinder_lands_along_its_line(tmp_path: Path, size: float) -> None:
         assert "line" not in fall.summary()
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_a_cylinder_whose_arc_a_plane_cuts_in_the_middle_falls(tmp_path: Path) -> None:
+    """Between both arcs, 0.4 radii above the plane, is no surface to compute a compliance at."""
+    between = (
+        "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}; Box(2) = {0, -0.02, -0.003, 0.05, 0.04, 0.009};"
+        " BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; }; n = 1"
+    )
+    (tmp_path / "cut.geo").write_text(f'SetFactory("OpenCASCADE"); {between};')
+    mesh = ao.read_mesh(tmp_path / "cut.geo", size=0.003, order=1)
+    body = free_body(ao.Structure(mesh, ALUMINIUM), 1, None, None)
+    assert body.cylinders
+    assert all(one.radius == pytest.approx(0.01, rel=0.05) for one in body.cylinders)
+
+
 def test_bars_along_a_line_hold_the_force_of_a_disc(tmp_path: Path) -> None:
     """With the law of the line, and at vertices in its place, which carry far less."""
     R, L, height = 0.01, 0.05, 0.02

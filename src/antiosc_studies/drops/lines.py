@@ -300,7 +300,12 @@ def _cylinder(
         nodes=skin.points[on_cylinder] - body.centre,
         shapes=np.moveaxis(displacements[nearest], 1, 2).copy(),
     )
-    return replace(cylinder, compliance=_compliance(body, cylinder))
+    try:
+        compliance = _compliance(body, cylinder, down)
+    except InputError:  # a plane cuts the arc in its middle: no surface is there
+        facing = radial[fit] / np.linalg.norm(radial[fit], axis=1, keepdims=True)
+        compliance = _compliance(body, cylinder, facing[np.argmax(facing @ down)])
+    return replace(cylinder, compliance=compliance)
 
 
 def _split(vectors: Array, axis: Array) -> tuple[Array, Array]:
@@ -339,8 +344,11 @@ def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
     return down, pi if gap < WHOLE else pi - gap / 2
 
 
-def _compliance(body: FreeBody, cylinder: Cylinder) -> float:
-    """The part's compliance along a line [m/N], without that of its modes and of a half-space."""
+def _compliance(body: FreeBody, cylinder: Cylinder, outward: Array) -> float:
+    """The part's compliance along a line [m/N], without that of its modes and of a half-space.
+
+    `outward` (3,): from the axis to the line.
+    """
     from antiosc import Site
     from antiosc.reduce.site import functionals
 
@@ -352,10 +360,10 @@ def _compliance(body: FreeBody, cylinder: Cylinder) -> float:
     places = (
         body.centre
         + cylinder.centre
-        + cylinder.radius * cylinder.down
+        + cylinder.radius * outward
         + np.outer(positions, cylinder.axis)
     )
-    inward = tuple((-cylinder.down).tolist())
+    inward = tuple((-outward).tolist())
     sites = [Site(tuple(x), inward, radius, snap=True) for x in places.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)
