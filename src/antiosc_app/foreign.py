@@ -154,8 +154,7 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             ways = [{"solid": True, "size": size}]
     else:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
-    mesh, options, pieces, failed = _first(path, read, ways)
-    notes += failed
+    mesh, options, pieces, told = _first(path, read, ways)
     read |= options
     meshed = "size" in read
     if meshed and given is None and mesh.n_cells > MOST_CELLS:
@@ -165,7 +164,11 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             "are taken (size)."
         )
         read["size"] = larger
-        mesh = antiosc.read_mesh(str(path), **read)
+        told_again: list[str] = []
+        with warnings_to(told_again.append):
+            mesh = antiosc.read_mesh(str(path), **read)
+        told = told_again if "solid" in read else told
+    notes += told
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
         read["order"] = 1
         mesh = antiosc.read_mesh(str(path), **read)
@@ -251,7 +254,9 @@ def _first(
             continue
         touches = any(words in text for words in UNJOINED for text in warned)
         if not (touches and "merge" in options):
-            return mesh, options, pieces, _not_joined(ways, options, reason)
+            failed = _not_joined(ways, options, reason)
+            # what was repaired of a surface, and how it is meshed
+            return mesh, options, pieces, warned if "solid" in options else failed
     assert reason is not None
     raise reason
 

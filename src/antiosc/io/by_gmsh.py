@@ -347,9 +347,10 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         attempt.prepare(gmsh, scripted=suffix in SCRIPTS)
         notes: list[str] = []
         names: Names = {}
-        volume = 0.0
+        filled = None
         if ask.solid:
-            notes, names, volume = facets.fill(gmsh, ask, attempt.flat, attempt.sharp)
+            filled = facets.fill(gmsh, ask, attempt)
+            notes, names = filled.skin.remarks, filled.names
         elif suffix in CAD:
             names = cad.names_of(gmsh, ask, unit_scale * ask.unit[0])
         if ask.outline:
@@ -357,8 +358,9 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if suffix != ".msh":
             mesh_model(gmsh, _as_attempted(ask, attempt), unit_scale * ask.unit[0])
         mesh = _arrays(gmsh, ask.name, names, suffix == ".msh")
-        if ask.solid:
-            notes += facets.deviation(mesh, volume)
+        if filled is not None:
+            notes += facets.deviation(mesh, filled.volume)
+            mesh.off = facets.off(mesh, filled)
         mesh.points *= unit_scale
         mesh.remarks = [*notes, *mesh.remarks]
         mesh.cad = mesh.cad and mesh.cad.scaled(unit_scale)

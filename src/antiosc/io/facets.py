@@ -11,12 +11,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, PiecesError
-from antiosc.io.cad import Names
+from antiosc.io.cad import Attempt, Names
 from antiosc.io.neutral import FileMesh, IntArray
 from antiosc.io.polygons import triangles_of
 from antiosc.io.request import Request
@@ -422,6 +423,9 @@ def read(ask: Request) -> FileMesh:
 #: regular polygon of 25 sides has 1 % less area than its circle.
 TOLD_VOLUME = 0.01
 
+#: Triangles by whose samples a point is looked for, distance of samples over the size of the
+#: surface, and points that are looked for among all triangles.
+NEAR, SPACING, MOST_AGAIN = 6, 0.01, 100
 #: Group of all triangles of a sheet that is the closed surface of a solid.
 CLOSED = "closed surface"
 
@@ -429,13 +433,25 @@ CLOSED = "closed surface"
 # --- Filling --------------------------------------------------------------------------------------
 
 
-def fill(
-    gmsh: ModuleType, ask: Request, flat: bool, sharp: float = SHARP_ANGLE
-) -> tuple[list[str], Names, float]:
-    """Fill the closed surface of a file with solids in gmsh's model: (repairs in words, its faces,
-    the enclosed volume in the file's unit).
+class Filled(NamedTuple):
+    """A closed surface that is filled in gmsh's model.
 
-    `flat`: its triangles stay the boundary of the cells; else edges from `sharp` degrees on are
+    Attributes
+    ----------
+    skin : the surfaces of its bodies, with the repairs in words.
+    names : its faces.
+    volume : the enclosed volume in the file's unit.
+    """
+
+    skin: FacetSkin
+    names: Names
+    volume: float
+
+
+def fill(gmsh: ModuleType, ask: Request, attempt: Attempt) -> Filled:
+    """Fill the closed surface of a file with solids in gmsh's model.
+
+    If the attempt is flat, its triangles stay the boundary of the cells; else its sharp edges are
     kept.
 
     Raises
@@ -444,7 +460,7 @@ def fill(
         A surface that is not closed.
     """
     skin = skin_of(ask)
-    if ask.size is not None:
+    if ask.size is not None and attempt.cut:
         skin = _finer(skin, ask.size / ask.unit[0])
     if not skin.closed:
         raise MeshError(
@@ -460,9 +476,9 @@ def fill(
             message = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
             skin.remarks.append(message)
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
-    if not flat:
+    if not attempt.flat:
         gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
-        gmsh.model.mesh.classifySurfaces(math.radians(sharp), True, True, math.pi)
+        gmsh.model.mesh.classifySurfaces(math.radians(attempt.sharp), True, True, math.pi)
         gmsh.model.mesh.createGeometry()
         surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
     first = _first_triangles(gmsh, skin, surfaces)
@@ -476,7 +492,9 @@ def fill(
     gmsh.model.geo.synchronize()
     number = sides(skin)[first] + 1
     names: Names = {(2, t): [f"face {n}"] for t, n in zip(surfaces, number, strict=True)}
-    return skin.remarks, names, _enclosed(skin, bodies)
+    of_bodies = np.isin(skin.piece, np.concatenate(bodies))
+    outer = replace(skin, triangles=skin.triangles[of_bodies], piece=skin.piece[of_bodies])
+    return Filled(outer, names, _enclosed(skin, bodies))
 
 
 def _enclosed(skin: FacetSkin, bodies: list[list[int]]) -> float:
@@ -486,14 +504,87 @@ def _enclosed(skin: FacetSkin, bodies: list[list[int]]) -> float:
     return float(sum(2 * pieces.max() - pieces.sum() for pieces in of_bodies))
 
 
-def deviation(mesh: FileMesh, volume: float) -> list[str]:
-    """Sentence on a mesh of tetrahedra whose volume differs from that of the surface; or none."""
+def off(mesh: FileMesh, filled: Filled) -> float:
+    """Share of the volume or the size by which a mesh is off the surface that it fills.
+
+    Its nodes may be off the triangles, its box off theirs, or its volume off theirs.
+    """
+    sides = [nodes[:, :3] for kind, nodes in mesh.cells.items() if "triangle" in kind]
+    if not sides:
+        return 0.0
+    x = mesh.points[np.unique(np.concatenate(sides))]
+    corners = filled.skin.points[np.unique(filled.skin.triangles)]
+    size = float(np.ptp(corners, axis=0).max())
+    boxes = (np.array([p.min(axis=0), p.max(axis=0)]) for p in (x, corners))
+    beyond = float(np.abs(np.subtract(*boxes)).max())
+    distance = max(beyond, farthest(filled.skin, x))
+    return max(abs(_change(mesh, filled.volume)), distance / size)
+
+
+def farthest(skin: FacetSkin, points: Array) -> float:
+    """Largest distance of points (n, 3) from the nearest triangle of a surface.
+
+    The triangles near a point are found by samples of them; the points that seem the farthest are
+    looked at again.
+    """
+    from scipy.spatial import cKDTree
+
+    places, owner = _samples(skin)
+    corners = skin.points[skin.triangles]
+    near = owner[cKDTree(places).query(points, NEAR)[1]]
+    distance = _distances(points[:, None], corners[near]).min(axis=1)
+    for row in np.argsort(distance)[-MOST_AGAIN:]:
+        distance[row] = _distances(points[row], corners).min()
+    return float(distance.max())
+
+
+def _samples(skin: FacetSkin) -> tuple[Array, IntArray]:
+    """(places (n, 3) all over the triangles, the triangle of each)."""
+    corners = skin.points[skin.triangles]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    size = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    divisions = np.clip(np.ceil(longest / (SPACING * size)), 1, 1 / SPACING).astype(int)
+    places, owners = [], []
+    for count in np.unique(divisions):
+        rows = np.flatnonzero(divisions == count)
+        i, j = np.triu_indices(count + 1)
+        u, v = (i + 1 / 3) / (count + 1), (j - i + 1 / 3) / (count + 1)
+        weights = np.column_stack([1 - u - v, u, v])
+        places.append(np.einsum("wk,tkx->twx", weights, corners[rows]).reshape(-1, 3))
+        owners.append(np.repeat(rows, len(weights)))
+    return np.vstack(places), np.concatenate(owners)
+
+
+def _distances(points: Array, corners: Array) -> Array:
+    """Distances (…) of points (…, 3) from triangles (…, 3, 3)."""
+    a, b, c = (corners[..., k, :] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    above = np.abs(((points - a) * normal).sum(axis=-1))
+    inside = np.ones(above.shape, dtype=bool)
+    aside = np.full(above.shape, np.inf)
+    for start, end in ((a, b), (b, c), (c, a)):
+        side = end - start
+        t = ((points - start) * side).sum(axis=-1) / (side * side).sum(axis=-1)
+        foot = start + np.clip(t, 0, 1)[..., None] * side
+        aside = np.minimum(aside, np.linalg.norm(points - foot, axis=-1))
+        inside &= (np.cross(side, points - start) * normal).sum(axis=-1) >= 0
+    return np.where(inside, above, aside)
+
+
+def _change(mesh: FileMesh, volume: float) -> float:
+    """Relative change of the volume of a mesh of tetrahedra from that of the surface."""
     cells = [nodes[:, :4] for kind, nodes in mesh.cells.items() if "tetra" in kind]
     if not cells or not volume:  # other checks refuse such a mesh
-        return []
+        return 0.0
     corners = mesh.points[np.concatenate(cells)]
     meshed = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
-    change = float(meshed / volume - 1)
+    return float(meshed / volume - 1)
+
+
+def deviation(mesh: FileMesh, volume: float) -> list[str]:
+    """Sentence on a mesh of tetrahedra whose volume differs from that of the surface; or none."""
+    change = _change(mesh, volume)
     if abs(change) < TOLD_VOLUME:
         return []
     less = "less" if change < 0 else "more"

@@ -235,6 +235,8 @@ class FileMesh:
     cad: CadSurface | None = None
     #: numbers of the first nodes in the file, -1 of those without one; none: it has no numbers
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: by which share of its volume or its size a filled surface is off that of the file
+    off: float = 0.0
 
 
 @dataclass
@@ -259,6 +261,8 @@ class RawMesh:
     cad: CadSurface | None = None
     #: as in `FileMesh`, of all nodes if of any
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: as in `FileMesh`
+    off: float = 0.0
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
@@ -299,6 +303,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "told": mesh.remarks,
         "model": mesh.model,
         "cad": mesh.cad is not None,
+        "off": mesh.off,
     }
     empty = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
@@ -341,6 +346,7 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     mesh.remarks = [str(sentence) for sentence in head.get("told", [])]
     mesh.model = head.get("model")
     mesh.cad = cad
+    mesh.off = float(head.get("off", 0.0))
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

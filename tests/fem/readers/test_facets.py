@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -13,10 +14,23 @@ import antiosc as ao
 pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
+from antiosc.base.errors import UnmeshableError
 from antiosc.fem.platform import compat
-from antiosc.io.facets import SIDES, areas, cleaned, deviation, oriented, volumes
-from antiosc.io.neutral import FileMesh
+from antiosc.io.cad import ATTEMPTS
+from antiosc.io.facets import (
+    SIDES,
+    Filled,
+    areas,
+    cleaned,
+    deviation,
+    farthest,
+    off,
+    oriented,
+    volumes,
+)
+from antiosc.io.neutral import KINDS, FileMesh, RawMesh, UnitSystem
 from antiosc.io.polygons import triangles_of
+from antiosc.io.reading import _content, _meshed
 from antiosc.recovery import mesh_fields
 from antiosc_app.live_meshes import surface
 
@@ -298,6 +312,63 @@ def test_a_triangle_on_a_line_takes_a_part_of_its_neighbour():
     assert len(skin.triangles) == 8
     assert areas(skin.points, skin.triangles).min() > 1.0
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
+
+
+def test_a_mesh_off_its_surface_is_told_apart():
+    """By a node beside a face, by a corner that is cut off, and by its volume."""
+    skin = cleaned(*block(3), "cube")
+    points = np.random.default_rng(0).uniform(-0.2, 1.2, (300, 3))
+    inside = ((points > 0) & (points < 1)).all(axis=1)
+    to_sides = np.minimum(points, 1 - points).min(axis=1)
+    outside = np.linalg.norm(points - points.clip(0, 1), axis=1)
+    distance = np.where(inside, to_sides, outside)
+    assert farthest(skin, points) == pytest.approx(distance.max())
+    for point, from_side in zip(points, distance, strict=True):
+        assert farthest(skin, point[None]) == pytest.approx(from_side)
+    filled = Filled(skin, {}, 1.0)
+    cube = {"triangle": skin.triangles}
+    assert off(FileMesh(skin.points, cube, "vtk"), filled) == pytest.approx(0.0, abs=1e-12)
+    x = skin.points.copy()
+    x[:, 2][x[:, 2] == 1.0] = 0.99
+    assert off(FileMesh(x, cube, "vtk"), filled) == pytest.approx(0.01)
+    x[0] -= [0.03, 0.04, 0.0]
+    assert off(FileMesh(x, cube, "vtk"), filled) == pytest.approx(0.05)
+
+
+def test_of_meshes_that_are_off_the_next_or_the_nearest_is_taken():
+    def once(number, limit=None):
+        share = offs.pop(0)
+        if share is None:
+            raise UnmeshableError("no")
+        return replace(raw, off=share, remarks=[])
+
+    tetrahedron = np.vstack([np.zeros(3), np.eye(3)])
+    raw = RawMesh(tetrahedron, np.arange(4)[None], KINDS["tetra"], "gmsh")
+    offs = [0.004, None, 0.001, 0.0]
+    mesh = _meshed(once, "part.stl", is_cad=False)
+    assert mesh.off == 0.001
+    assert ["0.4 %" in s and "from 1° on" in s for s in mesh.remarks] == [True]
+    offs = [0.05, 0.02, *([None] * 20)]
+    mesh = _meshed(once, "part.stl", is_cad=False)
+    assert mesh.off == 0.02
+    assert ["5 %" in mesh.remarks[0], "2 %" in mesh.remarks[1]] == [True, True]
+
+
+def test_the_facets_of_a_file_may_stay_as_they_are(tmp_path):
+    path = write(tmp_path / "cube.stl", *block(3, 10.0))
+    (number,) = (k for k, attempt in enumerate(ATTEMPTS) if not attempt.cut)
+    whole = _content(path, None, UnitSystem.of("mm"), None, attempt=number, solid=True, size=1e-3)
+    assert len(whole.cells["triangle"]) == 6 * 2 * 3**2
+    assert whole.off < 1e-9
+
+
+def test_holes_that_chords_would_fill_keep_their_edges(tmp_path):
+    """A prism over a ring of 16 sides around a hole of 16: chords of 15 mm leave it."""
+    path = write(tmp_path / "ring.stl", *tube(16, 10.0, 5.0, 6.0))
+    with pytest.warns(ao.AntioscWarning, match="off the surface of the file"):
+        mesh = ao.read_mesh(path, size=15e-3, unit="mm", solid=True)
+    ring = 8 * np.sin(2 * np.pi / 16) * (10.0**2 - 5.0**2)
+    assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850e-9 * 6.0 * ring, rel=2e-3)
 
 
 def test_bodies_that_share_a_face_are_one_and_a_fold_is_left_out():
