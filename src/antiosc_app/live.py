@@ -521,11 +521,15 @@ def _most_dangerous(impact_map: ImpactMap) -> str:
     )
     if exposure is None:
         return f"{text}; the material has no yield strength to compare it with."
-    count = int(np.sum(exposure >= 1))
-    sites_text = f"at {count} of {len(impact_map)} sites" if count else "nowhere"
+    sure = trusted(impact_map)
+    count = int(np.sum(exposure[sure] >= 1))
+    of_sites = " that are not doubtful" if len(sure) < len(impact_map) else ""
+    sites_text = f"at {count} of {len(sure)} sites{of_sites}" if count else "nowhere"
     return (
-        f"{text}, {exposure[i]:.3g} of the yield strength; yield is reached {sites_text}. The"
-        " stress of the contact itself is not in it: strike a site by itself for that."
+        f"{text}, {exposure[i]:.3g} of the yield strength; by these stresses yield is reached"
+        f" {sites_text}. Their error by the mesh is not estimated: at supports and in re-entrant"
+        " edges they grow with every refinement. The stress of the contact itself is not in it:"
+        " strike a site by itself for that, and for the error."
     )
 
 

@@ -306,12 +306,20 @@ class Opened:
         return self._computed(work, stops, set_up.is_finer)
 
     def _search_modes(self) -> None:
-        """Compute a round of free modes of the last structure, unless the page waits."""
+        """Compute a round of free modes of the last structure, unless the page waits.
+
+        A call that comes meanwhile waits for its end, and is told so.
+        """
+
+        def tell(doing: str) -> None:
+            self._doing = doing and f"completing what later clicks need: {doing}"
+
         if not self._structures or self._waiting:
             return
         key, structure = next(reversed(self._structures.items()))
         modes = self._modes.of(key, lambda: FreeModeCache(structure))
-        with contextlib.suppress(AntioscError):  # then every click is extracted
+        # without them every click is extracted
+        with contextlib.suppress(AntioscError), progress.following(tell):
             if modes.left and modes.search() and not self._closed:
                 self._work.submit(self._search_modes)
 

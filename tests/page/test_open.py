@@ -274,6 +274,10 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     )
     assert f"{most:.3g} of the yield strength" in told
     assert "contact itself is not in it" in told  # which yields under the ball
+    sure = ~np.array(sites["doubtful"])
+    reached = int(np.sum(sites["quantities"]["exposure"][sure] >= 1))
+    counted = f"at {reached} of {sure.sum()} sites" if reached else "reached nowhere"
+    assert counted in told
     assert sites["units"]["peak_stress"] == "Pa"
     away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
     assert "edge cuts" not in " ".join(warned(call(opened, "settle", away)))
@@ -1043,3 +1047,28 @@ def test_a_field_keeps_what_was_typed_and_the_last_set_up_stays_in_force(command
         assert doubled["setup"]["own"]["yield_range"] == pytest.approx([470e6, 720e6])
         assert first["setup"]["own"] is None
         assert browser.said() == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_coordinates_that_are_typed_beside_a_map_are_struck():
+    mesh = ao.box_mesh((0.06, 0.04, 0.015), size=0.01)
+    shown = ao.view(ao.Structure(mesh, ao.material("steel S235"), [ao.Support("-x")]))
+    try:
+        with Browser() as browser:
+            browser.address(shown.address, 1300)
+            reached(browser, "complete", 1)
+            browser.run("bench.map()")
+            for _ in range(600):
+                if browser.run("return Boolean(bench.page.sites) && !bench.pending"):
+                    break
+                time.sleep(0.1)
+            chosen = browser.run("return bench.chosen")
+            for axis, value in (("x", "31"), ("y", "17")):  # the second before the first answer
+                browser.run(CHOOSE, f"input[name='point {axis}']", value)
+            struck = reached(browser, "complete", browser.run("return bench.turn"))["setup"]
+            assert struck["point"] == [0.031, 0.017, chosen["point"][2]]
+            assert struck["direction"] == chosen["direction"]
+            assert browser.said() == []
+    finally:
+        shown.close()

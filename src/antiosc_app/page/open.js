@@ -386,7 +386,7 @@ class Bench {
     made("span", row, unit ? `${label} (${unit})` : label);
     const inputs = [0, 1, 2].map((i) =>
       made("input", row, "", { type: "number", step: "any", name: `${name} ${"xyz"[i]}`, ariaLabel: `${label}, ${"xyz"[i]}${unit && ` in ${unit}`}` }));
-    const set = (values) => (kinds ? this.striker(values, true, inputs) : this.change(values, true, inputs));
+    const set = (values) => (kinds ? this.striker(values, true, inputs) : this.change({ ...this.chosen, ...values }, true, inputs));
     inputs.forEach((input) => {
       input.onchange = () => {
         const values = typed(inputs, size, ANY);
@@ -489,6 +489,7 @@ class Bench {
   // Another set-up, by some fields; while a slider moves (`done` false) it is the same one for Undo.
   change(values, done = true, inputs = []) {
     this.inputs = inputs;
+    this.chosen = null; // before the fields show it again
     if (!this.moving) {
       this.past.push(this.setup);
       this.past.splice(0, this.past.length - MOST_UNDO);
@@ -504,6 +505,7 @@ class Bench {
     if (!from.length) return;
     to.push(this.setup);
     this.setup = from.pop();
+    this.chosen = null;
     this.inputs = [];
     forget();
     this.show_fields();
@@ -654,7 +656,7 @@ class Bench {
     this.tell(found.verdict);
     this.heads("computed", "Strike this site");
     const takes = found.stress_takes;
-    Object.assign(find("stresses"), { hidden: !takes, textContent: `Stress of each blow (about ${Math.max(1, Number(takes.toPrecision(1)))} s)` });
+    Object.assign(find("stresses"), { hidden: !takes, textContent: `Stress of each blow (at least ${Math.max(1, Number(takes.toPrecision(1)))} s)` });
   }
 
   // The fields of the site show the site that is chosen on the map.
