@@ -28,7 +28,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AntioscError, InputError, RangeError, SiteError, warnings_to
-from antiosc.base.process import free_memory
+from antiosc.base.process import free_memory, require
 from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
@@ -161,6 +161,13 @@ LOWEST_FREQUENCY = 0.56
 DIMENSIONS = {"Beam": 1, "Shell": 2, "Solid": 3}
 #: Seconds of a model, and share of the free memory, from which a mesh is said to be large.
 LONG, LARGE = 20.0, 0.5
+
+
+#: Remedy for a part whose model does not fit into the free memory.
+TOO_LARGE = (
+    "give larger elements (size), a mesh of fewer cells, or a closed surface, which is filled as a "
+    "solid; or use a machine with more memory"
+)
 
 
 class Forecast(NamedTuple):
@@ -488,11 +495,15 @@ def inspect_part(
     Raises
     ------
     AntioscError
-        It cannot be read or meshed, or is too large to be looked at.
+        It cannot be read or meshed, or is too large to be looked at, or a model of it needs more
+        than the free memory.
     """
     check_size(path)
     part = foreign_part(path, free, unit, timeout, size)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure, part.meshed)
+    forecast = inspection.forecast()
+    what = f"a model of {path.name} on {inspection.cells}, some {forecast.dofs:.2g} dofs,"
+    require(forecast.bytes, what, TOO_LARGE, free_memory())
     notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
     return replace(
         inspection,

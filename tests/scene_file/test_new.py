@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("jinja2")
 
 import antiosc as ao
-from antiosc.base import materials
+from antiosc.base import materials, process
 from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.fem.platform import compat
@@ -273,6 +273,26 @@ def test_a_name_that_no_system_takes_is_told(given, tmp_path, monkeypatch, capsy
     monkeypatch.chdir(tmp_path)
     cli.main(["new", *(each.format(n=300 * "n") for each in given)])
     assert "too long" in "".join(capsys.readouterr())
+
+
+def test_a_sheet_whose_model_does_not_fit_is_refused_before_it_is_made(
+    tmp_path, monkeypatch, capsys
+):
+    """By `new`, and by `run`, each with the need, the free memory and a remedy."""
+    monkeypatch.chdir(tmp_path)
+    points = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0.2, 0], [0, 0.2, 0]], dtype=float)
+    meshio.Mesh(points, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write("sheet.stl")
+    assert cli.main(["new", "a.toml", "sheet.stl", "--size", "0.05", "--unit", "m"]) == 0
+    capsys.readouterr()
+    for module in (process, template):
+        monkeypatch.setattr(module, "free_memory", lambda: 1e6)
+    assert cli.main(["new", "b.toml", "sheet.stl", "--size", "0.05", "--unit", "m"]) == 1
+    said = capsys.readouterr().err
+    assert ("0.001 GB are free" in said, "larger elements" in said) == (True, True)
+    assert not Path("b.toml").exists()
+    assert cli.main(["run", "a.toml"]) == 1
+    said = capsys.readouterr().err
+    assert ("a factor of" in said, "0.001 GB are free" in said) == (True, True)
 
 
 def test_the_patch_of_a_new_scene_is_one_that_its_mesh_resolves():

@@ -24,7 +24,7 @@ from antiosc.base.checks import (
 from antiosc.base.errors import AccuracyWarning, InputError, finite_element_packages, warn
 from antiosc.base.process import arrays_mapped, one_thread
 from antiosc.base.texts import engineering
-from antiosc.fem.linalg.forecast import SOLVES
+from antiosc.fem.linalg.forecast import SOLVES, of_sheet
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -408,6 +408,11 @@ def _checked_options(
     if band is None:
         basis_text = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
         free = on_root(structure.comm, process.free_memory) / structure.comm.size
+        mesh = getattr(structure, "mesh", None)
+        if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
+            what = f"a factor of {structure.dofs} dofs with n = {n} anti-oscillators"
+            need = of_sheet(structure.dofs, n) / structure.comm.size
+            process.require(need, what, "reduce n, or take a coarser mesh", free)
         process.require(16 * (n + 2) * structure.rows, basis_text, "reduce n", free)
     else:
         band = checks.band(band)
