@@ -22,6 +22,7 @@ from antiosc.strikes import tradeoff
 from antiosc.strikes.tradeoff import BRACKET, WHOLE, Made, Tradeoff, TradeoffMember
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
+from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
 from parts import STEEL, box, plate
 
@@ -244,6 +245,16 @@ def test_the_mesh_of_a_scene_of_one_simulation_is_varied(tmp_path):
     assert data["strike"] == {"tol": 0.02, "duration": 2e-4}
     assert not {"extract", "simulate"} & set(data)
     assert {"material", "supports", "sites", "impactor", "contact"} <= set(data)
+
+
+@pytest.mark.parametrize("kind", ["step", "msh"])
+def test_strike_meshes_a_geometry_whatever_its_size_says(tmp_path, kind):
+    source = str(Path(__file__).parents[1] / "meshes" / f"bracket.{kind}")
+    sized = f'source = "{source}"\nsize = 0.01\n'
+    text = SCENE.replace('source = "PLATE"\n', sized) + "\n[strike]\ntol = 0.05\nduration = 2e-4\n"
+    (tmp_path / "scene.toml").write_text(text)
+    given = compiled(read(tmp_path / "scene.toml")).history.arguments["source"]
+    assert (given == source) == (kind == "step")  # a finished mesh is read in that size
 
 
 def test_the_picture_marks_the_fastest_that_is_enough():

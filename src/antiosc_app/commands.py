@@ -168,11 +168,7 @@ def to_a_tolerance(document: Document) -> Document:
         return document
     common = {name: value for name, value in simulated.items() if name in OF_BOTH}
     sections = {name: value for name, value in data.items() if name not in NOT_STRUCK}
-    geometry = sections["geometry"]
-    if isinstance(geometry, dict) and set(geometry) <= {"source", "size", "refine"}:
-        geometry = {"source": geometry.get("source")}
-    strike = {"tol": USUAL_TOL, **common}
-    return replace(document, data={**sections, "geometry": geometry, "strike": strike})
+    return replace(document, data={**sections, "strike": {"tol": USUAL_TOL, **common}})
 
 
 def one_impact(scene: CompiledScene, path: str) -> Table:

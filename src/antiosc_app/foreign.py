@@ -27,7 +27,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.materials import density_like
-from antiosc_app.scene_file.outline import GEOMETRIES
+from antiosc_app.scene_file.document import GEOMETRIES
 from antiosc_app.units import (
     UNITS,
     UNITS_OF_MESHES,

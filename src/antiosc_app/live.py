@@ -659,7 +659,7 @@ def stress_note(peak: PeakField, force: float | None) -> str:
         error = percent(share + force)
         text = f"with the errors of mesh and force this stress is {value} ± {error}"
     if peak.exposure is not None and peak.margin().reached:
-        return f"{text}; it is elastic and not reached, because the material yields first"
+        return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text
 
 

@@ -64,8 +64,7 @@ from antiosc_app.live import (
     without_mesh_error,
 )
 from antiosc_app.scene_file.build import Call, Evaluation
-from antiosc_app.scene_file.document import label
-from antiosc_app.scene_file.outline import GEOMETRIES
+from antiosc_app.scene_file.document import GEOMETRIES, label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
 from antiosc_app.scene_file.scene import probe_times
 

@@ -6,13 +6,16 @@ import ctypes
 import json
 import socket
 import time
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError
 from antiosc.base.texts import on_page, where_to_change
 from antiosc_app import server
 from antiosc_app.live import policy, script
+from antiosc_app.opened import _parted
 from antiosc_app.server import TOKEN, Server
 
 OK, NO = b"200", b"403"
@@ -233,3 +236,16 @@ def test_a_request_waits_while_a_solver_holds_the_interpreter(served, monkeypatc
         time.sleep(0.3)
         line.sendall(whole[40:])
         assert status(line.recv(65536)) == OK
+
+
+def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
+    def run(restitution: float, end: float = 1e-4) -> SimpleNamespace:
+        return SimpleNamespace(
+            contacts=[(0.0, end)], time=np.array([0.0, 2e-4]), restitution=restitution
+        )
+
+    assert _parted(run(0.0))
+    assert not _parted(run(-0.1))  # they approach
+    assert not _parted(run(0.5, end=2e-4))  # they touch
+    assert not _parted(run(0.19), least=0.2)
+    assert _parted(run(0.21), least=0.2)

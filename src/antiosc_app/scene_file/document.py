@@ -15,6 +15,8 @@ from typing import Any, TypeAlias
 from antiosc.base import checks
 from antiosc.base.errors import InputError
 
+#: Endings of files that have to be meshed first.
+GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 #: Names of tables and keys, and indices of arrays, from the top of the file to a value.
 Place: TypeAlias = tuple[str | int, ...]
 

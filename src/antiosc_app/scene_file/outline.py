@@ -33,7 +33,7 @@ from antiosc.extension import SNAP_SHARE
 from antiosc.io.neutral import SIDES
 from antiosc_app import pieces
 from antiosc_app.scene_file.build import Call, calls_in
-from antiosc_app.scene_file.document import Place, label, unknown
+from antiosc_app.scene_file.document import GEOMETRIES, Place, label, unknown
 from antiosc_app.scene_file.scene import CompiledScene
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 #: Largest file that is read for its groups, bytes.
 LARGEST = 50_000_000
-#: Endings of files that have to be meshed first.
-GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 #: Sections of points, and keys that hold a point or names of groups.
 POINTS = ("sites", "probes", "accelerometers", "sensors")
 KEYS = ("point", "at", "where")

@@ -17,6 +17,7 @@ import functools
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -27,7 +28,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import finite_element_packages
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
-from antiosc_app.scene_file.document import Document, Place, Table, label
+from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
 from antiosc_app.scene_file.schema import (
     KIND,
     LAWS,
@@ -327,13 +328,21 @@ def single(build: Builder, compiled: CompiledScene) -> None:
     calls["source"] = compiled.structure
     if refined(build):  # a file or mesh with material and supports
         read = build.table("geometry")
-        only_source = read is not None and set(read.arguments) == {"source"}
-        calls["source"] = read.arguments["source"] if only_source and read is not None else read
+        calls["source"] = read.arguments["source"] if read is not None and _is_file(read) else read
         calls["material"] = _material(build, build.data, ())
         calls |= _supported(build, build.data, ())
         if "prestress" in build.data:
             calls["prestress"] = build.table("prestress")
     compiled.history = build.table("strike", given={"site": next(iter(sites), None), **calls})
+
+
+def _is_file(read: Call) -> bool:
+    """Whether [strike] takes the file of [geometry] itself: a geometry, which it meshes whatever
+    `size` and `refine` say, or a file without options.
+    """
+    options = set(read.arguments) - {"source"}
+    suffix = Path(str(read.arguments.get("source"))).suffix.lower()
+    return not options or (options <= {"size", "refine"} and suffix in GEOMETRIES)
 
 
 def _with_second_order(build: Builder, compiled: CompiledScene, impact: Call | None) -> Call | None:
