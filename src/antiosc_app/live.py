@@ -622,17 +622,27 @@ def _lacks_mesh_error(peak: PeakField) -> bool:
 
 
 def stress_bar(peak: PeakField, force: float | None) -> float | None:
-    """Relative error of the judged stress by mesh and force; None if one of both is not known."""
+    """Relative error of the judged stress by mesh, patch and force; None if not all are known."""
     share = _mesh_bar(peak)
     return None if share is None or force is None else share + force
 
 
 def _mesh_bar(peak: PeakField) -> float | None:
-    """Mesh error of the judged stress, over this stress; None without an estimate."""
+    """Error of the judged stress by the mesh and the radius of the patch, over this stress; None
+    without an estimate of the mesh.
+    """
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None
-    return peak.largest_mesh_error / value
+    return (peak.largest_mesh_error + _spread(peak)) / value
+
+
+def _spread(peak: PeakField) -> float:
+    """The part of the judged stress that stands for the radius of the patch, in its unit."""
+    if peak.exposure is None or peak.margin().criterion != "yield":
+        return 0.0
+    margin = peak.margin()
+    return margin.spread / (margin.strength if peak.quantity == "yield" else 1.0)
 
 
 def _judged(peak: PeakField) -> float:
@@ -652,12 +662,12 @@ def stress_note(peak: PeakField, force: float | None) -> str:
     value = engineering(_judged(peak), peak.unit)
     if force is None:
         text = (
-            f"the mesh alone makes {percent(share)} of error in this stress, {value}; that of the"
+            f"mesh and patch make {percent(share)} of error in this stress, {value}; that of the"
             " force adds to it, and is not known"
         )
     else:
         error = percent(share + force)
-        text = f"with the errors of mesh and force this stress is {value} ± {error}"
+        text = f"with the errors of mesh, patch and force this stress is {value} ± {error}"
     if peak.exposure is not None and peak.margin().reached:
         return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text
@@ -691,7 +701,7 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
     share = _mesh_bar(peak)
     if share is None or force is not None:
         return ""
-    return f"± {percent(share)} by the mesh, force not estimated"
+    return f"± {percent(share)} by mesh and patch, force not estimated"
 
 
 def _stretching(hit: History) -> str:
