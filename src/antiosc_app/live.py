@@ -393,11 +393,15 @@ def headline_of_history(
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
         ("stretch", _stretching(hit)),
-        ("doubt", piercing(hit.model, hit.impactor)),
         ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
-    cautions = [rough(hit, budget), hit.unfinished, caution_of(hit, budget, structure)]
+    cautions = [
+        piercing(hit.model, hit.impactor),
+        rough(hit, budget),
+        hit.unfinished,
+        caution_of(hit, budget, structure),
+    ]
     caution = " ".join(filter(None, cautions))
     return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
 

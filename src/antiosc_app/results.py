@@ -429,10 +429,10 @@ def _impact(results: SceneResults) -> Presentation:
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     summary, explanation = (_untold(told, results) for told in (hit.summary(), hit.explanation))
-    text = [summary, doubt, str(budget or ""), format_rows([*probe_rows, *stresses])]
+    text = [summary, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,
-        caution=caution_of(hit, budget, results.structure),
+        caution=" ".join(filter(None, [doubt, caution_of(hit, budget, results.structure)])),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

@@ -384,3 +384,12 @@ def test_the_bar_of_a_stress_holds_what_stands_for_the_radius_of_the_patch():
     field = PeakField("von_mises", "Pa", place, np.array([2e6]), np.zeros(1), [], None, np.ones(1))
     peak = replace(field, mesh_error=np.array([1e6]), _margin=margin)
     assert assets.stress_bar(peak, 0.1) == pytest.approx(166 / 167 + 0.1)
+
+
+def test_a_striker_that_pierces_the_part_is_told_before_the_numbers(monkeypatch):
+    model = ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.1], omega=[2e3])
+    hit = ao.simulate(model, ao.RigidMass(0.1, 0.5), ao.Linear(1e6), duration=2e-3)
+    monkeypatch.setattr(assets, "piercing", lambda *bodies: "It pierces the part.")
+    headline = assets.headline_of_history(hit, None, None, {}, None)
+    assert headline.caution.startswith("It pierces the part.")
+    assert "It pierces the part." not in headline.sentences
