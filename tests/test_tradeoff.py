@@ -316,7 +316,7 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
     assert "unreduced: not run" in (tmp_path / "page.html").read_text()
     printed = capsys.readouterr().out
-    assert "to finest" in printed
+    assert "bar, to finest: the largest of those of peak force" in printed
     assert "unreduced: not run" in printed
 
 

@@ -126,6 +126,8 @@ def _export(options: Namespace) -> int:
 
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
+#: What its bars are of.
+WORST = "bar, to finest: the largest of those of peak force, impulse and contact time."
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
 OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
@@ -142,7 +144,7 @@ def _tradeoff(options: Namespace) -> int:
         arguments["compare"] = options.compare
     with run.collected_warnings(scene.warnings):
         tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
-    print_text(f"{tradeoff.summary()}\n{tradeoff.message}")
+    print_text(f"{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
