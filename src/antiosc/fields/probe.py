@@ -127,6 +127,10 @@ def probe(
     displacement that follows the force without inertia (`ModalBody.residual`). No quantity includes
     the weight of a supported body: all are measured from its equilibrium under gravity.
 
+    The error by the number of anti-oscillators is no part of the result, and that of accelerations
+    and of stresses far from the site may be large: compare with the same
+    impact of `model.truncated(model.n // 2)`, which `antiosc run` prints as the bar of each probe.
+
     Raises
     ------
     InputError
