@@ -25,7 +25,8 @@ function unbroken(cell, texts) {
   cell.replaceChildren();
   for (const text of texts) {
     if (cell.firstChild) cell.append(" ");
-    made("span", cell, text);
+    if (text.startsWith("unknown")) cell.append(text); // with its reason it is long
+    else made("span", cell, text);
   }
   return cell;
 }
@@ -229,8 +230,7 @@ class Page {
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
-      unbroken(now, plain === unknown ? [] : parts);
-      if (plain === unknown) now.textContent = plain;
+      unbroken(now, parts);
       if (name === "stress" && parts.length === 1 && Number.isFinite(value) && this.data.stress_note) made("small", now, ` (${this.data.stress_note})`);
       if (name === "deflection" && Number.isFinite(value) && this.at_start()) made("small", now, ` ${this.data.part.deflection.told}`);
       now.dataset.value = value;
