@@ -114,7 +114,9 @@ def test_the_best_and_the_front():
         0,
         "The cheapest within 1 %: N = 20, 100 dofs, 4.00 s",
     )
-    assert replace(found, tol=0.005).message == "The least bar is 1 %, tol 0.5 %."
+    ended = SimpleNamespace(error_budget=SimpleNamespace(notes=("A doubt.", "No room.")))
+    missed = replace(found, tol=0.005, hit=ended)
+    assert missed.message == "The least bar is 1 %, tol 0.5 %. No room."
     with pytest.raises(ao.InputError, match="no member has a bar"):
         found.best(tol=0.001)
     with pytest.raises(ao.InputError, match="no member takes"):
