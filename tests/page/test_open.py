@@ -322,7 +322,7 @@ def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path
         short = call(one, "settle", setup | {"duration": 1e-3})
         assert short["blow"]["computed"]["restitution"] < 0
         assert ", still approaching" in " ".join(short["verdict"])
-        assert short["caution"].startswith("After the last release the bodies still approach")
+        assert "After the last release the bodies still approach" in short["caution"]
         assert short["blow"]["duration"] == 1e-3
         parted = call(one, "settle", setup)
         assert parted["blow"]["computed"]["restitution"] > 0
