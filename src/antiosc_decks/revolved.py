@@ -104,9 +104,10 @@ def _check(whole: Whole, roles: set[str]) -> None:
 
 
 def _turned_nodes(deck: Deck, sectors: int) -> IntArray:
-    """Add the nodes of all angles to the deck; rows (nodes, 2 n) at angles πk/n, -1 for none.
+    """Add the nodes of all angles to the deck; rows (nodes, 2 n) of each at angles πk/n.
 
-    Those at odd k are middles of arcs, of corners alone.
+    Those at odd k are middles of arcs. A node on the axis is its own copy; so is one that has none:
+    of no element, or at odd k the middle of an edge.
     """
     plane = deck.points
     used = np.unique(np.concatenate([block.nodes for block in deck.blocks]))
@@ -129,7 +130,8 @@ def _turned_nodes(deck: Deck, sectors: int) -> IntArray:
 
 def _sector(block: Block, nodes_at: IntArray, k: int) -> Block:
     """The solids of one sector."""
-    start, middle, end = np.roll(nodes_at, -2 * k, axis=1)[:, [0, 1, 2]].T
+    columns = np.arange(2 * k, 2 * k + 3) % nodes_at.shape[1]
+    start, middle, end = nodes_at[:, columns].T
     missing = np.full((len(block), len(EDGES[block.shape])), -1)
     in_plane = block.mids if block.mids.shape[1] else missing
     mids = [np.where(in_plane >= 0, nodes[in_plane], -1) for nodes in (start, end)]
@@ -150,5 +152,4 @@ def hold_rings(builder: ModelBuilder) -> None:
     x = builder.deck.points
     off_axis = np.hypot(x[:, 0], x[:, 2]) > ON_AXIS * np.abs(x).max()
     across = radial & off_axis
-    builder.fixed = np.stack([across, axial, across], axis=1)
-    builder.fixed = np.pad(builder.fixed, ((0, 0), (0, 3)))
+    builder.fixed = np.pad(np.stack([across, axial, across], axis=1), ((0, 0), (0, 3)))
