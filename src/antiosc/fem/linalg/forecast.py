@@ -116,8 +116,7 @@ def before_meshing(shape: str, dim: int, cells: float, n: int) -> tuple[float, C
     shape, dim : of its cells.
     """
     dofs = DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS) * cells
-    coefficient, power = FILL[dim]
-    entries = coefficient * dofs**power
+    entries = _entries(dim, dofs)
     of_solver = BYTES * entries
     if dim == 3 and dofs > TWO_LEVELS:
         of_solver = LevelSizes(TETRAHEDRA.row * dofs, TETRAHEDRA, entries).bytes
@@ -128,8 +127,13 @@ def before_meshing(shape: str, dim: int, cells: float, n: int) -> tuple[float, C
 
 def of_sheet(dofs: float, n: int) -> float:
     """Bytes of a model of `n` anti-oscillators beside a structure of shells that is made."""
-    coefficient, power = FILL[2]
-    return BYTES * coefficient * dofs**power + EACH_SHAPE * n * dofs
+    return BYTES * _entries(2, dofs) + EACH_SHAPE * n * dofs
+
+
+def _entries(dim: int, dofs: float) -> float:
+    """Entries of the factor of a mesh of cells of this dimension, roughly."""
+    coefficient, power = FILL[dim]
+    return coefficient * dofs**power
 
 
 @dataclass(frozen=True)
