@@ -60,6 +60,8 @@ MOST_SOLIDS = 40
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Words of the error of a deck that does not state a property -> the key of its guess.
 UNSTATED = {"no density": "density", "no constants of elasticity": "modulus"}
+#: Words of the error of a deck whose supports leave nothing to move; it is read without them.
+ALL_HELD = "fix every dof"
 #: Endings of decks, which contain materials and supports.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat", ".cdb"}
 #: Cards of decks that give elements a material.
@@ -279,6 +281,7 @@ def _option_notes(read: Read) -> list[str]:
         "piece": "of its pieces the largest is read (piece).",
         "merge": "its pieces are joined at nodes that coincide (merge).",
         "cells": "cells of other dimensions are left out (cells).",
+        "free": "its supports hold all of it, and are left out (free).",
         "order": "its bars are straight between their ends (order).",
     }
     return [sentence for key, sentence in words.items() if key in read]
@@ -316,7 +319,7 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
     notes = [
         *_described(pieces),
-        *_option_notes(read),
+        *_option_notes({key: value for key, value in read.items() if key not in options}),
         *structure.plausibility.get("doubts", ()),
     ]
     notes += [sentence for sentence in dict.fromkeys(told) if sentence not in notes]
@@ -375,6 +378,9 @@ def _read_deck(
             read["piece"] = 1
             pieces = error.pieces
         except InputError as error:
+            if ALL_HELD in str(error) and "free" not in read:
+                read["free"] = True
+                continue
             unstated = (key for words, key in UNSTATED.items() if words in str(error))
             key = next(unstated, None)
             if key is None or key in read:

@@ -102,6 +102,13 @@ class Whole:
     #: (NSET or ELSET, rows of the file) -> rows with their copies, where the mesh is revolved
     everywhere: Callable[[str, IntArray], IntArray] = field(default=lambda _keyword, rows: rows)
 
+    def spread(self, everywhere: Callable[[str, IntArray], IntArray]) -> None:
+        """Let all sets, and names from now on, mean also the copies that `everywhere` adds."""
+        self.everywhere = everywhere
+        self.sets = {key: everywhere(key[0], rows) for key, rows in self.sets.items()}
+        for keyword, sets in (("NSET", self.deck.node_sets), ("ELSET", self.deck.element_sets)):
+            sets.update({name: everywhere(keyword, rows) for name, rows in sets.items()})
+
     def element_labels(self) -> IntArray:
         """Numbers of all elements that are cells, in the deck's order of cells."""
         labels = np.zeros(self.deck.n_elements, dtype=np.int64)

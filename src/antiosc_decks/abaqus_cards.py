@@ -270,7 +270,8 @@ READ = {
     "EQUATION": "INPUT",
     "MPC": "",
     "RIGIDBODY": "NSET ELSET REFNODE ROTNODE TIENSET PINNSET ISOTHERMAL POSITION=INPUT",
-    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE",
+    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE CYCLICSYMMETRY",
+    "CYCLICSYMMETRYMODEL": "N NGRAPH TIE ELSET",
     "SURFACE": "NAME TYPE INTERNAL",
     "COUPLING": "CONSTRAINTNAME REFNODE SURFACE ORIENTATION",
     "KINEMATIC": "",
@@ -293,7 +294,7 @@ REFUSED_OPTIONS = table(
         "a change of the place of the reference node": "RIGIDBODY,POSITION",
         "a part of another analysis": "INSTANCE,LIBRARY",
         "a change of the equations between steps": "EQUATION,REMOVE EQUATION,REMOVEALL",
-        "a sector of a whole ring": "TIE,CYCLICSYMMETRY TIE,MULTISTAGE TIE,FLUIDPERIODIC",
+        "a sector of a whole ring": "TIE,MULTISTAGE TIE,FLUIDPERIODIC",
         "a submodel": "BOUNDARY,SUBMODEL",
         "a nonlinear law": "SPRING,NONLINEAR DASHPOT,NONLINEAR",
     }
@@ -344,8 +345,6 @@ TENSILEFAILURE CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
 _REFUSED = {
     "a contact pair": "CONTACTPAIR CLEARANCE",
     "general contact": "CONTACT",
-    "a pre-tensioned bolt": "PRE-TENSIONSECTION",
-    "cyclic symmetry": "CYCLICSYMMETRYMODEL",
     "a submodel": "SUBMODEL",
     "a change of the model between steps": "MODELCHANGE",
     "a gap element": "GAP",
@@ -378,6 +377,7 @@ _REFUSED = {
 }
 
 CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), refused=_REFUSED)
+CARDS["PRE-TENSIONSECTION"] = Fate("ignored", "whose bolt is whole, as it is once tightened,")
 
 
 def account_for(cards: list[Card], name: str) -> Account:

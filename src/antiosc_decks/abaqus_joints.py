@@ -250,6 +250,8 @@ class _Joints:
 
     def tie(self, card: Card) -> None:
         """*TIE: slave and master surfaces."""
+        if "CYCLICSYMMETRY" in card.options:  # its sector has become a whole ring
+            return
         tolerance = card.option("POSITIONTOLERANCE")
         reach = real_number(tolerance, card.place) if tolerance else None
         for row in card.rows():
@@ -397,10 +399,13 @@ class _Joints:
         node, nodes, weights = self.current
         if card.keyword == "KINEMATIC":
             self._rigid(node, nodes, motions, weights)
-        elif weights.option("ORIENTATION") and len(motions) < 6:
-            raise card.place.error("*DISTRIBUTING of some motions is read along the deck's axes.")
         else:
-            self._mean(card, node, motions, nodes, np.ones(len(nodes)))
+            if name := weights.option("ORIENTATION"):
+                at = self.joints.place(node)[None]
+                (axes,) = self.orientations.at(name, weights, at)
+            else:
+                axes = None
+            self._mean(card, node, motions, nodes, np.ones(len(nodes)), axes)
 
     def kinematic_coupling(self, card: Card) -> None:
         """*KINEMATIC COUPLING: nodes that follow the reference node in some motions."""
@@ -433,16 +438,23 @@ class _Joints:
         self.joints.rigid(nodes, leader, motions, frames)
 
     def _mean(
-        self, card: Card, node: int, motions: Motions, nodes: IntArray, weights: Array
+        self,
+        card: Card,
+        node: int,
+        motions: Motions,
+        nodes: IntArray,
+        weights: Array,
+        axes: Array | None = None,
     ) -> None:
-        """Let a reference node follow the weighted mean motion of nodes."""
+        """Let a reference node follow the weighted mean motion of nodes, along `axes`."""
         card.needs(
             node not in nodes,
             f"the reference node of *{card.keyword} is one of the nodes "
             "whose mean motion it follows; give the coupling a node of its "
             "own.",
         )
-        self.joints.mean(self.joints.leader(node), motions, nodes, weights, card.place)
+        leader = self.joints.leader(node)
+        self.joints.mean(leader, motions, nodes, weights, card.place, axes=axes)
 
 
 #: Card -> what reads it.

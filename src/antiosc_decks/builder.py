@@ -13,7 +13,7 @@ from antiosc.base.errors import MeshError
 from antiosc.base.materials import density_like
 from antiosc.base.plausible import DENSITIES, GRAVITY, MASSLESS_WAVE, MODULI
 from antiosc.io.deck import Array, Deck, DeckPlace, IntArray
-from antiosc.io.neutral import Json, Term, UnitSystem
+from antiosc.io.neutral import DIMENSION as SHAPE_DIMENSION, Json, Term, UnitSystem
 from antiosc_decks.constraints import SPRINGS, DeckConstraints, one_piece, separate_copies
 from antiosc_decks.properties import (
     Material,
@@ -38,9 +38,39 @@ def chosen_elements(deck: Deck) -> BoolArray:
                 f"{deck.name} has no elements of a part {name!r}; it has: {known_text}."
             )
         selected[members] = True
+    selected &= ~left_out(deck, selected)
     if deck.piece is None:
         return selected
     return one_piece(deck, selected)
+
+
+#: Area over size squared, or volume over size cubed, of an element that has none.
+FLAT = 1e-9
+
+
+def left_out(deck: Deck, selected: BoolArray) -> BoolArray:
+    """Mask (n,) of the selected surfaces without area and solids without volume, which are told.
+
+    Of a deck of such elements alone there are none: it is refused where they become cells.
+    """
+    size = np.ones(deck.n_elements)
+    lines = np.zeros(deck.n_elements, dtype=bool)
+    for block, rows in deck.numbered():
+        if len(block):
+            extent = np.ptp(deck.points[block.corners], axis=1).max(axis=1)
+            size[rows] = extent ** SHAPE_DIMENSION[block.shape]
+            lines[rows] = block.shape == "line"
+    measures = measures_of(deck, np.arange(len(size)))
+    flat = selected & ~lines & (measures <= FLAT * size)
+    count = int(flat.sum())
+    if count == selected.sum():
+        return np.zeros_like(flat)
+    if count:
+        deck.remarks.append(
+            f"{count} of {len(flat)} elements of {deck.name} have no area or volume: they are left"
+            " out."
+        )
+    return flat
 
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")

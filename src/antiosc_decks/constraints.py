@@ -213,8 +213,11 @@ class DeckConstraints:
         weights: Array,
         place: DeckPlace,
         turning: BoolArray | None = None,
+        axes: Array | None = None,
     ) -> None:
         """Let motions of a node follow the weighted mean motion of others (RBE3).
+
+        The motions are along the rows of `axes`; by default along the node's own axes.
 
         `turning` marks nodes whose rotations count too, with weight × (mean distance)², as in MSC
         Nastran (Linear Static Analysis User's Guide).
@@ -230,9 +233,10 @@ class DeckConstraints:
             mean_distance = np.linalg.norm(x - self.place(follower), axis=1).mean()
             spins = w * np.where(turning, mean_distance**2 or 1.0, 0.0)
             J += spins.sum() * np.eye(3)
-        values, axes = np.linalg.eigh(J)
+        values, principal = np.linalg.eigh(J)
         resisted = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
-        inverse = axes[:, resisted] @ np.diag(1 / values[resisted]) @ axes[:, resisted].T
+        turned = principal[:, resisted]
+        inverse = turned @ np.diag(1 / values[resisted]) @ turned.T
         # θ = J⁻¹ Σ (w r × u + s θ)
         skew = -np.array([lever(arm) for arm in r])
         rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
@@ -243,7 +247,7 @@ class DeckConstraints:
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + by_lever
         lever_of_rotation = np.einsum("ij,jpk->ipk", cross, by_rotation)
         # a rotation about the line of the nodes does not displace a point on that line
-        unknown = np.abs(cross @ axes[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
+        unknown = np.abs(cross @ principal[:, ~resisted]).max(initial=0.0) > 1e-9 * np.abs(r).max()
         is_determined = resisted.all() or not any(c >= 3 or unknown for c in motions)
         place.needs(
             is_determined,
@@ -252,11 +256,12 @@ class DeckConstraints:
             "centre.",
         )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
+        frame = self.frames.get(follower) if axes is None else axes
         for first, table, rotation_table in (
             (0, displacements, lever_of_rotation),
             (3, rotations, by_rotation),
         ):
-            for pivot, axis in _directions(self.frames.get(follower), motions, first):
+            for pivot, axis in _directions(frame, motions, first):
                 components = sorted(np.flatnonzero(axis), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", axis, table)
                 terms = [(follower, first + int(k), float(axis[k])) for k in components]

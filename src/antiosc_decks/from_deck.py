@@ -229,8 +229,8 @@ def read_model(
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, names
         of nodes, elements and sets that the deck does not define, and unsupported content that
-        would change the result: contact pairs, cyclic symmetry, bolts with pre-tension, element
-        types that no family carries. The message names the line.
+        would change the result: contact pairs between pieces that are read together, element types
+        that no family carries. The message names the line.
 
     Warns
     -----

@@ -14,7 +14,7 @@ from antiosc_decks.builder import ModelBuilder, Unstated, add_mass, add_total
 from antiosc_decks.constraints import axis_terms, lever
 from antiosc_decks.finished import finished, hold_without_stiffness
 from antiosc_decks.nastran_beams import orientation
-from antiosc_decks.nastran_cards import Entry, motions_of, tell_damping, through
+from antiosc_decks.nastran_cards import CONTACT, Entry, motions_of, tell_damping, through
 from antiosc_decks.nastran_mesh import SETS, NastranDeck, place_in
 from antiosc_decks.nastran_properties import Properties
 from antiosc_decks.properties import symmetric
@@ -417,7 +417,7 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
 
 def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
-    deck.account.refuse()
+    deck.account.refuse(CONTACT, alone=deck.deck.piece is not None)
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0

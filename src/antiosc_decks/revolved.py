@@ -29,8 +29,11 @@ SOLIDS = {"triangle": "wedge", "quad": "hexahedron"}
 REFUSED = (*READERS, "TRANSFORM", "ORIENTATION")
 
 
-def revolve(whole: Whole) -> bool:
-    """Revolve the mesh of an axisymmetric deck, with its sets; False for other decks.
+def revolve(whole: Whole) -> tuple[int, ...]:
+    """Revolve the mesh of an axisymmetric deck, with its sets; () for other decks.
+
+    Returns the motions (0 to 5) that mean one along the axis: of a mesh that is drawn in x, z
+    both y, as in all axisymmetric elements, and z.
 
     Raises
     ------
@@ -40,7 +43,8 @@ def revolve(whole: Whole) -> bool:
     deck = whole.deck
     roles = {block.role for block in deck.blocks if len(block)}
     if "axisymmetric" not in roles:
-        return False
+        return ()
+    upright = _upright(deck)
     _check(whole, roles)
     elements = deck.n_elements
     sectors = next((n for most, n in SECTORS if elements <= most), 0)
@@ -60,13 +64,22 @@ def revolve(whole: Whole) -> bool:
         cells = rows[rows < OTHER]
         return np.unique(np.add.outer(elements * np.arange(sectors), cells))
 
-    whole.everywhere = everywhere
-    whole.sets = {key: everywhere(key[0], rows) for key, rows in whole.sets.items()}
-    for keyword, sets in (("NSET", deck.node_sets), ("ELSET", deck.element_sets)):
-        sets.update({name: everywhere(keyword, rows) for name, rows in sets.items()})
+    whole.spread(everywhere)
     deck.remarks.append(
         f"the axisymmetric mesh of {deck.name} is revolved about y into {sectors} sectors of"
         " solids; what it holds along the radius is held around the axis too."
+    )
+    return (1, 2) if upright else (1,)
+
+
+def _upright(deck: Deck) -> bool:
+    """Whether the mesh is drawn in x, z, its z being the axis; it is turned into x, y then."""
+    span = np.ptp(deck.points, axis=0)
+    if span[1] > ON_AXIS * span.max() or not span[2]:
+        return False
+    deck.points = np.stack([*deck.points.T[[0, 2]], np.zeros(len(deck.points))], axis=1)
+    deck.remarks.append(
+        f"the axisymmetric mesh of {deck.name} is drawn in x, z: z is taken as the axis, y here."
     )
     return True
 
@@ -142,13 +155,14 @@ def _sector(block: Block, nodes_at: IntArray, k: int) -> Block:
     )
 
 
-def hold_rings(builder: ModelBuilder) -> None:
-    """Turn motions fixed along radius (1) and axis (2) into those of the revolved mesh.
+def hold_rings(builder: ModelBuilder, along: tuple[int, ...]) -> None:
+    """Turn motions fixed along the radius and the axis (`along`) into those of the revolved mesh.
 
     Nodes held along the radius are held around the axis too, where an axisymmetric model has no
     motion. On the axis the radial motion is zero by symmetry alone, and is not held.
     """
-    radial, axial = builder.fixed[:, :2].T
+    radial = builder.fixed[:, 0]
+    axial = builder.fixed[:, along].any(axis=1)
     x = builder.deck.points
     off_axis = np.hypot(x[:, 0], x[:, 2]) > ON_AXIS * np.abs(x).max()
     across = radial & off_axis

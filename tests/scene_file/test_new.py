@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 import warnings
 from dataclasses import replace
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("jinja2")
 
+import abaqus_decks as inp
 import antiosc as ao
 from antiosc.base import materials, process
 from antiosc.base.texts import engineering
@@ -316,3 +318,13 @@ def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, 
     for told, number in ((capsys.readouterr().out, "peak force"), (page.read_text(), "<dd")):
         reason = "a rigid body, a coupling or a spring of a deck makes one of a single part"
         assert told.index("There is no error bar") < told.index(reason) < told.index(number)
+
+
+def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path, capsys):
+    deck = tmp_path / "cube.inp"
+    deck.write_text(inp.CUBE + inp.SOLID + inp.STEEL + "*BOUNDARY\nN, 1, 3\n")
+    scene = tmp_path / "a.toml"
+    assert cli.main(["new", str(scene), str(deck)]) == 0
+    assert "its supports hold all of it" in capsys.readouterr().out
+    assert re.search(r"^free = true", scene.read_text(), re.M)
+    assert cli.main(["run", str(scene), "--out", str(tmp_path / "out")]) == 0

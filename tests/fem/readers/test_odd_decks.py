@@ -17,7 +17,7 @@ import pytest
 import abaqus_decks as inp
 import antiosc as ao
 import nastran_decks as bdf
-from antiosc.base.errors import AntioscError
+from antiosc.base.errors import AntioscError, PiecesError
 from antiosc.io.deck import Deck
 from antiosc.io.neutral import UnitSystem
 from antiosc_decks import (
@@ -33,6 +33,7 @@ from antiosc_decks.sources import Sources
 from paths import DECKS
 from refusals import refused
 
+ENUMERATED = list(enumerate(bdf.CORNERS, 1))
 FACE = "*NSET,NSET=FIX\n1,2,3,4\n"
 CUBE = inp.CUBE + inp.SOLID + inp.STEEL + FACE + "*BOUNDARY\nFIX,1,3\n"
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1 + "SPC1,1,123,1,THRU,4\n"
@@ -311,7 +312,7 @@ def test_options_are_told_or_refused(tmp_path):
     inp.read(tmp_path, sheet.format(""))
     for text in (
         sheet.format(",SYMMETRIC"), SECTIONED + "*EQUATION,REMOVE\n",
-        SECTIONED + "*TIE,CYCLIC SYMMETRY\nA,B\n",
+        SECTIONED + "*TIE,MULTISTAGE\nA,B\n",
     ):  # fmt: skip
         with pytest.raises(ao.MeshError, match="would change the result"):
             inp.read(tmp_path, text)
@@ -447,3 +448,47 @@ def numbers(value) -> list[float]:
     if isinstance(value, list | tuple):
         return [number for one in value for number in numbers(one)]
     return [float(value)]
+
+
+def test_a_bolt_is_whole_as_once_tightened(tmp_path):
+    bolt = CUBE + "*SURFACE,NAME=CUT\n1,S3\n*NODE\n99,0.,0.,0.\n"
+    plain, _ = read(tmp_path, "plain.inp", bolt)
+    cut = "*PRE-TENSION SECTION,SURFACE=CUT,NODE=99\n0.,0.,1.\n"
+    tight, _ = read(tmp_path, "plain.inp", bolt + cut)
+    assert any("PRE-TENSIONSECTION" in words for words in tight.pop("ignored"))
+    plain.pop("ignored")
+    assert tight == plain
+
+
+FLAT_SOLID = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,2,1,1,2,2,1\n"
+IN_A_PLANE = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n7,1,2,3,4,1,2,3,4\n"
+
+
+@pytest.mark.parametrize("flat", [FLAT_SOLID, IN_A_PLANE])
+def test_cells_without_volume_are_left_out_and_told(tmp_path, flat):
+    text = inp.CUBE + flat + inp.SOLID + inp.STEEL
+    (tmp_path / "part.inp").write_text(text)
+    with pytest.warns(ao.AntioscWarning, match="1 of 2 elements of part.inp have no area or vol"):
+        part = ao.read_model(tmp_path / "part.inp", unit="mm")
+    assert part.mass == pytest.approx(inp.RHO * 0.02 * 0.01 * 0.01, rel=1e-9)
+
+
+def test_a_deck_of_cells_without_volume_alone_is_refused(tmp_path):
+    (tmp_path / "part.inp").write_text(inp.NODES + FLAT_SOLID + inp.SOLID + inp.STEEL)
+    with refused(None, "no volume"):
+        ao.read_model(tmp_path / "part.inp", unit="mm")
+
+
+def test_contact_is_ignored_where_one_piece_is_read(tmp_path):
+    """The larger of two blocks; together they are refused, as nothing else joins them."""
+    more = "".join(f"GRID,{k + 10},,{x}.,{y}.,{z + 30}.\n" for k, (x, y, z) in ENUMERATED)
+    more += "CHEXA,2,7,11,12,13,14,15,16,\n,17,18\n"
+    more += "CHEXA,3,7,15,16,17,18,25,26,\n,27,28\n"
+    more += "".join(f"GRID,{k + 20},,{x}.,{y}.,{z + 50}.\n" for k, (x, y, z) in ENUMERATED[4:])
+    text = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1 + more
+    (tmp_path / "part.bdf").write_text(text + "BCTABLE,1,,,1\n")
+    with pytest.raises(PiecesError, match="contact"):
+        ao.read_model(tmp_path / "part.bdf", unit="mm")
+    with pytest.warns(ao.AntioscWarning, match="BCTABLE with other pieces"):
+        part = ao.read_model(tmp_path / "part.bdf", unit="mm", piece=1)
+    assert part.mass == pytest.approx(bdf.RHO * 0.02 * 0.01 * (0.01 + 0.02), rel=1e-9)

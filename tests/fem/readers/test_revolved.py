@@ -171,3 +171,18 @@ def test_too_many_elements_are_refused(tmp_path):
 def test_its_mesh_alone_stays_plane(tmp_path):
     (tmp_path / "ring.inp").write_text(deck("CAX4", INNER))
     assert ao.read_mesh(tmp_path / "ring.inp", unit="m").tdim == 2
+
+
+@pytest.mark.parametrize("axial", [2, 3])
+def test_a_mesh_drawn_in_x_and_z_is_that_in_x_and_y(tmp_path, axial):
+    plane = deck("CAX8R", INNER, "BOTTOM, 2\n")
+    lines = plane.replace("BOTTOM, 2\n", f"BOTTOM, {axial}\n").split("*ELEMENT")
+    nodes = [row.split(",") for row in lines[0].splitlines()[1:]]
+    upright = "".join(f"{n}, {x}, 0., {y}\n" for n, x, y in nodes)
+    (tmp_path / "upright.inp").write_text("*NODE\n" + upright + "*ELEMENT" + lines[1])
+    (tmp_path / "ring.inp").write_text(plane)
+    parts = [ao.read_model(tmp_path / f"{name}.inp", unit="m") for name in ("ring", "upright")]
+    assert parts[1].mass == pytest.approx(RHO * np.pi * (OUTER**2 - INNER**2) * HEIGHT, rel=1e-4)
+    assert held(parts[1], on_bottom) == [False, True, False]
+    x = [part.form.space.tabulate_dof_coordinates() for part in parts]
+    np.testing.assert_allclose(x[0], x[1], atol=1e-12 * OUTER)

@@ -481,3 +481,19 @@ def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
     for k, step in enumerate(h * np.eye(2)):
         rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
         np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)
+
+
+@pytest.mark.parametrize("motion", [1, 3, 4, 6])
+def test_one_mean_motion_is_along_the_axis_of_its_orientation(tmp_path, motion):
+    """A rigid body fulfils it, and it acts on the motion of the reference node along that axis."""
+    a, b = np.array([0.6, 0.0, 0.8]), np.array([0.0, 1.0, 0.0])
+    axes = np.array([a, b, np.cross(a, b)])
+    surface = "*NSET,NSET=N\n1,2,3,4,5\n*SURFACE,TYPE=NODE,NAME=S\nN,\n"
+    text = f"{surface}*ORIENTATION,NAME=O\n0.6,0.,0.8,0.,1.,0.\n"
+    text += "*COUPLING,REF NODE=6,SURFACE=S,CONSTRAINT NAME=C,ORIENTATION=O\n"
+    C = equations(tmp_path, POINTS, f"{text}*DISTRIBUTING\n{motion},{motion}\n")
+    assert len(C) == 1
+    assert np.abs(C.reshape(1, -1) @ rigid(POINTS).reshape(36, 6)).max() < 1e-12
+    of_node = C[0, 5].reshape(2, 3)
+    direction = of_node[(motion - 1) // 3] / np.linalg.norm(of_node)
+    assert abs(direction @ axes[(motion - 1) % 3]) == pytest.approx(1, abs=1e-12)
