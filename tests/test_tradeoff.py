@@ -105,6 +105,43 @@ def some(*each: tuple[float, float]) -> Tradeoff:
     return Tradeoff(table, 0.01, None)  # type: ignore[arg-type]
 
 
+def test_the_message_names_what_misses_the_tolerance_beside_the_force():
+    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
+    bars = {"peak_force": 0.008, "impulse": 0.002, "contact_time": 0.1}
+    fine = {"peak_force": 0.001, "impulse": 0.001, "contact_time": 0.009}
+    fast = replace(one, bars=bars)
+    slow = replace(one, seconds=9.0, bar=0.009, bars=fine, n=60)
+    ended = SimpleNamespace(error_budget=SimpleNamespace(notes=("No room.",)))
+    told = "The peak force alone meets 1 % at N = 20, 100 dofs, 1.00 s (± 0.8 %); the contact time"
+    for table in ((fast, slow), (fast,)):
+        found = Tradeoff(table, 0.01, ended)  # type: ignore[arg-type]
+        assert f"{told} does not there (± 10 %)" in found.message, table
+    assert "alone" not in Tradeoff((slow,), 0.01, ended).message  # type: ignore[arg-type]
+    early = replace(fast, difference=np.nan)
+    row = dict(zip(tradeoff.COLUMNS, early.cells(), strict=True))
+    assert (row["force ± %"], row["all ± %"], row["to finest %"]) == ("0.8", "10", "–")
+
+
+def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys, monkeypatch):
+    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
+    printed = []
+
+    def ended(*, ready, limit, **_) -> None:
+        for n in (20, 8):
+            ready(replace(one, n=n))
+            printed.append(capsys.readouterr().out)  # at once, not at the end
+        assert limit == 60.0
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ao, "tradeoff", ended)
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
+    (tmp_path / "scene.toml").write_text(text)
+    assert main(["tradeoff", str(tmp_path / "scene.toml"), "--limit", "60"]) == 130
+    assert [text.splitlines()[-1].split()[6] for text in printed] == ["20", "8"]
+    assert "Ended after 2 methods" in capsys.readouterr().out
+
+
 def test_the_best_and_the_front():
     found = some((1.0, 0.1), (2.0, 0.2), (3.0, 0.04), (4.0, 0.01), (9.0, 0.02))
     assert found.best(tol=0.05).seconds == 3.0
@@ -318,7 +355,7 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
     assert "unreduced: not run" in (tmp_path / "page.html").read_text()
     printed = capsys.readouterr().out
-    assert "bar, to finest: the largest of those of peak force" in printed
+    assert "all, to finest: the largest of those of peak force" in printed
     assert "unreduced: not run" in printed
 
 

@@ -199,4 +199,6 @@ from antiosc.strikes.second_order import (
 )
 from antiosc.strikes.tradeoff import (
     Tradeoff as Tradeoff,
+    TradeoffMember as TradeoffMember,
+    line_of as line_of,
 )

@@ -138,6 +138,8 @@ def _parser() -> argparse.ArgumentParser:
         if name == "tradeoff":
             tol_help = "relative error of interest (default: tol of [strike], or 0.02)"
             command.add_argument("--tol", type=float, metavar="TOL", help=tol_help)
+            limit_help = "make no further mesh that is expected to end later than this"
+            command.add_argument("--limit", type=float, metavar="SECONDS", help=limit_help)
             command.add_argument("--chart", metavar="OUT.png", help="draw error against seconds")
             other_commands = (
                 "run the unreduced model and CalculiX too, if each takes at most so many seconds"

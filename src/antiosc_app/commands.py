@@ -19,7 +19,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, TradeoffMember, line_of
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -127,7 +127,11 @@ def _export(options: Namespace) -> int:
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
 #: What its bars are of.
-WORST = "bar, to finest: the largest of those of peak force, impulse and contact time."
+WORST = "all, to finest: the largest of those of peak force, impulse and contact time."
+#: What is said of a trade-off that is ended before its end.
+ENDED = (
+    "Ended after {} methods, which are not compared with a finest one: none is the cheapest yet."
+)
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
 OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
@@ -142,9 +146,24 @@ def _tradeoff(options: Namespace) -> int:
         arguments["tol"] = options.tol
     if options.compare is not None:
         arguments["compare"] = options.compare
-    with run.collected_warnings(scene.warnings):
-        tradeoff = Evaluation(scene.document)(Call(antiosc.tradeoff, arguments))
-    print_text(f"{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
+    if options.limit is not None:
+        arguments["limit"] = options.limit
+    finished: list[TradeoffMember] = []
+
+    def ready(member: TradeoffMember) -> None:
+        if not finished:
+            print_text(f"As they are computed:\n{line_of()}")
+        finished.append(member)
+        print_text(line_of(member.cells()))
+
+    try:
+        with run.collected_warnings(scene.warnings):
+            call = Call(antiosc.tradeoff, arguments | {"ready": ready})
+            tradeoff = Evaluation(scene.document)(call)
+    except (KeyboardInterrupt, SystemExit):
+        print_text(ENDED.format(len(finished)))
+        raise
+    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:

@@ -933,7 +933,8 @@ def _tradeoff(results: SceneResults) -> Presentation:
         "N": [member.n for member in members],
         "time (s)": [member.seconds for member in members],
         "peak (N)": [member.peak_force for member in members],
-        "bar": [percent(member.bar) for member in members],
+        "force ±": [percent(member.force_bar) for member in members],
+        "all ±": [percent(member.bar) for member in members],
         "to finest": [percent(member.difference) for member in members],
     }
     caption = (

@@ -12,8 +12,8 @@ done once for all members; `Tradeoff.compilation` has them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -36,7 +36,7 @@ from antiosc.fem.platform import collective, compat, on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import differences
+from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
@@ -87,9 +87,11 @@ class TradeoffMember:
         runs.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : that of the corrected model [N].
-    bar : largest relative error bar of peak force, impulse and contact time in its error budget;
-        the sum of the difference and the bar of the finest member where the difference exceeds it.
-    difference : largest relative difference of the three quantities from the finest member.
+    bars : relative error bars of peak_force, impulse and contact_time in its error budget; the sum
+        of the difference and the bar of the finest member where the difference exceeds one.
+    bar : the largest of them.
+    difference : largest relative difference of the three quantities from the finest member; NaN
+        before that is known.
     impulse, contact_time : those of the corrected model [N s], [s].
     method : "antiosc"; of `Tradeoff.others` "unreduced" or "CalculiX", which have no bar (inf), no
         anti-oscillators (0) and no correction of the mesh's error.
@@ -109,6 +111,16 @@ class TradeoffMember:
     impulse: float = math.nan
     contact_time: float = math.nan
     method: str = "antiosc"
+    bars: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def force_bar(self) -> float:
+        """The relative error bar of the peak force alone; `bar` where it is not known."""
+        return self.bars.get("peak_force", self.bar)
+
+    def misses(self, tol: float) -> list[str]:
+        """The quantities whose bars exceed tol, in words."""
+        return [name.replace("_", " ") for name, bar in self.bars.items() if bar > tol]
 
     def cells(self) -> tuple[str, ...]:
         """The cells of its row in the table."""
@@ -116,9 +128,13 @@ class TradeoffMember:
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
             *(f"{self.seconds:.3g}", f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
-            "–" if math.isinf(self.bar) else f"{100 * self.bar:.2g}",
-            f"{100 * self.difference:.2g}",
+            *map(_percents, (self.force_bar, self.bar, self.difference)),
         )
+
+
+def _percents(share: float) -> str:
+    """A share in per cent for the table."""
+    return f"{100 * share:.2g}" if math.isfinite(share) else "–"
 
 
 #: Markers of other methods.
@@ -128,12 +144,12 @@ AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
 COLUMNS = {
     "method": -10, "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9,
-    "seconds": 9, "GB": 9, "peak N": 11, "bar %": 8, "to finest %": 12,
+    "seconds": 9, "GB": 9, "peak N": 11, "force ± %": 11, "all ± %": 9, "to finest %": 12,
 }  # fmt: skip
 
 
-def _line(row: Sequence[str]) -> str:
-    """A row of the printed table."""
+def line_of(row: Sequence[str] = tuple(COLUMNS)) -> str:
+    """A row of the printed table; its head by default."""
     cells = zip(row, COLUMNS.values(), strict=True)
     return "".join(f"{x:>{w}}" if w > 0 else f"{x:<{-w}}" for x, w in cells)
 
@@ -209,16 +225,34 @@ class Tradeoff(Result):
         if self.status:
             smallest_bar = min(member.bar for member in self.table)
             sentence = f"The least bar is {100 * smallest_bar:.3g} %, tol {100 * self.tol:.3g} %."
-            return " ".join([sentence, *self.hit.error_budget.notes[-1:]])
+            notes = self.hit.error_budget.notes[-1:]
+            return " ".join(filter(None, [sentence, self._of_force(), *notes]))
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
             f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
             " of the contact law."
         )
+        sentence = f"{sentence} {self._of_force()}".rstrip()
         if len({member.dofs for member in self.table}) == 1:
             return sentence
         return f"{sentence} strike, in a scene [strike], makes such a mesh with tol = {self.tol:g}."
+
+    def _of_force(self) -> str:
+        """Sentence on the cheapest method whose force alone is within `tol`; "" if it is that
+        whose other quantities are, too, or none is.
+        """
+        enough = [member for member in self.table if member.force_bar <= self.tol]
+        cheapest = min(enough, key=lambda member: member.seconds, default=None)
+        if cheapest is None or not (missing := cheapest.misses(self.tol)):
+            return ""
+        others = " and ".join(f"the {name}" for name in missing)
+        verb = "does" if len(missing) == 1 else "do"
+        return (
+            f"The peak force alone meets {percent(self.tol)} at N = {cheapest.n}, {cheapest.dofs}"
+            f" dofs, {engineering(cheapest.seconds, 's')} (± {percent(cheapest.force_bar)});"
+            f" {others} {verb} not there (± {percent(cheapest.bar)})."
+        )
 
     def numbers(self) -> dict[str, object]:
         """The tables, status, message and notes: name -> JSON value."""
@@ -235,7 +269,7 @@ class Tradeoff(Result):
     def summary(self) -> str:
         """The table as text, with the other methods and the notes below."""
         rows = [tuple(COLUMNS), *(member.cells() for member in (*self.table, *self.others))]
-        return "\n".join([*map(_line, rows), *self.notes])
+        return "\n".join([*map(line_of, rows), *self.notes])
 
     def plot(self, path: str | Path | None = None) -> Figure | Path:
         """Bars and differences over seconds and over memory: the figure, or the file written.
@@ -294,6 +328,7 @@ def tradeoff(
     gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
     compare: float | None = None,
+    ready: Callable[[TradeoffMember], None] | None = None,
 ) -> Tradeoff:
     """Error of the impact on a part against seconds and memory, down to a tolerance.
 
@@ -310,6 +345,9 @@ def tradeoff(
         Seconds that each other method may take, on the mesh of `best(tol)`: the unreduced model in
         time and, for solids of quadratic tetrahedra and rigid impactors, CalculiX where `ccx` is on
         the PATH. Methods that are forecast to take longer are not run; `notes` name them.
+    ready : callable, optional
+        Called with each member as soon as it is computed, before its difference from the finest one
+        is known.
 
     Returns
     -------
@@ -329,6 +367,11 @@ def tradeoff(
     start_time = clock()
     compiled = uncounted_seconds()
     meshes: list[Made] = []
+
+    def early(member: TradeoffMember) -> None:
+        if ready is not None:
+            ready(replace(member, difference=math.nan))
+
     arguments = material, supports, order, limit
 
     with doing("speed against accuracy") as report:
@@ -338,9 +381,10 @@ def tradeoff(
                 meshes[-1].answer.structure.drop_factor()
             meshes.append(Made(answer, place, member_of(answer)))
             report(f"{len(meshes)} meshes, bar {100 * meshes[-1].member.bar:.2g} %")
+            early(meshes[-1].member)
 
         hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
-        fewer = _fewer(meshes, run, BRACKET * tol, start_time)
+        fewer = _fewer(meshes, run, BRACKET * tol, start_time, early)
         finest = meshes[-1]
         members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
         table = tuple(made.beside(finest) for made in members)
@@ -358,6 +402,10 @@ def tradeoff(
     return replace(result, others=tuple(other_members), notes=(*notes, *single))
 
 
+def _ignored(_: TradeoffMember) -> None:
+    """Nobody waits for the members."""
+
+
 @dataclass(frozen=True, eq=False)
 class Made:
     """A computed member of the trade-off, with its result and its site."""
@@ -373,9 +421,14 @@ class Made:
         becomes the sum of the difference and the bar of the finest.
         """
         member = self.member
-        apart = max(differences(finest.answer.hit, self.answer.hit).values())
+        by_name = differences(finest.answer.hit, self.answer.hit)
+        apart = max(by_name.values())
         bar = member.bar if apart <= member.bar else apart + finest.member.bar
-        return replace(member, difference=apart, bar=bar)
+        wider = {name: by_name[name] + of_finest for name, of_finest in finest.member.bars.items()}
+        bars = {
+            name: bar if by_name[name] <= bar else wider[name] for name, bar in member.bars.items()
+        }
+        return replace(member, difference=apart, bar=bar, bars=bars)
 
     def by(self, method: str, outcome: Outcome, finest: History) -> TradeoffMember:
         """The member of another method on the same mesh."""
@@ -389,6 +442,7 @@ class Made:
             seconds=outcome.seconds,
             gigabytes=(stored_bytes + outcome.bytes) / 1e9,
             bar=math.inf,
+            bars={},
             difference=max(differences(finest, numbers).values()),
             **asdict(numbers),
         )
@@ -410,7 +464,11 @@ def one_mesh(source: object, meshes: Sequence[Made], goal: float) -> tuple[str, 
 
 
 def _fewer(
-    meshes: Sequence[Made], run: RunFunction, tol: float, start_time: float
+    meshes: Sequence[Made],
+    run: RunFunction,
+    tol: float,
+    start_time: float,
+    ready: Callable[[TradeoffMember], None] = _ignored,
 ) -> dict[Made, list[Made]]:
     """Members with fewer anti-oscillators of each mesh, those of the finest first.
 
@@ -439,6 +497,7 @@ def _fewer(
             if FEWER * n <= min(mesh.answer.n, structure.dofs):
                 answer = of_number(structure, mesh.site, run, accuracy, n)
                 fewer[mesh].append(Made(answer, mesh.site, member_of(answer)))
+                ready(fewer[mesh][-1].member)
         if mesh.answer is not finest:
             structure.drop_factor()
     return fewer
@@ -480,6 +539,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         gigabytes=(_kept(structure) + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
+        bars={name: answer.budget[name].numerical for name in QUANTITIES},
         impulse=answer.hit.impulse,
         contact_time=answer.hit.contact_time,
     )
