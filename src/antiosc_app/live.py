@@ -742,10 +742,9 @@ def without_bars(structure: Structure) -> str:
 
     try:
         refuse_dampers(structure, "an error bar")
-        ModelErrors(structure)
+        return ModelErrors(structure).skipped
     except InputError as error:
         return str(error)
-    return ""
 
 
 def caution_of(hit: History | None, budget: ErrorBudget | None, structure: Structure | None) -> str:

@@ -618,7 +618,7 @@ def _inspect_mesh(
         room=_room(outer, (point, direction, radius)),
         others=other_sites,
         plate=plate,
-        bars=_has_bars(mesh, structure),
+        bars=_has_bars(structure),
         meshed=meshed,
         largest=longest_cell(x[nodes[:, : len(mesh.geometry.corners)]]),
     )
@@ -638,11 +638,9 @@ def _mean_thickness(corners: Array, normals: Array) -> float:
     return float(2 / 3 * abs(area @ heights) / area.sum())
 
 
-def _has_bars(mesh: Mesh, structure: Structure | None) -> bool:
-    """Whether `extract(…, error="estimate")` accepts the part."""
-    if structure is None:
-        return mesh.tdim != 2 or mesh.gdim == 2 or mesh.cell == "triangle"
-    return has_bars(structure)
+def _has_bars(structure: Structure | None) -> bool:
+    """Whether `extract(…, error="estimate")` accepts the part, as it does any mesh."""
+    return structure is None or has_bars(structure)
 
 
 def _flat(

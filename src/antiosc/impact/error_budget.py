@@ -201,7 +201,7 @@ SAFETY_COARSE = 3.0
 COARSE = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
 RESOLVED = 1.2
-#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py).
+#: Both factors of shells by recovery over the usual ones (benchmarks/shell_error_bars.py).
 SHELL = 1.5
 #: Impacts that are too short for the cells of a shell cause errors that neither the raw nor the
 #: corrected model shows: if the strain errors exceed this share of the energy, a bar is at least
@@ -374,7 +374,7 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
     mesh = bars.with_floor({name: safety * change for name, change in changes.items()})
-    if model.strain_misfit is not None and share > COARSE_SHELL:
+    if _recovered_shell(model) and share > COARSE_SHELL:
         mesh = {name: max(change, share) for name, change in mesh.items()}
 
     def known(body: AntiOscillators, tol: float) -> History:
@@ -398,6 +398,11 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
     return MeshErrors(mesh, truncation_errors, share, safety, doubts, incomparable)
 
 
+def _recovered_shell(model: AntiOscillators) -> bool:
+    """Whether the errors of the strains are those of a shell, by recovery."""
+    return model.strain_misfit is not None and not model.info.divided
+
+
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """The safety factor of the mesh error, and a note if it is not the usual one.
 
@@ -407,7 +412,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     """
     safety = SAFETY
     doubts = []
-    if share > (COARSE if model.strain_misfit is None else COARSE_SHELL):
+    if share > (COARSE_SHELL if _recovered_shell(model) else COARSE):
         safety = SAFETY_COARSE
         doubts.append(
             f"The errors of the strains hold {percent(share)} of the energy: the mesh is coarse, "
@@ -421,7 +426,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f"The faces at the site measure {faces:.2g} m, more than its radius "
             f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
         )
-    if model.strain_misfit is not None:
+    if _recovered_shell(model):
         safety *= SHELL
     if model.info.inside_element:
         safety = max(safety, SAFETY_INSIDE)

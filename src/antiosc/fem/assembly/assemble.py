@@ -463,7 +463,6 @@ def assemble_checked(
     if modes.shape[1] == np.count_nonzero(~dependent):  # a rigid body: its K is rounding
         rows = scipy.sparse.diags(dependent.astype(float)).tocsr()[local.rows]
         K = local.matrix("K", rows)
-    self = object.__new__(Structure)
     matrices = AssembledMatrices(
         K,
         M,
@@ -479,7 +478,7 @@ def assemble_checked(
     )
     if prestress is not None:
         matrices = with_prestress(matrices, prestress, joints)
-    self._hold(matrices, start_time)
+    self = Structure.holding(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self
 

@@ -29,7 +29,7 @@ from antiosc.io.reading import keys
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.beam_facts import beam_facts
 from antiosc.reduce.error.bisection import Pieces, gathered
-from antiosc.reduce.error.scheme import Estimate, MeshErrors
+from antiosc.reduce.error.scheme import Estimate, MeshErrors, loads_of_shapes
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.sites import located
 
@@ -65,17 +65,14 @@ class HalvedBeams(MeshErrors):
         to_fine = interpolation(coarse, fine_part)
         b = located(fine_part, *place).loads[:, 0].toarray()
         shapes = np.asarray(model.shapes)
-        masses = np.append(0.0, model.m)
-        squares = np.append(0.0, np.square(model.omega))
-        missing = 0.0
+        missing = np.zeros((1, 1))
         for part, load, values, sign in (
             (coarse, site.b[:, None], shapes, -1.0),
             (fine_part, b, to_fine @ shapes, 1.0),
         ):
-            forces = squares * (csr(part.M) @ values - masses * load)
-            forces[:, :1] = model.k0 * load
+            forces = loads_of_shapes(part, model, values, load)
             missing = missing + sign * (forces.T @ answers(part, forces))
-        return excess(np.asarray(missing) / (1 - 4.0**-coarse.form.degree))
+        return excess(missing / (1 - 4.0**-coarse.form.degree))
 
     def _fine(self, point: Array) -> MeshedStructure:
         """The part with halved cells and a node at `point`; the last one is stored for all models

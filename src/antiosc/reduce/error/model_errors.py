@@ -10,8 +10,9 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.beam import HalvedBeams
+from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_large
 from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
-from antiosc.reduce.error.shell import ShellErrors, no_triangles
+from antiosc.reduce.error.shell import ShellErrors
 from antiosc.reduce.error.solid import SolidErrors
 from antiosc.reduce.site import Functional
 
@@ -49,18 +50,37 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     return SolidErrors(matrices)
 
 
+def _of_part(part: MeshedStructure) -> MeshErrors:
+    """The estimator for the models of a part."""
+    if part.kind.name == "beam":
+        return HalvedBeams(part)
+    if divides(part):
+        return DividedShells(part)
+    return _part_estimator(part)
+
+
 def refusal(structure: Structure) -> str:
-    """Why the mesh's error of an assembly, of trusses or of quadrilaterals is not estimated; "" for
-    others.
-    """
+    """Why the mesh's error of a structure is not estimated; "" if it is."""
+    if reason := _refusal(structure):
+        return reason
+    return _skipped(on_mesh(structure, NO_MESH)) if structure.matrices.meshed else ""
+
+
+def _refusal(structure: Structure) -> str:
+    """Why an assembly or trusses have no estimator; "" for others."""
     if structure.matrices.assembled:
         return JOINTED
     if not structure.matrices.meshed:
         return ""
     part = on_mesh(structure, NO_MESH)
-    if part.kind.name == "truss":
-        return _refused(part)
-    return no_triangles(part) if part.kind.sheet else ""
+    return _refused(part) if part.kind.name == "truss" else ""
+
+
+def _skipped(part: MeshedStructure) -> str:
+    """Why a mesh is too large for its estimator; "" if it is not."""
+    if divides(part):
+        return too_large(part.rows, part.mesh.name)
+    return ""
 
 
 def _refused(part: MeshedStructure) -> str:
@@ -75,6 +95,10 @@ def _refused(part: MeshedStructure) -> str:
 class ModelErrors:
     """The mesh-error estimators for the models of one structure; InputError for a family without
     one.
+
+    Attributes
+    ----------
+    skipped : why the models of a part that has an estimator get no estimate; "" if they do.
     """
 
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
@@ -82,17 +106,18 @@ class ModelErrors:
             raise InputError(
                 "the error 'estimate' is for models of one site: extract each site by itself."
             )
-        if reason := refusal(structure):
+        if reason := _refusal(structure):
             raise InputError(reason)
         part = on_mesh(structure, NO_MESH)
+        self.skipped = _skipped(part)
         self._structure = structure
-        self._errors: MeshErrors = (
-            HalvedBeams(part) if part.kind.name == "beam" else _part_estimator(part)
-        )
+        self._errors = _of_part(part)
         self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
+        if self.skipped:
+            return model  # its `info` has the reason
         start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}

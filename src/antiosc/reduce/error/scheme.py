@@ -99,3 +99,18 @@ def shapes_of(model: AntiOscillators) -> Array:
     """The shapes of an extraction."""
     assert model.shapes is not None
     return model.shapes
+
+
+def loads_of_shapes(
+    structure: Structure | MeshedStructure, model: AntiOscillators, motions: Array, load: Array
+) -> Array:
+    """Loads (rows, N + 1) of the shapes psi_0 … psi_N: the site's, and the inertia forces ω² M ψ
+    with their reaction at the site.
+
+    motions : (rows, N + 1) the shapes on the mesh of `structure`; load : (rows, 1) b of the site.
+    """
+    masses = np.append(0.0, model.m)
+    squares = np.append(0.0, np.square(model.omega))
+    forces = squares * (multiply(structure.M, motions) - masses * load)
+    forces[:, :1] = model.k0 * load
+    return np.asarray(forces)

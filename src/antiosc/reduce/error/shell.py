@@ -525,15 +525,12 @@ def _free(part: MeshedStructure, places: IntArray, normal: Array) -> BoolArray:
     return np.asarray(np.any(~fixed & (np.abs(normal) > ALONG), axis=1))
 
 
-def no_triangles(part: MeshedStructure) -> str:
-    """Why the errors of a shell of quadrilaterals are not estimated; "" for triangles."""
-    if part.mesh.cell == "triangle":
-        return ""
-    return (
-        "the error 'estimate' of shells takes triangles: the strains of quadrilaterals are most"
-        f" accurate where {part.mesh.name} takes them, and their recovery finds a half to a fifth"
-        " of the error. Mesh with triangles, or compare two element sizes."
-    )
+#: Message of what looks for the cells with the largest errors.
+TRIANGLES = (
+    "the errors of single cells are recovered of shells of triangles: the strains of quadrilaterals"
+    " are most accurate where {} takes them, and their recovery finds a half to a fifth of the"
+    " error."
+)
 
 
 class ShellErrors(StrainErrors):
@@ -542,8 +539,8 @@ class ShellErrors(StrainErrors):
     def __init__(self, part: MeshedStructure) -> None:
         if part.comm.size > 1:
             raise InputError("the error 'estimate' of shells runs on one rank.")
-        if reason := no_triangles(part):
-            raise InputError(reason)
+        if part.mesh.cell != "triangle":
+            raise InputError(TRIANGLES.format(part.mesh.name))
         super().__init__(part)
         self._pieces = smooth_pieces(part)
 
