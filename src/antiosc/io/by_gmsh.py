@@ -382,11 +382,21 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
     return replace(ask, size=size, order=order, refine=ask.refine if attempt.refined else [])
 
 
+#: Largest number of solids that get facets, 0.2 s each, so that their boxes are near to these: that
+#: of a tilted torus is 0.8 % too large then, and 7 % without, as it holds its control points.
+MOST_TIGHT = 40
+
+
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     """A line across the bounding box of each solid, the largest first, or of the model; each group
     has all lines.
     """
     entities = cad.largest_first(gmsh) or [(-1, -1)]
+    if 1 < len(entities) <= MOST_TIGHT:  # that box itself is too small by 0.01 units
+        gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)
+        for entity in entities:
+            gmsh.model.getBoundingBox(*entity)
+        gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 0)
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
     groups = gmsh.model.getPhysicalGroups()
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]

@@ -45,6 +45,11 @@ class Attempt:
         """Whether the attempt is for surfaces with known curvature."""
         return bool(AROUND.keys() & self.options.keys())
 
+    @property
+    def unparametrised(self) -> bool:
+        """Whether no side of a surface of triangles, or only small patches, must be unrolled."""
+        return not self.cut or self.options == PATCHES
+
     def suits(self, is_cad: bool) -> bool:
         """Whether the attempt is for CAD files (`is_cad` true) or for triangulated surfaces
         (false).

@@ -19,6 +19,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
@@ -352,6 +353,9 @@ def read(
 #: 27 CAD files by others the first attempt meshes all, in 7 s at most, and a second one of surf114
 #: (pythonocc-demos) does not end in 30 s.
 ATTEMPTS_TIME = 30.0
+#: Words of gmsh's error on a surface of triangles whose sides it cannot unroll: attempts that need
+#: not come next, and are made after this time too.
+PARAMETRIZATION = "parametrization"
 #: Share of its volume or size by which the mesh of a filled surface may be off it: a plate with
 #: drilled holes lost 0.4 % of its volume to chords across these, and none with all edges kept.
 MOST_OFF = 2e-3
@@ -367,16 +371,24 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
     """
     reason: UnmeshableError | None = None
     nearest: RawMesh | None = None
-    attempts = [(k, attempt) for k, attempt in enumerate(ATTEMPTS) if attempt.suits(is_cad)]
+    to_try = [(k, attempt) for k, attempt in enumerate(ATTEMPTS) if attempt.suits(is_cad)]
+    tried: list[str] = []
     start_time = processor_time()
-    for attempt_count, (number, attempt) in enumerate(attempts):
+    while to_try:
         if processor_time() - start_time > ATTEMPTS_TIME:
-            attempts = attempts[:attempt_count]
-            break
+            late = nearest is None and not is_cad
+            to_try = [entry for entry in to_try if late and entry[1].unparametrised]
+            if not to_try:
+                break
+        number, attempt = to_try.pop(0)
+        tried.append(attempt.about)
         try:
-            raw = once(number) if nearest is None else once(number, NEARER_TIME)
+            with progress.doing(f"meshing {name} {attempt.about}"):
+                raw = once(number) if nearest is None else once(number, NEARER_TIME)
         except UnmeshableError as error:
             reason = reason or error
+            if PARAMETRIZATION in str(error):
+                to_try.sort(key=lambda entry: not entry[1].unparametrised)
             continue
         first_remarks = raw.remarks
         if reason is not None:
@@ -391,7 +403,7 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
         sentence = f"{name}: no mesh is nearer to its surface than this, {_off(nearest)}."
         nearest.remarks = [*nearest.remarks, sentence]
         return nearest
-    others = ", ".join(attempt.about for _, attempt in attempts[1:])
+    others = ", ".join(tried[1:])
     raise UnmeshableError(
         f"{str(reason).rstrip('.')}; nor {others}: repair {name} in the program that wrote it, "
         "give it another size, or mesh it there and give the mesh."

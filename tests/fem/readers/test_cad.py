@@ -11,6 +11,7 @@ import antiosc as ao
 
 pytest.importorskip("dolfinx")
 
+from antiosc.base import progress
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
 from antiosc.io import reading
@@ -181,3 +182,53 @@ def test_a_step_file_with_an_analysis_is_told(tmp_path):
     )
     with pytest.raises(ao.AntioscError, match=r"an analysis \(STEP AP209\), not the shape"):
         ao.read_mesh(file, size=5e-3)
+
+
+@pytest.mark.parametrize("name", ["part.stl", "part.step"])
+def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, name):
+    """The first way takes longer than all may: of a surface two others are made, of a CAD file
+    none.
+    """
+    seconds = [0.0]
+    monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
+    made, told = [], []
+
+    def late(attempt: int) -> RawMesh:
+        seconds[0] += 1.1 * reading.ATTEMPTS_TIME
+        made.append(ATTEMPTS[attempt])
+        raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
+
+    with pytest.raises(ao.MeshError), progress.following(told.append):
+        _meshed(late, name, is_cad=name.endswith("step"))
+    others = made[1:]
+    assert [not one.cut for one in others] == ([True, False] if name == "part.stl" else [])
+    for one, text in zip(made, filter(None, told), strict=True):
+        assert one.about in text
+    made.clear()
+
+    def early(attempt: int) -> RawMesh:
+        made.append(ATTEMPTS[attempt])
+        if ATTEMPTS[attempt].cut:
+            raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
+        return RawMesh(np.eye(3), np.array([[0, 1, 2]]), kind_of("triangle"), "gmsh")
+
+    seconds[0] = 0.0
+    if name == "part.stl":
+        assert "facets as they are" in _meshed(early, name, is_cad=False).remarks[0]
+        assert len(made) == 2
+
+
+def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
+    """A tilted torus, whose surface is one of splines once it is in a file."""
+    path = tmp_path / "two.step"
+    tilt = 0.7
+    with gmsh_session() as gmsh:
+        torus = gmsh.model.occ.addTorus(0, 0, 0, 10, 3)
+        gmsh.model.occ.rotate([(3, torus)], 0, 0, 0, 0, 1, 0, tilt)
+        gmsh.model.occ.addBox(30, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    outline = reading.outline(path)
+    low, high = 1e3 * outline.points[outline.cells["line"][0]]
+    extents = 20 * np.cos(tilt) + 6, 26.0, 20 * np.sin(tilt) + 6
+    assert high - low == pytest.approx(extents, rel=1e-2)
