@@ -86,6 +86,8 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
     if block.shape not in ("triangle", "quad"):
         sides = SOLID_FACES.get(block.shape, ())
         number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+        if "AX" in block.type:  # revolved: sides 1 and 2 are its planes at two angles
+            number += 2 * (number > 0)
         place.needs(
             1 <= number <= len(sides),
             f"{side or 'no side'!r} is no side of a {block.shape}; it must be S1 to S{len(sides)}.",

@@ -34,7 +34,7 @@ VOLUMES |= {15: "wedge", 18: "wedge", 20: "hexahedron", 27: "hexahedron"}
 LINES = {2: "line", 3: "line"}
 #: Pattern of a type's name (its group is the number of nodes), role, shapes by number of nodes.
 #: Elements of heat transfer (DC3D, DS) are taken as stress elements of the same nodes. "other" are
-#: cells that no family here carries: rigid, membranes, fluids, surfaces.
+#: cells that no family here carries: rigid, fluids, surfaces. Membranes are shells, which bend.
 TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"D?C3D(\d+)[A-Z]*", "solid", VOLUMES),
     (r"(?:AC|F)3D(\d+)[A-Z]*", "other", VOLUMES),
@@ -44,7 +44,8 @@ TYPES: tuple[tuple[str, Role, Mapping[int, str]], ...] = (
     (r"CPE([3468])[A-Z]*", "plane strain", SHEETS),
     (r"(?:CAX|CGAX|DCAX)([3468])[A-Z]*", "axisymmetric", SHEETS),
     (r"(?:CPEG|DC2D|AC2D|ACAX)([3468])[A-Z]*", "other", SHEETS),
-    (r"(?:R3D|M3D|SFM3D)([3468])[A-Z]*", "other", SHEETS),
+    (r"M3D([34689])R?", "shell", SHEETS),
+    (r"(?:R3D|SFM3D)([3468])[A-Z]*", "other", SHEETS),
     (r"(?:B|PIPE)[23]([123])[A-Z]*", "beam", LINES),
     (r"T[23]D(2)[A-Z]*", "rod", LINES),
     (r"T[23]D(3)[A-Z]*", "other", LINES),

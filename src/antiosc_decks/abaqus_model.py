@@ -25,6 +25,7 @@ POINT_ELEMENTS = {
     **dict.fromkeys(("MASS", "ROTARYINERTIA"), ("mass", ("MASS", "ROTARYI"))),
     "SPRING": ("stiffness", ("SPRINGA", "SPRING1", "SPRING2")),
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
+    "GAP": ("clearance", ("GAPUNI",)),
 }
 #: Cards of contact, which are ignored when one piece of the deck is read alone.
 BETWEEN_PIECES = ("*CONTACTPAIR", "*CLEARANCE", "*CONTACT")
@@ -164,6 +165,8 @@ def _add_points_and_links(
                 builder.mass(nodes[0], rows[0].real(0), [0.0] * 3, card.place)
             elif card.keyword == "ROTARYINERTIA":
                 builder.mass(nodes[0], 0.0, _inertia(card, rows[0]), card.place)
+            elif card.keyword == "GAP":
+                _gap(builder, rows[0], nodes)
             else:
                 _link(builder, orientations, card, kind, nodes)
     counts["MASS"] += counts.pop("ROTARYINERTIA")
@@ -183,6 +186,31 @@ def _add_points_and_links(
             f"{assembled.deck.name} has {skipped[kind]} {kind} elements, which are not "
             "supported here and would change the result."
         )
+
+
+def _gap(builder: ModelBuilder, row: Row, nodes: list[int]) -> None:
+    """*GAP: a gap stays as it is at first, as CGAP of Nastran does in linear solutions.
+
+    An open one joins nothing; a closed one acts along its direction, by the stiffness that
+    CalculiX's field 6 gives, else rigidly.
+    """
+    is_open = row.real(0) > 0
+    state = "open" if is_open else "closed"
+    builder.tell_once(f"the contact in GAPUNI ({row.place}), which stay {state}, as at first")
+    if is_open:
+        return
+    normal = np.array([row.real(k) for k in (1, 2, 3)])
+    length = float(np.linalg.norm(normal))
+    if length:
+        row.card.refuse_turned()
+        ends = zip(nodes, (-1.0, 1.0), strict=True)
+        terms = [t for node, sign in ends for t in axis_terms(node, normal / length, 0, sign)]
+    else:
+        terms, _ = builder.joints.elongation(nodes[0], nodes[1], row.place)
+    if stiffness := row.real(5):
+        builder.link("*GAP", "stiffness", terms, stiffness, row.place)
+    else:
+        builder.joints.equation(terms, row.place)
 
 
 def _inertia(card: Card, row: Row) -> list[float]:

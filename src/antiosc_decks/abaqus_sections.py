@@ -197,7 +197,7 @@ NORMAL = 0.05
 STEEP = 0.1
 #: Tolerance in degrees within which a layer's angle must be the same in all elements.
 SAME_ANGLE = 0.5
-OF_SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
+OF_SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION", "MEMBRANESECTION")
 SECTION_CARDS = ("SOLIDSECTION", *OF_SHELLS, "BEAMSECTION", "BEAMGENERALSECTION")
 #: OFFSET= of shells -> the share of the thickness from the middle surface to the nodes.
 OFFSETS = {"": 0.0, "MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
@@ -234,12 +234,12 @@ class Sections:
         roles = {block.role for block in blocks}
         for kind in sorted({block.type for block in blocks if block.type.startswith("D")}):
             self.builder.tell_once(f"the heat transfer of {kind}, which carry forces here")
+        for kind in sorted({block.type for block in blocks if block.type.startswith("M3D")}):
+            self.builder.tell_once(f"that {kind} do not bend: they are shells of their thickness")
         composite = "COMPOSITE" in card.options
         name = card.within.spelled(card.option("ELSET"))
         if card.keyword in OF_SHELLS and roles == {"shell"}:
-            has_materials = (
-                composite or "MATERIAL" in card.options or card.keyword == "SHELLSECTION"
-            )
+            has_materials = composite or "MATERIAL" in card.options or "GENERAL" not in card.keyword
             if has_materials:
                 self._shells(card, name, elements)
             else:

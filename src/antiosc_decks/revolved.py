@@ -26,7 +26,7 @@ ON_AXIS = 1e-9
 #: Plane shape -> that of a sector.
 SOLIDS = {"triangle": "wedge", "quad": "hexahedron"}
 #: Cards that act on single nodes or in axes, which have no counterpart on a ring.
-REFUSED = (*READERS, "TRANSFORM", "ORIENTATION")
+REFUSED = (*(name for name in READERS if name != "TIE"), "TRANSFORM", "ORIENTATION")
 
 
 def revolve(whole: Whole) -> tuple[int, ...]:

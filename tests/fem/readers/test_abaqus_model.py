@@ -174,3 +174,49 @@ def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
     ((point, given),) = model["springs"]
     assert node_at(1e-3 * X, point) == 1
     assert given == pytest.approx({"z": 40e3})
+
+
+TWO_CUBES = "*NODE\n"
+for first, at in ((1, 0), (11, 30)):
+    for k, (x, y, z) in enumerate(np.ndindex(2, 2, 2)):
+        TWO_CUBES += f"{first + k},{at + 10 * x},{10 * y},{10 * z}\n"
+TWO_CUBES += "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,5,7,3,2,6,8,4\n2,11,15,17,13,12,16,18,14\n"
+AS_SPRING = "*ELEMENT,TYPE=SPRING2,ELSET=G\n9,5,11\n*SPRING,ELSET=G\n1,1\n7.\n"
+AS_EQUATION = "*EQUATION\n2\n5,1,-1.,11,1,1.\n"
+
+
+def up_to_sign(row: list) -> list:
+    """The terms of an equation, or of a spring with its stiffness, the first one positive."""
+    terms, stiffness = row if isinstance(row[-1], float) else (row, 0.0)
+    terms = sorted(terms)
+    return [[n, m, c * np.sign(terms[0][2])] for n, m, c in terms] + [stiffness]
+
+
+@pytest.mark.parametrize(
+    ("gap", "twin"),
+    [("0.1,1.", ""), ("0.,2.,0.,0.,,7.", AS_SPRING), ("0.,1.", AS_EQUATION), ("0.", AS_EQUATION)],
+    ids=["open", "stiff", "rigid", "along its line"],
+)
+def test_a_gap_stays_as_it_is_at_first(tmp_path, gap, twin):
+    whole = TWO_CUBES + inp.SOLID + inp.STEEL + "*BOUNDARY\nHELD,1,3\n"
+    whole += "*NSET,NSET=HELD\n1,2,3,4,15,16,17,18\n"
+    card = f"*ELEMENT,TYPE=GAPUNI,ELSET=G\n9,5,11\n*GAP,ELSET=G\n{gap}\n"
+    found, _ = inp.read(tmp_path, whole + card)
+    other, _ = inp.read(tmp_path, whole + twin)
+    assert any("GAPUNI" in words for words in found["ignored"])
+    joints = [model["joints"] for model in (found, other)]
+    for key in ("equations", "springs"):
+        assert [up_to_sign(row) for row in joints[0][key]] == [
+            up_to_sign(row) for row in joints[1][key]
+        ]
+
+
+def test_a_membrane_is_a_shell_of_its_thickness_and_this_is_told(tmp_path):
+    shell, _ = inp.read(
+        tmp_path, inp.SHEET + inp.STEEL + "*SHELL SECTION,ELSET=All,MATERIAL=M\n2.\n"
+    )
+    membrane = inp.SHEET.replace("S4", "M3D4") + inp.STEEL
+    membrane += "*MEMBRANE SECTION,ELSET=All,MATERIAL=M\n2.\n"
+    found, _ = inp.read(tmp_path, membrane)
+    assert [row[:3] for row in found["families"]] == [row[:3] for row in shell["families"]]
+    assert any("M3D4" in words for words in found["ignored"])

@@ -420,7 +420,7 @@ REFUSED = {
     "two families": (
         SHEET.replace("S4", "CPS4") + "*ELEMENT,TYPE=C3D8,ELSET=C\n2,1,2,3,4,5,6,7,8\n"
                      + SOLID + "*SOLID SECTION,ELSET=C,MATERIAL=M\n" + STEEL, None, "structure"),
-    "other": (SHEET.replace("S4", "M3D4") + STEEL, None, "element"),
+    "other": (SHEET.replace("S4", "R3D4") + STEEL, None, "element"),
     "bare": (
         BENT.replace("2,2,9", "*ELEMENT,TYPE=S4\n2,2,9") + SHELL.format("") + STEEL,
         None, "section"),

@@ -186,3 +186,37 @@ def test_a_mesh_drawn_in_x_and_z_is_that_in_x_and_y(tmp_path, axial):
     assert held(parts[1], on_bottom) == [False, True, False]
     x = [part.form.space.tabulate_dof_coordinates() for part in parts]
     np.testing.assert_allclose(x[0], x[1], atol=1e-12 * OUTER)
+
+
+def test_two_rings_that_are_tied_vibrate_as_one(tmp_path):
+    """The outer ring has nodes of its own where the rings meet, in the same places."""
+    one = part_of(tmp_path, "CAX4", INNER, columns=4)
+    nodes, cells = deck("CAX4", INNER, columns=4).split("*ELEMENT", 1)
+    labels = {}
+    for row in nodes.splitlines()[1:]:
+        number, x, y = row.split(",")
+        labels[round((float(x) - INNER) / (OUTER - INNER) * 4), round(float(y) / HEIGHT * 2)] = (
+            number
+        )
+    copies = {labels[2, j]: str(900 + j) for j in range(3)}
+    nodes += "".join(
+        f"{copy}, {row.partition(',')[2]}\n"
+        for row in nodes.splitlines()[1:]
+        for number, copy in copies.items()
+        if row.startswith(f"{number},")
+    )
+    rows, rest = cells.split("*NSET", 1)
+    head, *rows = rows.splitlines()
+    outer = [",".join(copies.get(n.strip(), n) for n in row.split(",")[1:]) for row in rows[4:]]
+    rows[4:] = [f"{k}, {row}" for k, row in enumerate(outer, 5)]
+    ties = "*SURFACE, NAME=A\n3, S2\n4, S2\n*SURFACE, NAME=B\n5, S4\n6, S4\n*TIE, NAME=T\nB, A\n"
+    text = nodes + "*ELEMENT" + "\n".join([head, *rows]) + "\n*NSET" + rest + ties
+    (tmp_path / "tied.inp").write_text(text)
+    tied = ao.read_model(tmp_path / "tied.inp", unit="m")
+    assert tied.mass == pytest.approx(one.mass, rel=1e-12)
+    sites = [
+        ao.Site(point=(0.03, HEIGHT, 0), direction=(0, -1, 0), radius=0.004, part=part)
+        for part in (None, "solids")
+    ]
+    k0 = [ao.extract(part, site, n=10).k0 for part, site in zip((one, tied), sites, strict=True)]
+    assert k0[1] == pytest.approx(k0[0], rel=1e-3)
