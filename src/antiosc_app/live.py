@@ -333,6 +333,10 @@ def halved(size: str, dim: int) -> str:
     return f"{size}, which halves all cells: each time {2**dim} times as many"
 
 
+#: Where the yield strength of a material of one's own is given.
+OWN_STRENGTH = where_to_change(
+    "yield_strength, yield_range", "own material in the list of materials"
+)
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
     "mesh": f"use smaller elements around the site ({SMALLER_CELLS})",
@@ -345,8 +349,7 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
     "stretch": "extract with a larger number of motions (in a scene: stretch in [extract])",
-    "law": "give the yield strength of your own material and its range"
-    f" ({where_to_change('yield_strength, yield_range', 'own material in the list of materials')})",
+    "law": f"give the yield strength of the part's own material and its range ({OWN_STRENGTH})",
 }
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}

@@ -351,18 +351,32 @@ class Inspection:
 
     def sentences(self, name: str, drop: bool = False) -> list[str]:
         """Text lines for the terminal; without the impact if the part is dropped."""
-        sides = " × ".join(f"{1e3 * c:.4g}" for c in self.high - self.low)
         kind = "materials are those of its deck" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
         forecast = self.forecast()
         cost = f" It has {forecast.text()}." if forecast.is_long else ""
-        sentences = [f"{name}: {self.cells}, {sides} mm; {kind}.{cost}"]
+        sentences = [f"{name}: {self.cells}, {self.sides_text()}; {kind}.{cost}"]
         sentences += [
             *self.notes,
             f"it reaches {outline.text(MOST_NAMES)}.",
             "taken, and what changes it:",
         ]
         return [*sentences, *aligned(self.taken(drop))]
+
+    def sides_text(self) -> str:
+        """The sides of the part's box; of a sheet those that are not 0, and its thickness."""
+        sides = self.high - self.low
+        sides = sides[sides > SAME_PLACE * self.length]
+        text = " × ".join(f"{1e3 * side:.4g}" for side in sides) + " mm"
+        if self.family != "Shell":
+            return text
+        thickness = self.thickness
+        if self.structure is not None:
+            from antiosc.extension import source
+
+            parts = source(self.structure).materials_of(self.structure, None)
+            thickness = min(getattr(material, "thickness", thickness) for material in parts)
+        return f"{text}, {1e3 * thickness:.4g} mm thick"
 
     def unit_text(self) -> str:
         """The unit of the file and why it is taken, with the part's size in other units."""

@@ -11,15 +11,15 @@ solve; by the extracted model with its error bars; and with motion and stress fo
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import shlex
 import threading
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -86,6 +86,19 @@ if TYPE_CHECKING:
     from antiosc_studies.drops.fall import WorstField
     from antiosc_studies.drops.free_body import FreeBody
 
+#: Names in messages of a program -> the words of the page.
+PAGE_WORDS = {
+    "'structure'": "the part",
+    "'impactor'": "the striker",
+    "within max_steps = ": "within a number of steps of ",
+    "max_steps = ": "a number of steps of ",
+    "raise max_steps, or shorten": "shorten",
+    "leaves no finer run to compare with; raise it or shorten": "leaves no finer run; shorten",
+    "not tol = ": "more than ",
+    "Damping ends them": "a damping ratio ends them",
+    '; take the stretch "auto" of extract or impact_map, which has these forces of a part of one'
+    " mesh": "; an explicit finite element program computes it",
+}
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
@@ -214,7 +227,7 @@ class Opened:
             "map": self._map,
             "write": self._write,
         }
-        answers = {name: partial(self._in_turn, step) for name, step in steps.items()}
+        answers = {name: functools.partial(self._in_turn, step) for name, step in steps.items()}
         return {
             **answers,
             "stop": self._stop,
@@ -270,7 +283,10 @@ class Opened:
             remedy = ""
             if source is not None:
                 remedy = _smaller_cells(source.look, self._given is None, finer)
-            return {name: _with_remedy(value, remedy) for name, value in {**result, **told}.items()}
+            fields = {SMALLER_CELLS: remedy, **PAGE_WORDS}
+            if source is not None and source.look.of_deck:
+                fields[live.OWN_STRENGTH] = "the fields yield strength and its range"
+            return {name: _in_words(value, fields) for name, value in {**result, **told}.items()}
 
         self._count(1)
         return self._work.submit(run_work).result()
@@ -446,7 +462,7 @@ class Opened:
         known = self._impacts.get(key)
         if known is not None and not (known.settled or quickly):
             del self._impacts[key]
-        blow = self._impacts.of(key, partial(self._until_parted, set_up, quickly))
+        blow = self._impacts.of(key, functools.partial(self._until_parted, set_up, quickly))
         assert blow.scene.model is not None
         self.site = blow.scene.model.arguments["site"].made
         return blow
@@ -649,7 +665,6 @@ class Opened:
 
 def _told_of_file(look: new.Inspection) -> str:
     """Sentences on the part's size, and on the choices made while reading its file."""
-    side = " × ".join(f"{1e3 * c:.4g}" for c in look.high - look.low)
     choices = ""
     if "unit" in look.read:
         choices = f"; unit of its file: {look.unit_text()}; antiosc open --unit changes it"
@@ -660,7 +675,7 @@ def _told_of_file(look: new.Inspection) -> str:
     if look.kept:
         choices += f"; the deck keeps its elements, for {look.kept}"
     striker = f"The first striker is a {look.ball_text()}."
-    return " ".join([f"{side} mm{choices}.", *map(capitalised, look.notes), striker])
+    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, look.notes), striker])
 
 
 def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
@@ -672,11 +687,11 @@ def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
     return live.halved("cell size", new.DIMENSIONS[look.family] * (has_size and not look.kept))
 
 
-def _with_remedy(value: object, remedy: str) -> object:
-    """A text, or a list of such, with what makes the cells of this part smaller."""
+def _in_words(value: object, fields: Mapping[str, str]) -> object:
+    """A text, or a list of such, in which the page's words replace others."""
     if isinstance(value, str):
-        return value.replace(SMALLER_CELLS, remedy)
-    return [_with_remedy(one, remedy) for one in value] if isinstance(value, list) else value
+        return functools.reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
+    return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
 
 
 def _corner(look: new.Inspection) -> float:

@@ -200,6 +200,8 @@ class SetUp:
     finer: bool = False
     #: yield strength of the materials of a deck that state none [Pa]; None: unknown
     yield_strength: float | None = None
+    #: range of that strength [Pa]; None: it is exact
+    yield_range: tuple[float, float] | None = None
     #: number of anti-oscillators; None: as a new scene has
     n: int | None = None
     #: density of the materials of a deck that state none [kg/m³]; None: as it was read
@@ -219,6 +221,10 @@ class SetUp:
         for name, unit in (("duration", "s"), *of_deck):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
+        if self.yield_range is not None:
+            low, high = checks.floats("yield_range", self.yield_range, (2,))
+            if not 0 < low <= (self.yield_strength or 0.0) <= high:
+                raise InputError("yield_range needs yield_strength within it.")
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
         if self.n is not None:
@@ -287,6 +293,8 @@ def _read(values: object) -> SetUp:
     _as_tuples(table, ("point", "direction", "held"))
     if table.get("own") is not None:
         table["own"] = _own(table["own"])
+    if table.get("yield_range") is not None:
+        _as_tuples(table, ["yield_range"])
     return SetUp(**{**table, "striker": Striker(**striker)})
 
 
@@ -358,7 +366,7 @@ def _part(source: InspectedFile, set_up: SetUp, finer: Sequence[Sequence[float]]
     if set_up.size is not None:
         read["size"] = set_up.size
     if inspection.of_deck:
-        names = ("yield_strength", "density", "modulus")
+        names = ("yield_strength", "yield_range", "density", "modulus")
         given = {name: value for name in names if (value := getattr(set_up, name))}
         return {"deck": {"path": source.name, **read, **given}}
     if finer and inspection.meshed:

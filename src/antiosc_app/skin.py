@@ -9,7 +9,9 @@ import numpy as np
 
 from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
+from antiosc.io.neutral import SIDES
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.new import ON_PLANE, Inspection, sides_of
@@ -46,7 +48,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         used_points, faces = np.unique(page_surface.faces, return_inverse=True)
         shape = geometry(page_surface.points[used_points], faces.reshape(-1, 3))
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
-        all_faces, held_first = _with_usual(_groups(mesh), look)
+        all_faces, held_first = ({}, []) if look.of_deck else _with_usual(_groups(mesh), look)
         shape["sets"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
         return PageSkin(shape, all_faces, held_first)
     outer = Faces(mesh, mesh.tdim < 3)
@@ -55,7 +57,12 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     masks = {name: np.isin(outer.facets, mesh.groups[name].get(outer.dim, [])) for name in groups}
     for number, mask in enumerate(masks.values(), start=1):
         owner[mask] = number
-    if not outer.sheet:
+    if outer.sheet:
+        groups |= {f"edges at {side}": {"where": side} for side in SIDES if _is_side(mesh, side)}
+        masks = {name: _beside(outer, mesh.group(held["where"])) for name, held in groups.items()}
+        masks = {name: mask for name, mask in masks.items() if not mask.all()}
+        groups = {name: groups[name] for name in masks}
+    else:
         sides = _flat_sides(mesh, outer, owner, len(groups))
         masks |= {name: owner == k for k, name in enumerate(sides, start=len(groups) + 1)}
         groups |= sides
@@ -98,10 +105,29 @@ def _groups(mesh: Mesh) -> dict[str, Held]:
     return {name: {"where": name} for name in sorted(size, key=lambda group: -size[group])}
 
 
+def _is_side(mesh: Mesh, name: str) -> bool:
+    """Whether edges of a sheet lie at this side of its box, which the file does not name."""
+    try:
+        return name not in mesh.groups and bool(len(mesh.group(name)[mesh.tdim - 1]))
+    except InputError:
+        return False
+
+
+def _beside(outer: Faces, parts: Mapping[int, IntArray]) -> BoolArray:
+    """Mask of the cells of a sheet that are in a group, or have an edge or a node of it."""
+    from antiosc.fem.platform import compat
+
+    mesh = outer.mesh
+    dim = max((dim for dim in parts if dim < mesh.tdim), default=mesh.tdim)
+    nodes = np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts.get(dim, [])])
+    shared = np.isin(outer.vertices, nodes).sum(axis=1)
+    return np.isin(outer.facets, parts.get(mesh.tdim, [])) | np.asarray(shared > min(dim, 1))
+
+
 def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Held], list[str]]:
     """(faces with the plane at which a new scene supports the part, names of the fixed ones)."""
-    if look.of_deck:
-        return {}, []
+    if look.of_deck:  # which has supports of its own
+        return faces, []
     if look.where:
         return faces, list(look.where)
     if look.plane is None:

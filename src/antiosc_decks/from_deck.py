@@ -31,6 +31,7 @@ from antiosc import (
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.checks import (
     flag,
+    floats,
     instance,
     list_of,
     path as checked_path,
@@ -161,6 +162,7 @@ def read_model(
     density: float | None = None,
     modulus: float | None = None,
     yield_strength: float | None = None,
+    yield_range: tuple[float, float] | None = None,
     size: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
@@ -193,6 +195,8 @@ def read_model(
     yield_strength
         Yield strength in Pa of the isotropic materials, which decks do not state; margins and
         contacts that yield need it.
+    yield_range
+        Lowest and highest yield strength of batches of these materials, Pa.
     size, merge, timeout, comm
         As for `read_mesh`: materials, sections and supports follow the halved elements. Decks whose
         constraints join nodes keep their elements.
@@ -215,7 +219,7 @@ def read_model(
 
     The mesh's groups are the deck's sets; supports fix the motions that the deck fixes in its model
     and in its first step. B32 become two straight `Beam` elements each; a layered or orthotropic
-    shell becomes a `Laminate`.
+    shell becomes a `Laminate`, one whose layers are of one isotropic material a `Shell`.
 
     Solids, shells and beams with common nodes, and elements joined by equations, multi-point
     constraints, rigid bodies, couplings, ties and springs, become one assembly of up to four parts:
@@ -255,8 +259,7 @@ def read_model(
         root=root,
         timeout=timeout,
     )
-    if yield_strength is not None:
-        yield_strength = positive("yield_strength", yield_strength, "Pa")
+    strengths = _strengths(yield_strength, yield_range)
     added_supports = list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
@@ -268,7 +271,7 @@ def read_model(
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
     structures = {
-        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, yield_strength)
+        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
         for name, raw in raws.items()
     }
     if not model["joined"]:
@@ -315,16 +318,16 @@ def materials_of_deck(
     `read_model` for its reader.
     """
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
-    families = [family for raw in raws.values() for family in _families(raw, None).values()]
+    families = [family for raw in raws.values() for family in _families(raw, {}).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
     return families, longest, not_halved(_model(next(iter(raws.values()))))
 
 
-def _families(raw: RawMesh, yield_strength: float | None) -> dict[str, Family]:
+def _families(raw: RawMesh, strengths: Mapping[str, object]) -> dict[str, Family]:
     """The family of each group of a part's cells."""
     model = _model(raw)
     return {
-        group: _family(kind, arguments, place, yield_strength)
+        group: _family(kind, arguments, place, strengths)
         for group, kind, arguments, place in model["families"]
         if not model["joined"] or raw.groups.get(group)
     }
@@ -472,12 +475,12 @@ def _part(
     solver: SolverChoice,
     added_supports: Sequence[Support],
     added_attachments: Sequence[Attachment],
-    yield_strength: float | None,
+    strengths: Mapping[str, object],
 ) -> Structure:
     """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
     mesh = distributed(raw, name, comm)
-    families = _families(raw, yield_strength)
+    families = _families(raw, strengths)
     if model["joined"]:
         return Structure(mesh, families, solver=solver)
     supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
@@ -487,8 +490,42 @@ def _part(
     )
 
 
+def _strengths(
+    yield_strength: float | None, yield_range: tuple[float, float] | None
+) -> dict[str, object]:
+    """The given strengths of the isotropic materials."""
+    if yield_strength is None:
+        if yield_range is not None:
+            raise InputError("yield_range needs yield_strength within it.")
+        return {}
+    strength = positive("yield_strength", yield_strength, "Pa")
+    if yield_range is None:
+        return {"yield_strength": strength}
+    low, high = floats("yield_range", yield_range, (2,)).tolist()
+    if not 0 < low <= strength <= high:
+        raise InputError("yield_range needs yield_strength within it.")
+    return {"yield_strength": strength, "yield_range": (low, high)}
+
+
+def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """(family, arguments) of a layered shell: those of a `Shell` if its layers are of one isotropic
+    material, which then has a yield strength and a contact that yields.
+    """
+    first, *others = (replace(layer, thickness=1.0, angle=0.0) for layer in values["layers"])
+    plain = Layer.isotropic(first.E1, first.nu12, first.rho, 1.0)
+    moduli, wanted = ([entry.E2, entry.G12, entry.G13, entry.G23] for entry in (first, plain))
+    if kind != "Laminate" or any(layer != first for layer in others) or first.strength is not None:
+        return kind, values
+    if not np.allclose(moduli, wanted, rtol=1e-6):
+        return kind, values
+    shell: dict[str, Any] = {"E": first.E1, "nu": first.nu12, "rho": first.rho}
+    shell["thickness"] = sum(layer.thickness for layer in values["layers"])
+    kept: dict[str, Any] = {name: values[name] for name in ("offset", "top") if name in values}
+    return "Shell", {**shell, **kept}
+
+
 def _family(
-    kind: str, arguments: dict[str, Any], place: str, yield_strength: float | None
+    kind: str, arguments: dict[str, Any], place: str, strengths: Mapping[str, object]
 ) -> Family:
     """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
@@ -498,11 +535,11 @@ def _family(
                 values[name] = Nearest(**values[name])
         if "layers" in values:
             values["layers"] = [Layer(**layer) for layer in values["layers"]]
+            kind, values = _of_one_material(kind, values)
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]
-        if yield_strength is not None and "yield_strength" in signature(family).parameters:
-            values["yield_strength"] = yield_strength
-        return family(**values)
+        known = signature(family).parameters
+        return family(**values, **{name: strengths[name] for name in strengths if name in known})
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -72,6 +72,62 @@ def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened)
     assert judged == {"stress_note": live.NO_MESH_ERROR}  # no yield strength is known
 
 
+def test_a_yield_strength_with_its_range_is_typed_for_a_deck_of_plies_of_one_material(
+    deck, tmp_path
+):
+    """Ten plies of it are one sheet: the verdict is that of the deck without plies."""
+    plies = "*SHELL SECTION, ELSET=all, COMPOSITE\n" + 10 * "2e-4, 3, m\n"
+    text = deck.read_text().replace("*SHELL SECTION, ELSET=all, MATERIAL=m\n2e-3\n", plies)
+    (tmp_path / "plies.inp").write_text(text)
+    told = []
+    for path in (deck, tmp_path / "plies.inp"):
+        page = Opened(path, unit="m")
+        setup = json.loads(json.dumps(page.calls["look"]({})["setup"]))
+        setup |= {"duration": 0.01, "n": 10, "yield_strength": 2e6, "yield_range": [1.5e6, 3e6]}
+        asked = {"tab": "a", "turn": 1, "setup": setup}
+        settled = page.calls["settle"](asked)
+        assert settled["blow"]["law"]["yields"]["unknown"] == ""
+        told.append(page.calls["verdict"](asked)["verdict"])
+        page.close()
+    assert told[0] == told[1]
+    assert "yield strength 2.00 MPa (1.50 MPa to 3.00 MPa)" in " ".join(told[0])
+
+
+@pytest.mark.parametrize("wrong", [[3e6, 4e6], [1e6], [0.0, 3e6]])
+def test_a_range_of_a_deck_holds_its_yield_strength(wrong, opened):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"]))
+    setup |= {"yield_strength": 2e6, "yield_range": wrong}
+    with pytest.raises(ao.InputError, match="range of the yield strength"):
+        opened.calls["blow"]({"tab": "a", "turn": 1, "setup": setup})
+
+
+def test_an_edge_of_a_deck_is_held_besides_what_the_deck_holds(tmp_path):
+    """A plate on one hinged edge turns about it; with the opposite edge held it does not."""
+    deck = tmp_path / "hinged.inp"
+    rim = plate_deck(6)
+    edge = ", ".join(str(1 + 7 * j) for j in range(7))
+    deck.write_text(rim.replace("rim, 1, 6", "edge, 1, 3").replace(
+        "*MATERIAL", f"*NSET, NSET=edge\n{edge}\n*MATERIAL"))  # fmt: skip
+    page = Opened(deck, unit="m")
+    try:
+        look = page.calls["look"]({})
+        assert {"edges at +x", "edges at -y", "rim", "edge"} <= set(look["faces"])
+        triangles = dict(zip(look["faces"], look["skin"]["sets"], strict=True))
+        assert len(triangles["edges at +x"]) == 2 * 6  # of the cells at it
+        setup = json.loads(json.dumps(look["setup"])) | {"duration": 0.01, "n": 10}
+        free, held = (
+            page.calls["settle"]({"tab": "a", "turn": 1 + k, "setup": setup | {"held": names}})
+            for k, names in enumerate([[], ["edges at +x"]])
+        )
+        hinge = "free to move as a rigid body: rotation about y"
+        assert [any(hinge in text for _, text in one["warnings"]) for one in (free, held)] == [
+            True,
+            False,
+        ]
+    finally:
+        page.close()
+
+
 @pytest.mark.parametrize("family", ["sheet", "solid"])
 def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(family):
     if family == "sheet":

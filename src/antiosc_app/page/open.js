@@ -216,7 +216,7 @@ class Bench {
     if (!found.length) return null;
     const { at, face, normal } = found.reduce((a, b) => (b.at < a.at ? b : a)), tag = this.skin.tags[face];
     return { point: from.map((c, i) => c + at * d[i]), normal: dot(normal, d) > 0 ? normal.map((c) => -c) : normal,
-      name: tag ? this.facts.faces[tag - 1] : "" };
+      name: tag ? this.facts.faces[tag - 1] : "", triangle: face };
   }
 
   // A place on the skin, whose points have coordinates of 16 bits, without digits that these do not know.
@@ -229,14 +229,21 @@ class Bench {
     const { page } = this;
     if (page && page.sites) return page.choose(page.sites.near(x, y));
     if (page && page.into && page.near(x, y) >= 0) return page.pick(x, y);
-    const seen = this.seen(x, y);
+    const seen = this.seen(x, y), of_sheet = this.beside(seen);
     if (!seen) return;
     if (this.falls() || !hold && document.querySelector("input[name=click]:checked").value === "strike") {
       this.face = seen.name;
       if (this.falls()) this.striker({ down: aimed(seen.normal) });
       else this.change({ point: this.placed(seen.point), direction: aimed(seen.normal.map((c) => -c)) });
-    } else if (seen.name) this.toggle(seen.name);
-    else this.wrong("This face is not flat and has no name in the file: it cannot be held by a click.", false);
+    } else if (seen.name || of_sheet) this.toggle(seen.name || of_sheet);
+    else this.wrong("Nothing with a name lies there: a face that is not flat cannot be held by a click.", false);
+  }
+
+  // The name of the smallest edge or set of nodes of a sheet that lies at the triangle which is seen; "" if none does.
+  beside(seen) {
+    const { sets } = this.skin, at = seen ? seen.triangle : -1;
+    const near = this.facts.faces.map((name, i) => [sets[i].length, name, sets[i]]).filter(([, , set]) => Array.from(set).includes(at));
+    return near.length ? near.reduce((a, b) => (b[0] < a[0] ? b : a))[1] : "";
   }
 
   toggle(name) {
@@ -289,6 +296,7 @@ class Bench {
     this.triple("striker", "tilt", "then tilted about x, y, z", "°", ["floor"]);
     this.cell_size();
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
+    this.deck_range();
     find("undo").onclick = () => this.undo(this.past, this.future);
     find("redo").onclick = () => this.undo(this.future, this.past);
     document.addEventListener("keydown", (e) => {
@@ -333,6 +341,29 @@ class Bench {
       lent.textContent = `The growth of its strength with the strain rate is that of ${origin}${own && own.yield_range ? ", and its range, until you change it, too: both in proportion to the yield strength" : ", in proportion to the yield strength"}.`;
     });
   }
+
+  // The range of the yield strength of a deck, once that is given.
+  deck_range() {
+    if (!this.of_deck()) return;
+    const [name, label, unit] = STRENGTHS, row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit];
+    const inputs = ["from", "to"].map((end) => made("input", row, "", { type: "number", step: "any", name, ariaLabel: `${label}, ${end} in ${unit}` }));
+    made("span", row, unit);
+    const set = () => {
+      const values = typed(inputs, size, ABOVE_0, true);
+      if (!values) return;
+      if (values.includes(null) && values.some((one) => one !== null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
+      this.change({ yield_range: values.includes(null) ? null : values }, true, inputs);
+    };
+    inputs.forEach((input) => { input.onchange = set; });
+    this.shown.push(() => {
+      const { yield_strength: strength, yield_range: range } = this.setup;
+      row.hidden = !strength;
+      inputs.forEach((input, i) => fill(input, range ? exact(range[i] / size) : ""));
+    });
+  }
+
+  // Whether the part is a deck, with materials and supports of its own.
+  of_deck() { return !this.facts.materials.length && this.facts.saves; }
 
   // A constant of one number, or a range, which counts once both its ends are there, or none. The range
   // of a yield strength grows with it.
@@ -403,8 +434,7 @@ class Bench {
   slider(where, name, label, unit, least, most = this.facts.most_n, kinds = null) {
     const { setup } = this.facts, open = (kinds ? setup.striker : setup)[name] === null; // an emptied field leaves the choice to the server
     if (open && name === "thickness") return;
-    const deck = !this.facts.materials.length && this.facts.saves;
-    if (name === "yield_strength" && !deck) return; // others have materials with a name
+    if (name === "yield_strength" && !this.of_deck()) return; // others have materials with a name
     if (UNSTATED.includes(name) && !this.facts.unstated[name]) return;
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
@@ -412,7 +442,8 @@ class Bench {
     made("span", row, unit);
     const size = SIZES[unit] || 1;
     number.placeholder = OPTIONAL[name] || "";
-    const set = (value, done, inputs) => (kinds ? this.striker({ [name]: value }, done, inputs) : this.change({ [name]: value }, done, inputs));
+    const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: this.grown(value) } : {}) });
+    const set = (value, done, inputs) => (kinds ? this.striker({ [name]: value }, done, inputs) : this.change(change(value), done, inputs));
     const value = () => {
       const value = least ? least * (most / least) ** range.value : range.value * most;
       return WHOLE.includes(name) ? Math.round(value) : Number(value.toPrecision(3));
@@ -434,6 +465,12 @@ class Bench {
       fill(number, now || !(name in OPTIONAL) ? now : "");
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });
+  }
+
+  // The range of a deck's yield strength, which grows with it.
+  grown(strength) {
+    const { yield_strength: before, yield_range: range } = this.setup;
+    return strength && before && range ? range.map((end) => exact(end * strength / before)) : null;
   }
 
   falls() { return this.setup.striker.kind === "floor"; }
@@ -476,7 +513,7 @@ class Bench {
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
-    if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), "free: no face is held");
+    if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.of_deck() ? "held as in the deck, and what is held here besides" : "free: no face is held");
     find("finer").setAttribute("aria-pressed", this.is_finer());
     find("finer").textContent = this.is_finer() ? "Coarser mesh here" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];

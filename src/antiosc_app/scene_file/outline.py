@@ -51,6 +51,10 @@ DIGITS = 4
 NUMBER, MOST_OF_RUN = re.compile(r"\d+(?=\)?$)"), 3
 
 
+#: Coordinate over the size of a part below which it is 0.
+ROUNDING = 1e-9
+
+
 @dataclass(frozen=True)
 class Outline:
     """Properties of a file that are known without meshing it.
@@ -71,13 +75,13 @@ class Outline:
 
     def text(self, most: int | None = None) -> str:
         """The box and the groups in words; `most`: number of groups that are named."""
+        size = float(np.linalg.norm(self.high - self.low))
+        low, high = (np.where(np.abs(x) > ROUNDING * size, x, 0.0) for x in (self.low, self.high))
         runs = [list(run) for _, run in itertools.groupby(self.groups, partial(NUMBER.sub, ""))]
         groups = ", ".join(map(_brief, runs[:most])) or "none"
         hidden = 0 if most is None else sum(map(len, runs[most:]))
-        return (
-            f"from {checks.point_text(self.low)} to {checks.point_text(self.high)};"
-            f" groups: {groups}"
-            + (f" and {hidden} more, which the scene lists" if hidden > 0 else "")
+        return f"from {checks.point_text(low)} to {checks.point_text(high)}; groups: {groups}" + (
+            f" and {hidden} more, which the scene lists" if hidden > 0 else ""
         )
 
     def distance(self, point: Array) -> float:

@@ -46,11 +46,11 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
     if not ratio > SMALL_DEFLECTION:
         return ""
     return (
-        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times the thickness"
-        f" {1e3 * thickness:.3g} mm of its sheet, more than {SMALL_DEFLECTION:g}, up to which"
+        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times its thickness"
+        f" {1e3 * thickness:.3g} mm, more than {SMALL_DEFLECTION:g}, up to which"
         f" linear theory holds: where its edges are held it stretches and is stiffer,"
-        f" forces are larger and deflections smaller than these (a cantilever, or a sheet"
-        f" on soft springs, hardly stretches); {REMEDY}, or make the sheet thicker."
+        f" forces are larger and deflections smaller than these (a cantilever, or a part"
+        f" on soft springs, hardly stretches); {REMEDY}."
     )
 
 
@@ -66,8 +66,8 @@ def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
     if not ratio > QUARTIC:
         return ""
     return (
-        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times the thickness of its"
-        f" sheet, more than {QUARTIC:g}, up to which second-order strain in a few modes holds:"
+        f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times its"
+        f" thickness, more than {QUARTIC:g}, up to which second-order strain in a few modes holds:"
         " analyse it by an explicit finite element program."
     )
 
@@ -108,7 +108,7 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
         if SLIGHT_DEFLECTION < ratio <= SMALL_DEFLECTION:  # beyond, a warning tells it
             yield (
                 f"{name!r} is taken as linear, without stretching: it deflects by {ratio:.2g} times"
-                " the thickness of its sheet"
+                " its thickness"
             )
 
 
