@@ -364,7 +364,8 @@ def _cells(mesh: AbaqusMesh, card: Card, kind: str) -> IntArray:
         message = (
             f"element {table[row, 0]} ({kind}) has the node {missing_node}, which the deck does not"
         )
-        raise places[row].error(f"{message} define ({len(bad_rows)} such elements).")
+        count = f"({len(bad_rows)} such elements)"
+        raise places[row].error(f"{message} define {count}: give the whole deck, or remove them.")
     if len(table):
         corners, mids, inner = (nodes[:, list(node_columns)] for node_columns in element_kind[3:])
         mesh.blocks.append(Block(element_kind.shape, kind, corners, mids, inner, element_kind.role))

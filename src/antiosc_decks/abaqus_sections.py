@@ -83,7 +83,9 @@ def _elastic(material: Material, card: Card) -> str:
         try:
             material.constants = constants_of_stiffness(D)
         except np.linalg.LinAlgError:
-            raise card.place.error("the stiffness of *ELASTIC is singular.") from None
+            raise card.place.error(
+                "the stiffness of *ELASTIC is singular: give moduli above 0 in all directions."
+            ) from None
     return kind
 
 

@@ -356,6 +356,8 @@ ATTEMPTS_TIME = 30.0
 #: Words of gmsh's error on a surface of triangles whose sides it cannot unroll: attempts that need
 #: not come next, and are made after this time too.
 PARAMETRIZATION = "parametrization"
+#: Words of gmsh's error on triangles that pierce each other.
+PIERCED = "overlapping facets"
 #: Share of its volume or size by which the mesh of a filled surface may be off it: a plate with
 #: drilled holes lost 0.4 % of its volume to chords across these, and none with all edges kept.
 MOST_OFF = 2e-3
@@ -386,7 +388,9 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
             with progress.doing(f"meshing {name} {attempt.about}"):
                 raw = once(number) if nearest is None else once(number, NEARER_TIME)
         except UnmeshableError as error:
-            reason = reason or error
+            if PIERCED in str(error) and PARAMETRIZATION in str(reason):  # no other way is left
+                to_try = [entry for entry in to_try if entry[1].unparametrised]
+            reason = reason if reason and attempt.cut else error  # of the facets: of the file
             if PARAMETRIZATION in str(error):
                 to_try.sort(key=lambda entry: not entry[1].unparametrised)
             continue
@@ -403,9 +407,12 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
         sentence = f"{name}: no mesh is nearer to its surface than this, {_off(nearest)}."
         nearest.remarks = [*nearest.remarks, sentence]
         return nearest
+    words = str(reason)
+    pierced = PIERCED in words
+    fault = "its triangles pierce each other: " if pierced else ""
     others = ", ".join(tried[1:])
     raise UnmeshableError(
-        f"{str(reason).rstrip('.')}; nor {others}: repair {name} in the program that wrote it, "
+        f"{words.rstrip('.')}; nor {others}: {fault}repair {name} in the program that wrote it, "
         "give it another size, or mesh it there and give the mesh."
     )
 

@@ -232,3 +232,17 @@ def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
     low, high = 1e3 * outline.points[outline.cells["line"][0]]
     extents = 20 * np.cos(tilt) + 6, 26.0, 20 * np.sin(tilt) + 6
     assert high - low == pytest.approx(extents, rel=1e-2)
+
+
+def test_triangles_that_pierce_each_other_are_told_as_the_fault():
+    made = []
+
+    def never(attempt: int) -> RawMesh:
+        made.append(attempt)
+        pierced = "Invalid boundary mesh (overlapping facets)"
+        unrolled = "Wrong topology of boundary mesh for parametrization"
+        raise UnmeshableError(f"{unrolled if ATTEMPTS[attempt].cut else pierced}.")
+
+    with pytest.raises(ao.MeshError, match=r"overlapping facets.*pierce each other: repair part"):
+        _meshed(never, "part.stl", is_cad=False)
+    assert len(made) == 3  # the first, the facets, and the patches, which are no sides of the file
