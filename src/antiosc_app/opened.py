@@ -95,6 +95,8 @@ PAGE_WORDS = {
     "raise max_steps, or shorten": "shorten",
     "leaves no finer run to compare with; raise it or shorten": "leaves no finer run; shorten",
     "not tol = ": "more than ",
+    "give times in the part that matters, or shorten the run": "shorten the duration",
+    "The von_mises": "The von Mises stress",
     "Damping ends them": "a damping ratio ends them",
     '; take the stretch "auto" of extract or impact_map, which has these forces of a part of one'
     " mesh": "; an explicit finite element program computes it",

@@ -226,3 +226,52 @@ def test_bodies_that_still_approach_are_told():
     assert short.restitution < 0
     assert f"approach (restitution {short.restitution:.3g} < 0)" in short.summary()
     assert "lengthen the duration" in short.explanation
+
+
+@pytest.mark.parametrize("speed", [0.01, 2.0])
+@pytest.mark.parametrize(
+    ("part", "striker", "owner"),
+    [
+        ("steel S690", "POM", "the striker's POM"),
+        ("PE-HD", "steel S690", "PE-HD"),
+        (ao.Solid(2e11, 0.3, 7800.0, yield_strength=3e8), "steel S690", "the part"),
+    ],
+)
+def test_the_side_whose_yield_strength_is_told_is_named(part, striker, owner, speed):
+    model = ao.AntiOscillators(m0=0.5, k0=1e6, m=[0.5], omega=[5e3]).with_surface(part)
+    mass = ao.RigidMass(0.05, speed, tip_radius=0.05, material=striker)
+    told = ao.simulate(model, mass, duration=0.01).verdict
+    if "stays elastic" in told:
+        assert f" of {owner})." in told
+    else:
+        assert f" across, in {owner};" in told
+        assert told.endswith(f" of {owner}.") == owner.startswith("the ")
+
+
+def test_a_sheet_that_is_held_along_one_line_is_told_to_bend_without_stretching():
+    """As far as it bends in one direction; a clamped one has another sentence."""
+
+    def told(thickness, key):
+        info = {key: thickness}
+        model = ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.5], omega=[5e3], info=info)
+        return ao.simulate(model, ao.RigidMass(0.2, 1.0), ao.Linear(1e7), 0.02)
+
+    u = abs(told(1.0, "bends").at(np.linspace(0, 0.02, 20_001))["structure"].displacement(
+        "structure")).max()  # fmt: skip
+    (sentence,) = told(u / 0.8, "bends").stretch_texts
+    ratio = float(sentence.split(" times its thickness")[0].split()[-1])
+    assert "is held along one line, so that it bends by" in sentence
+    assert ratio == pytest.approx(0.8, rel=0.02)
+    assert "up to 9 % larger" in sentence
+    assert told(u / 0.01, "bends").stretch_texts == told(u / 0.01, "thickness").stretch_texts
+    assert "explicit finite element program" in next(iter(told(u / 5, "bends").stretch_texts))
+
+
+@pytest.mark.fem
+def test_the_thickness_of_a_sheet_says_how_it_is_held():
+    mesh = ao.box_mesh((0.3, 0.2), size=0.1, gdim=3)
+    shell = ao.Shell(70e9, 0.3, 2700.0, thickness=1e-3)
+    both = ao.Structure(mesh, shell, [ao.Support("-x"), ao.Support("+x")]).matrices.plausibility
+    one = ao.Structure(mesh, shell, [ao.Support("-x")]).matrices.plausibility
+    assert (both.get("thickness"), both.get("bends")) == (1e-3, None)
+    assert (one.get("thickness"), one.get("bends")) == (None, 1e-3)

@@ -129,6 +129,7 @@ class ModelInfo(ReprMixin):
     thickness : least thickness [m] of its sheets, or that of the walls of a thin solid, which
         linear theory describes for small deflections; None for others, and for those that are
         supported along one line alone, as a cantilever.
+    bends : that thickness of sheets that are supported along one line alone [m].
     cells : site ("" without a name) -> longest edge [m] of the cell there, product of the
         speed of waves and the radius of gyration [m²/s], 0 without bending, and that speed [m/s].
     second_order : site of a curved sheet ("" without a name) -> change of the force [1/m] that
@@ -167,6 +168,7 @@ class ModelInfo(ReprMixin):
     wave_speed: float | None = None
     surfaces: Mapping[str, Mapping[str, Any]] | None = None
     thickness: float | None = None
+    bends: float | None = None
     cells: Mapping[str, Sequence[float]] | None = None
     second_order: Mapping[str, float] | None = None
     strike: Sequence[Mapping[str, object]] | None = None
@@ -241,7 +243,7 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     ),
     **dict.fromkeys(("band", "patch", "geometry", "measured"), ((Mapping,), "a dict")),
     **dict.fromkeys(("doubts", "strike"), ((list, tuple), "a list")),
-    "thickness": ((int, float), "a number"),
+    **dict.fromkeys(("thickness", "bends"), ((int, float), "a number")),
     "model": ((Mapping, str), "a dict or a text"),
 }
 _RECORDS: dict[str, Any] = {

@@ -27,12 +27,12 @@ function contact_sentence(hit, yields) {
   if (!(hit.dent > 0)) {
     if ((yields.unknown || "").includes("yield strength")) return "Whether the contact yields is not known: give the yield strength or a material.";
     const share = general(Math.sqrt(elastic / y));
-    return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}).`;
+    return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}${side ? ` of ${side}` : ""}).`;
   }
   const across = engineering(2 * rim_radius(yields, y, hit.deepest), "m", 2);
   const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}${approaching(hit.restitution)}` : "";
   return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${side ? `, in ${side}` : ""}${rebound}.`
-    + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}.`;
+    + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}${(side || "").startsWith("the ") ? ` of ${side}` : ""}.`;
 }
 
 // The largest stress of the part, in the scope that is judged; "" until the picture has followed the sliders.

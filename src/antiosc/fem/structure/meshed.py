@@ -166,6 +166,8 @@ class MeshedStructure(StructureMatrices):
     doubts: tuple[str, ...] = ()
     #: the least of a sheet, or of the walls of a thin solid [m]; None if it is held along one line
     thickness: float | None = None
+    #: the least of a sheet that is held along one line, which bends without stretching [m]
+    bends: float | None = None
     dampers: Sequence[Dissipation] = ()  # of its attachments
     springs: Sequence[Dissipation] = ()  # to the ground
     #: its fixed dofs, as its forms are assembled with
@@ -283,6 +285,8 @@ class MeshedStructure(StructureMatrices):
         result: Plausibility = {"wave_speed": speed}
         if self.thickness is not None:
             result["thickness"] = self.thickness
+        if self.bends is not None:
+            result["bends"] = self.bends
         if self.doubts:
             return {**result, "doubts": list(self.doubts)}
         return result
@@ -606,6 +610,7 @@ def assembled(
             bare=bare,
         )
 
+    thickness, along_line = _stretched(mesh, form, fixed, [entry for entry, _ in parts])
     return MeshedStructure(
         K,
         M,
@@ -626,7 +631,8 @@ def assembled(
         conditions=conditions,
         bare=bare,
         doubts=doubts,
-        thickness=_stretched(mesh, form, fixed, [entry for entry, _ in parts]),
+        thickness=None if along_line else thickness,
+        bends=thickness if along_line and parts[0][0].kind.sheet else None,
     )
 
 
@@ -645,9 +651,9 @@ def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, remainder: PETSc.Mat, fixed: In
 
 def _stretched(
     mesh: Mesh, form: WeakForm, fixed: IntArray, materials: Sequence[Material]
-) -> float | None:
-    """Least thickness [m] of a sheet, or of the walls of a thin solid, that large deflections
-    stretch; None for others.
+) -> tuple[float | None, bool]:
+    """(least thickness [m] of a sheet, or of the walls of a thin solid; None for others, whether
+    supports along one line alone let it bend without stretching).
 
     A sheet supported along one line only bends as a cantilever does, without stretching; so does a
     thin solid whose fixed nodes lie within its thickness of a line.
@@ -659,13 +665,11 @@ def _stretched(
     else:
         thickness = wide = wall_thickness(mesh) if materials[0].kind.name == "solid" else 0.0
         if not 0 < thickness <= THIN * mesh.extent():
-            return None
+            return None, False
     nodes = np.unique(fixed // form.space.dofmap.index_map_bs)
     x = np.vstack(mesh.comm.allgather(form.space.tabulate_dof_coordinates()[nodes]))
     extents = np.linalg.svd(x - x.mean(axis=0), compute_uv=False) if len(x) else np.ones(2)
-    if extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))):
-        return None
-    return thickness
+    return thickness, bool(extents[1:].sum() <= wide * (1.0 if sheet else np.sqrt(len(x))))
 
 
 def _section_doubt(material: Family, extent: float) -> str:

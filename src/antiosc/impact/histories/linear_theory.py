@@ -103,6 +103,10 @@ def stretch_effect(history: RunHistory) -> str:
 
 def linear_texts(history: RunHistory) -> Iterator[str]:
     """Sentences on sheets whose linear model stands, though not far below its limit."""
+    for name, body in history.assembly.bodies.items():
+        bends = info_of(body.body).bends
+        if bends is not None:
+            yield from filter(None, [held_along_line(name, deflection(history, name) / bends)])
     for name, body, h in _sheets(history):
         ratio = deflection(history, name) / h if body.omega.all() else 0.0
         if SLIGHT_DEFLECTION < ratio <= SMALL_DEFLECTION:  # beyond, a warning tells it
@@ -110,6 +114,27 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
                 f"{name!r} is taken as linear, without stretching: it deflects by {ratio:.2g} times"
                 " its thickness"
             )
+
+
+#: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
+#: directions at once, up to a deflection of so many thicknesses (docs/howto/thin_sheets.md).
+BENT_TWICE = ((0.5, "2.3 %"), (1.0, "9 %"), (2.0, "17 %"))
+
+
+def held_along_line(name: str, ratio: float) -> str:
+    """Sentence on a sheet that is held along one line and deflects by `ratio` thicknesses; "" if
+    it hardly does.
+    """
+    if not ratio > SLIGHT_DEFLECTION:
+        return ""
+    words = (
+        f"{name!r} is held along one line, so that it bends by {ratio:.2g} times its thickness"
+        " without stretching where it bends in one direction"
+    )
+    share = next((share for most, share in BENT_TWICE if ratio <= most), "")
+    if not share:
+        return f"{words}; where it bends in two at once, an explicit finite element program decides"
+    return f"{words}; where it bends in two at once, forces are up to {share} larger than these"
 
 
 #: The least deflection over the thickness that may change a displacement by 0.3 % (`NEGLIGIBLE` of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,14 +41,19 @@ ANGLES = 19
 
 def choice_at(contact: OneContact) -> Choice | None:
     """The choice of law that the surfaces of a contact require; None if they are unknown."""
+    try:
+        (_, first, one), (_, second, other) = _ends(contact)
+        return choice_at_sites(first, second, (one, other))
+    except InputError:
+        return None
+
+
+def _ends(contact: OneContact) -> list[tuple[str, Any, str]]:
+    """(name, body, site) of both sides of a contact."""
     scene = contact._record.assembly.scene
     parts = scene.contacts[contact._row]
     ends = [end.partition(":") for end in (parts.a, parts.b)]
-    try:
-        first, second = (scene.bodies[name] for name, _, _ in ends)
-        return choice_at_sites(first, second, (ends[0][2], ends[1][2]))
-    except InputError:
-        return None
+    return [(name, scene.bodies[name], site) for name, _, site in ends]
 
 
 def yields(contact: OneContact) -> bool:
@@ -233,26 +238,44 @@ def _law_sentence(contact: OneContact, law: ElasticPlastic) -> str:
     pressure = elastic_pressure(law, contact.deepest)
     pressure_text = engineering(pressure, "Pa")
     strength = engineering(law.yield_strength, "Pa")
+    side = weaker_side(contact)
     if contact.peak_force <= law.yield_force or contact.dent is None:
         share = pressure / elastic_pressure(law, law.yield_indentation)
+        of_side = f" of {side}" if side else ""
         return (
             f"The contact stays elastic: its pressure is {pressure_text}, {share:.3g} times that of"
-            f" first yield (yield strength {strength})."
+            f" first yield (yield strength {strength}{of_side})."
         )
-    side = weaker_side(contact)
+    # a material with a name is the part's, and is told with the dent
+    of_side = f" of {side}" if side.startswith("the ") else ""
     side_text = f", in {side}" if side else ""
     e = contact.restitution
     rebound = "" if e is None else f"; restitution {restitution_text(e, 2)}"
     return (
         f"The contact yields: {contact.dent.text}{side_text}{rebound}. It yields from"
         f" {engineering(law.yield_force, 'N')} on; Hertz's pressure would be {pressure_text},"
-        f" {pressure / law.yield_strength:.3g} times the yield strength {strength}."
+        f" {pressure / law.yield_strength:.3g} times the yield strength {strength}{of_side}."
     )
 
 
+#: Bodies of an impact of two -> their words in a sentence.
+WORDS = {"structure": "the part", "impactor": "the striker"}
+
+
 def weaker_side(contact: OneContact) -> str:
-    """Name of the material that yields first; "" if it has no name, or if the user gave the law."""
+    """The material that yields first: "steel S235" of a part, "the striker's POM", "the part" of a
+    material without a name; "" if the user gave the law.
+    """
     choice = choice_at(contact)
     if choice is None or choice.law != contact.law or choice.soft is None:
         return ""
-    return choice.soft.name
+    owners = [
+        name for name, body, site in _ends(contact) if body.surface(site).matter == choice.soft
+    ]
+    material = choice.soft.name
+    if len(owners) != 1:
+        return material
+    owner = WORDS.get(owners[0], owners[0])
+    if not material:
+        return owner
+    return f"{owner}'s {material}" if owners[0] == "impactor" else material
