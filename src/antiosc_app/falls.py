@@ -10,10 +10,11 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, engineering, exceeds, percent, point_text
+from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, exceeds, percent, point_text
 from antiosc_app.live import FIRST_TO_LAST, WIDE, Data, Headline, bar_of_fall, stress_sentences
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended, stresses_of_impacts
+from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
 from antiosc_studies.drops.trajectory import FallImpact
@@ -31,6 +32,19 @@ NUMBERS = (
     ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
     ("speed_before", "m/s"), ("speed_after", "m/s"),
 )  # fmt: skip
+
+
+#: Least share of the bar of a force that is told.
+TOLD = 0.02
+#: Cause of an error of the force -> what narrows it.
+REMEDIES = {
+    RADIUS: "the corner radius of the part, given in place of the assumed one, narrows it most",
+    STRENGTH: "an own material with the yield strength of this part and its range narrows it most",
+    PRESSING: "a soft layer on the floor, whose modulus is known, narrows it most",
+    ELASTIC: "a soft layer on the floor, whose modulus is known, narrows it most",
+    BALL: "a soft layer on the floor, whose modulus is known, narrows it most",
+    FACETS: f"smaller cells ({SMALLER_CELLS}) narrow it most",
+}
 
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
@@ -157,7 +171,7 @@ def _caution(fall: Fall, hardest: int) -> str:
     if reason := fall.no_bar(hardest):
         return f"There is no error bar: {reason}."
     bar = _law_bar(fall.impacts[hardest])
-    if not exceeds(bar, WIDE, 2):
+    if not exceeds(bar, WIDE, 2) or fall.error_shares(hardest):
         return ""
     remedy = "a soft layer on the floor, or a larger corner radius where the corners are blunter,"
     if fall.setting.floor.layer is not None:
@@ -165,9 +179,22 @@ def _caution(fall: Fall, hardest: int) -> str:
     return f"The force is a rough one, ± {percent(bar)}: {remedy} narrows the bar."
 
 
+def _made_of(fall: Fall, hardest: int) -> str:
+    """Sentence on the shares of the bar of a sharp corner, and what narrows the largest."""
+    shares = fall.error_shares(hardest)
+    told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
+    if not told:
+        return ""
+    parts = ", ".join(f"{cause} {percent(error)}" for error, cause in told)
+    remedy = next(REMEDIES[cause] for _, cause in told)
+    bar = percent(_law_bar(fall.impacts[hardest]))
+    return f"the bar of the force, ± {bar}, is made of {parts} (root of the squares): {remedy}"
+
+
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
-    sentences = [contact := fall.contact_verdict]
+    hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force)
+    sentences = [contact := fall.contact_verdict, _made_of(fall, hardest)]
     if worst is not None and worst.exposure is not None:
         sentences += stress_sentences({worst.quantity: worst}, None, bar_of_fall(fall, worst))
         sentences.append(fall.stress_limits)

@@ -207,6 +207,8 @@ class Opened:
         self._impacts: ResultCache[PageImpact] = ResultCache(IMPACTS)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
+        #: key of a mesh, and the last free body on it, whose modes others may take
+        self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
@@ -536,9 +538,14 @@ class Opened:
         structure = self._structure(scene)
         options = set_up.damping, set_up.striker.corner_radius
 
+        mesh = _key(scene, OF_MESH)
+
         def body() -> FreeBody:
+            like = self._last_body[1] if self._last_body and self._last_body[0] == mesh else None
             with one_thread(), progress.doing("computing the free modes"):
-                return free_body(structure, MODES, *options)
+                new_body = free_body(structure, MODES, *options, like)
+            self._last_body = mesh, new_body
+            return new_body
 
         return self._bodies.of(f"{_key(scene, OF_STRUCTURE)} {options}", body)
 

@@ -280,12 +280,10 @@ def test_a_chamfered_block_lands_on_a_corner_and_its_bar_holds_its_flat_sides(
     edges = np.linalg.inv(sides).T
     edges /= (edges @ up)[:, None]  # up to the plane of the floor, at a depth of 1
     area = np.linalg.norm(np.cross(edges[1] - edges[0], edges[2] - edges[0])) / 2
-    pyramid = np.cbrt(9 * work**2 * 2.8 * 45e6 * area)  # F = p A d², its work F d/3
-    share = pyramid / flat.peak_force - 1
-    assert share_beside(floor, episode) == pytest.approx(share, rel=0.02)
-    assert 0.5 < share < flat.law_error < share + 0.6
-    steep = ao.drop(flat.body, 1.0, (35, 30, 0), floor, until=1)
-    assert share_beside(floor, steep.episodes[0]) < 0.1
+    for pressure in (1.9, 2.9):  # of the yield strength
+        pyramid = np.cbrt(9 * work**2 * pressure * 45e6 * area)  # F = p A d², its work F d/3
+        assert abs(pyramid / flat.peak_force - 1) < flat.law_error < 0.6
+    assert share_beside(floor, episode) == 0  # the corner carries it
 
 
 @pytest.mark.slow
@@ -430,9 +428,11 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     part = ao.Structure(ao.box_mesh((0.1, 0.05, 0.02), size=0.03), solid)
     fall = ao.drop(part, 1.0, (20, 15, 0), ao.Floor(STEEL), 1, modes=3, corner_radius=radius)
     R, E = radius or 1e-3, 1 / ((1 - 0.36**2) / 2.3e9 + (1 - 0.3**2) / 210e9)
-    law = ao.ElasticPlastic(E, R, 42e6, 0.36, (1 - 0.3**2) / 210e9 * E)
     (one,) = fall.episodes[0].history.contact_histories
+    assert one.law.radius > R  # as blunt as the corner that is pressed flat
+    law = ao.ElasticPlastic(E, one.law.radius, 42e6, 0.36, (1 - 0.3**2) / 210e9 * E)
     assert one.law.parameters() == pytest.approx(law.parameters())
+    law = ao.ElasticPlastic(E, R, 42e6, 0.36, law.elastic_share)
     (told,) = (note for note in fall.notes if "yields" in note)
     assert one.dent.text in told
     assert told in fall.summary()

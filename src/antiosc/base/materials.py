@@ -42,6 +42,7 @@ class MaterialRecord:
     loss : loss factor; 0: not in the sources.
     source, note : sources of the numbers (read, or from memory), and their limits.
     typical : numbers that no available source gives, with their range; "" for none.
+    breaks : what is known on breaking, in words; "" for nothing.
     """
 
     name: str
@@ -57,6 +58,7 @@ class MaterialRecord:
     note: str
     G: Any = None
     typical: str = ""
+    breaks: str = ""
 
     @property
     def line(self) -> str:
@@ -140,6 +142,7 @@ def _read(name: str, row: Mapping[str, Any]) -> MaterialRecord:
         note=row.get("note", ""),
         G=row.get("G"),
         typical=row.get("typical", ""),
+        breaks=row.get("breaks", ""),
     )
 
 

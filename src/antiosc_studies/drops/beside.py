@@ -16,11 +16,10 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array
 from antiosc.engine.contact.geometry import effective_modulus
+from antiosc_studies.drops.cuts import cut_areas
 from antiosc_studies.drops.episode import SAMPLES, Episode, path_of
 from antiosc_studies.drops.floor import Floor
-from antiosc_studies.drops.layer_contact import below
 from antiosc_studies.drops.lines import TABOR, force_along
 
 #: Depths over the dent at which the cut of the surface is computed.
@@ -54,7 +53,7 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     peak = int(np.argmax(forces.sum(axis=1)))
     pressing = current.which[forces[peak] > 0]
     nearest = cKDTree(skin.points).query(body.points[pressing] + body.centre)[1]
-    if not skin.sharp[nearest].any():
+    if not skin.sharp[nearest].any() or body.cut.issuperset(pressing.tolist()):
         return 0.0
     depths = current.history.run.depth[: peak + 1, : len(current.which)]
     work = float(trapezoid(forces[: peak + 1], depths, axis=0).sum())
@@ -69,20 +68,6 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     force = np.fmin(TABOR * strength * area, punch)
     works = cumulative_trapezoid(force, d, initial=0.0)
     return float(np.interp(work, works, force))
-
-
-def cut_areas(triangles: Array, heights: Array, up: Array, depths: Array) -> Array:
-    """Areas (n,) [m^2] of the cuts of a solid by planes at depths (n,) [m].
-
-    triangles : (T, 3, 3) of its surface, oriented outward; heights : (T, 3) of their corners over
-    the lowest point; up : (3,) normal of the planes.
-    """
-    is_low = heights.min(axis=1) < depths[-1]
-    corners = triangles[is_low]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    over_planes = heights[is_low] - depths[:, None, None]
-    volumes = below(over_planes).sum(axis=2) @ (-normals @ up)
-    return np.maximum(np.gradient(volumes, depths), 0.0)
 
 
 def _matter(floor: Floor, current: Episode, vertex: int) -> tuple[float, float]:

@@ -51,8 +51,13 @@ FEW = 16
 UNKNOWN_NU = 0.3
 
 
-def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
-    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else."""
+def free_body(
+    part: Any, modes: int, damping: Any, corner: float | None, like: FreeBody | None = None
+) -> FreeBody:
+    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else.
+
+    `like`: a body on the same mesh, whose modes are taken if they only scale.
+    """
     model_damping = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
@@ -73,7 +78,7 @@ def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> Free
     with finite_element_packages():
         from antiosc import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
-    return _elastic(part, modes, model_damping, corner)
+    return _elastic(part, modes, model_damping, corner, like)
 
 
 def _rigid(
@@ -100,7 +105,11 @@ def _rigid(
 
 
 def _elastic(
-    structure: Structure, count: int, model_damping: Damping | None, corner: float | None
+    structure: Structure,
+    count: int,
+    model_damping: Damping | None,
+    corner: float | None,
+    like: FreeBody | None,
 ) -> FreeBody:
     """The free body of a structure: its free modes and the vertices of its hull."""
     from scipy.spatial import cKDTree
@@ -118,9 +127,11 @@ def _elastic(
         )
     structure.factorize(np.inf)  # for its modes, and the points that touch
     rigid = inertia[0]
-    modes = ModeSolver(structure).lowest(count)
-    omega = modes.omega[:count]
-    phi = modes.phi[:, :count]
+    scaled = None if like is None else _scaled_modes(structure, like)
+    if scaled is None:
+        modes = ModeSolver(structure).lowest(count)
+        scaled = modes.omega[:count], modes.phi[:, :count]
+    omega, phi = scaled
     points, _, displacements = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     hull_points = hull(skin.points)
@@ -153,6 +164,7 @@ def _elastic(
         extent=skin.size,
         notes=tuple(notes),
         facing=None if skin.half.any() else skin.normals[hull_points],
+        assumed=corner is None,
         structure=structure,
         basis=phi,
         skin=skin,
@@ -171,6 +183,35 @@ def _elastic(
     ):  # all of them will touch: together they cost less
         body.sites(np.arange(len(hull_points)))
     return body
+
+
+def _scaled_modes(structure: Structure, like: FreeBody) -> tuple[Array, Array] | None:
+    """Frequencies and shapes of a structure from those of a body on the same mesh.
+
+    Of one isotropic material they scale with the root of E/rho, if Poisson's ratio is the same;
+    None if they do not.
+    """
+    if like.structure is None or like.basis is None:
+        return None
+    known, new = (_one_material(one) for one in (like.structure, structure))
+    if known is None or new is None:
+        return None
+    (E, nu, rho), (new_E, new_nu, new_rho) = known, new
+    if new_nu != nu:
+        return None
+    faster = np.sqrt(new_E / E * rho / new_rho)
+    return like.omega * faster, like.basis * np.sqrt(rho / new_rho)
+
+
+def _one_material(structure: Structure) -> tuple[float, float, float] | None:
+    """E [Pa], nu and density [kg/m^3] of a structure of one isotropic solid; else None."""
+    from antiosc import Solid
+
+    parts: Any = getattr(structure.matrices, "parts", ())
+    if len(parts) != 1 or not isinstance(parts[0][0], Solid):
+        return None
+    solid = parts[0][0]
+    return solid.E, solid.nu, solid.rho
 
 
 def _materials(structure: Structure) -> Iterator[Matter]:

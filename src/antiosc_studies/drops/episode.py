@@ -9,6 +9,7 @@ with the modal state of the flight; its final state starts the next flight (`han
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -27,9 +28,10 @@ from antiosc.engine.system import ContactState, System
 from antiosc.extension import check_range, impulses, integrate_exact, set_initial_forces as begin
 from antiosc.impact.assembly import Assembly, assemble_scene
 from antiosc.impact.states import forces, integrated_states, interpolated, locate
+from antiosc_studies.drops.blunt import flatten
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting, law_at
-from antiosc_studies.drops.free_body import FreeBody, State
+from antiosc_studies.drops.free_body import Blunt, FreeBody, State
 from antiosc_studies.drops.layer import layer_energy, with_layer_laws
 from antiosc_studies.drops.lines import STATIONS, landing
 
@@ -65,24 +67,26 @@ class Touch(NamedTuple):
     start: State
     modes: Array
     momenta: Array
+    works: Mapping[int, float]
 
     @classmethod
-    def of(cls, body: FreeBody, start: State) -> Touch:
-        """The body in a state."""
-        return cls(body, start, *body.rigid_modes(start.R))
+    def of(cls, body: FreeBody, start: State, works: Mapping[int, float]) -> Touch:
+        """The body in a state; `works`: number of a point -> its work [J] in a run before."""
+        return cls(body, start, *body.rigid_modes(start.R), works)
 
 
 class OngoingContact(NamedTuple):
     """A contact that continues from the previous episode.
 
     Its height [m] at zero force, the forces of its rows (normal, friction) [N], its tangential
-    stiffness [N/m], and its state.
+    stiffness [N/m], its state, and the ball as which a sharp vertex touches.
     """
 
     height: float
     force: Array
     stiffness: float
     contact: ContactState
+    blunt: Blunt | None = None
 
 
 class RoughLine(NamedTuple):
@@ -121,6 +125,9 @@ def scene_of(
     body = touch.body
     start = touch.start
     floor = setting.floor
+    body.blunt.update({i: one.blunt for i, one in held.items() if one.blunt is not None})
+    body.cut.update(body.blunt)
+    flatten(body, start, floor, which, touch.works)
     time_scale = float(np.sqrt(body.extent / setting.gravity))
     bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
     rigid = touch.modes @ np.append(body.mass * start.velocity, start.momentum)
@@ -187,7 +194,7 @@ def scene_of(
 
 def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
     """The body in the floor's axes at the start of the episode."""
-    body, start, W, momentum = touch
+    body, start, W, momentum, _ = touch
     phi, r = body.sites(which)
     rotation = AXES @ start.R
     size = body.omega.size
@@ -303,7 +310,7 @@ def path_of(touch: Touch, history: SceneHistory, t: Array) -> Path:
     """
     displacements, speeds = history.states(t)
     q, v = (motion[:, history.assembly.spans[BODY]] for motion in (displacements, speeds))
-    body, start, W, momentum = touch
+    body, start, W, momentum, _ = touch
     L = v[:, :6] @ momentum[:, 3:]
     frozen = v[:, :6] @ W[:, 3:]
     half = np.diff(t)[:, None] / 2
@@ -437,7 +444,7 @@ def handed_over(
     a = history.assembly
     run = history.run
     t = float(path.times[-1])
-    body, start, W, momentum = touch
+    body, start, W, momentum, _ = touch
     displacements = (path.q[-1] - path.q[0])[:6] @ W
     P = path.v[-1, :6] @ momentum
     all_modes = np.array(integrated_states(run, a.system, *locate(run, path.times[-1:])))[:, 0]
@@ -462,7 +469,9 @@ def handed_over(
             rows = [k, *range(sides.start, sides.stop)]
             slip = float(a.system.slip[k, 1])
             forces = contact.closed * force[rows]
-            continuing[i] = OngoingContact(float(heights[k]), forces, slip, contact)
+            continuing[i] = OngoingContact(
+                float(heights[k]), forces, slip, contact, body.blunt.get(i)
+            )
     if any(ongoing.contact.closed for ongoing in continuing.values()):
         return state, continuing
     return state, {}
@@ -477,6 +486,8 @@ def handed_over(
 LONG = 3.0
 #: Duration of the longest run over that of the first.
 LONGEST = 32.0
+#: Most runs of an episode until the balls of its sharp vertices stand for their work.
+BALLS = 3
 #: Largest rotation [rad] of the body in an episode; if it still touches, another episode follows.
 #: With half of it peaks change by 6e-4 on the soft floor, and the fall takes 1.4 times as long;
 #: with twice as much they change by 3e-5.
@@ -600,6 +611,20 @@ class Episode:
             return 0.0
         return largest
 
+    @property
+    def misjudged(self) -> dict[int, float]:
+        """Number of a sharp vertex -> its work [J], where its ball stands for another one."""
+        laws = self.history.assembly.laws
+        works = {}
+        for k, depth in enumerate(self.sunk().tolist()):
+            blunt = self.body.blunt.get(int(self.which[k]))
+            if blunt is not None and depth > 0:
+                law: Any = laws[k]
+                work = float(law.loading_work(depth))
+                if blunt.corner.differs(law, work):
+                    works[int(self.which[k])] = work
+        return works
+
     def sunk(self) -> Array:
         """Largest indentations (n,) [m] in the laws of the points."""
         run = self.history.run
@@ -635,6 +660,8 @@ class Episode:
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return None
+        if body.cut.issuperset(self.which[self.sunk() > 0].tolist()):
+            return None  # the vertices have what the lines carry
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)
@@ -730,13 +757,35 @@ def episode(
     ongoing: dict[int, OngoingContact],
     before: float = np.inf,
 ) -> Episode:
+    """The contact that begins at `start`; the arguments are those of `_episode`.
+
+    It is repeated until the balls of sharp vertices stand for the work that they take.
+    """
+    works: dict[int, float] = {}
+    for _ in range(BALLS):
+        contact = _episode(body.sharp(), start, setting, ongoing, before, works)
+        if not contact.misjudged:
+            break
+        works = works | contact.misjudged
+    return contact
+
+
+def _episode(
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    ongoing: dict[int, OngoingContact],
+    before: float,
+    works: Mapping[int, float],
+) -> Episode:
     """The contact that begins at `start`.
 
     ongoing : number of a point -> its contact, for those that continue from the previous episode;
-    `before`: duration of the previous episode [s].
+    `before`: duration of the previous episode [s]; `works`: number of a point -> its work [J] in a
+    run before.
     """
     body = landing(with_layer_laws(body, start, setting), start)
-    touch = Touch.of(body, start)
+    touch = Touch.of(body, start, works)
     tol = setting.tol
     heights = start.heights(body, setting.floor.ground)
     if body.idle is not None:

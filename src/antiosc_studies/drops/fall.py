@@ -17,6 +17,7 @@ from antiosc import Margin, PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
+from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, exceeds, percent
 from antiosc.extension import Zones
 from antiosc_studies.drops.beside import share_beside
@@ -30,6 +31,7 @@ from antiosc_studies.drops.trajectory import (
     Peak,
     Trajectory,
     contact_yield,
+    error_shares,
     initial_state,
     largest_contact,
     law_error,
@@ -158,9 +160,10 @@ class Fall(Trajectory, Result):
 
     @property
     def fastest_spin(self) -> float:
-        """Largest spin [rad/s] before and after the impacts."""
-        states = [self.start, *(episode.end for episode in self.episodes)]
-        return float(max(np.linalg.norm(s.spin(self.body)) for s in states))
+        """Largest spin [rad/s] in the flights: at the start, and before and after the impacts."""
+        spins = [impact.spin_before for impact in self.impacts]
+        spins += [impact.spin_after for impact in self.impacts]
+        return float(max(np.linalg.norm(spin) for spin in [self.start.spin(self.body), *spins]))
 
     # -- motion of a point
 
@@ -407,8 +410,22 @@ class Fall(Trajectory, Result):
     def notes(self) -> list[str]:
         """Assumptions that were made, and a sentence if the contact yields."""
         rigid = "the floor is taken as rigid (floor)" if self.setting.floor.rigid else ""
-        sentences = (rigid, self.contact_verdict, self._strained, self._lines, self._sides)
+        sentences = (
+            rigid,
+            self.contact_verdict,
+            self._strained,
+            self._lines,
+            self._sides,
+            self._breaking,
+        )
         return [*self.body.notes, *filter(None, sentences)]
+
+    @property
+    def _breaking(self) -> str:
+        """What is known on breaking of its materials; "" if nothing is."""
+        known = {name: record(name) for m in self.body.matters if (name := m.name) in names()}
+        told = [f"{name}: {one.breaks}" for name, one in known.items() if one.breaks]
+        return "; ".join(["whether the part breaks is not computed", *told]) if told else ""
 
     @property
     def contact_verdict(self) -> str:
@@ -425,6 +442,13 @@ class Fall(Trajectory, Result):
         strain and the range of its modulus. None: unknown (`no_bar`).
         """
         return law_error(self.body, self.setting.floor, self.episodes)
+
+    def error_shares(self, impact: int = 0) -> dict[str, float]:
+        """Relative errors of the force of an impact, from 0, by their causes; {} if not known.
+
+        The bar is the root of the sum of their squares.
+        """
+        return error_shares(self.body, self.setting.floor, self._episodes(impact))
 
     def no_bar(self, impact: int = 0) -> str:
         """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -28,6 +28,16 @@ APART = 0.04
 Which: TypeAlias = "slice | IntArray | Sequence[int]"
 
 Known = tuple[Array, Array, Array]
+
+
+class Blunt(NamedTuple):
+    """The ball as which a sharp vertex touches: its radius [m], and the share of the residual
+    compliance that its patch has, and the `Corner` for which it stands.
+    """
+
+    radius: float
+    share: float
+    corner: Any
 
 
 @dataclass(eq=False)
@@ -56,6 +66,9 @@ class FreeBody:
         the radii (N,) of this curvature [m].
     laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
     idle : (V,) whether a point makes no contact.
+    assumed : whether nobody gave the radius of sharp corners.
+    blunt : number of a sharp vertex -> the ball as which it touches.
+    cut : vertices that stand for what the floor cuts of the part there.
     cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
     """
 
@@ -85,6 +98,11 @@ class FreeBody:
     line_radii: Array = field(default_factory=lambda: np.zeros(0))
     cylinders: tuple[Cylinder, ...] = ()
     stations: tuple[IntArray, ...] = ()
+    #: whether nobody gave the radius of sharp corners
+    assumed: bool = False
+    #: number of a sharp vertex -> the ball as which it touches
+    blunt: dict[int, Blunt] = field(default_factory=dict)
+    cut: set[int] = field(default_factory=set)
     #: number of a point -> its shapes, residual compliance and radii: of vertices, shared by all
     #: copies of the body; and of stations on lines and pieces on a layer
     _known: dict[int, Known] = field(default_factory=dict)
@@ -176,7 +194,15 @@ class FreeBody:
         site_data = [self._placed.get(i) or self._known[i] for i in which.tolist()]
         phi, r, self.radii[which] = (np.array(column) for column in zip(*site_data, strict=True))
         self.shapes[which] = phi
+        for k, i in enumerate(which.tolist()):
+            if i in self.blunt:
+                self.radii[i] = self.blunt[i].radius
+                r[k] *= self.blunt[i].share
         return phi, r
+
+    def sharp(self) -> FreeBody:
+        """A copy for one contact, whose sharp vertices have no balls yet."""
+        return replace(self, radii=self.radii.copy(), blunt={}, cut=set())
 
     def untouched(self) -> FreeBody:
         """A copy for one fall: the falls of such copies do not depend on each other, and share the
@@ -190,7 +216,7 @@ class FreeBody:
         computed.
         """
         self.sites(np.arange(len(self.points)))
-        return replace(self, structure=None, basis=None, skin=None, residual=None)
+        return replace(self, structure=None, basis=None, residual=None)
 
 
 @dataclass(frozen=True, eq=False)

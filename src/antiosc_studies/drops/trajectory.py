@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
+from math import hypot, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,12 @@ from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
-from antiosc.engine.contact.peak_error import LARGEST_STRAIN, LEAST_STRAIN, error_of_peak
+from antiosc.engine.contact.peak_error import (
+    LARGEST_STRAIN,
+    LEAST_STRAIN,
+    error_of_peak,
+    mean_strain_rate,
+)
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import HertzContact, YieldingZone
 from antiosc_studies.drops.beside import share_beside
@@ -27,7 +32,7 @@ from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
 from antiosc_studies.drops.floor import Floor, Setting, law_at
-from antiosc_studies.drops.free_body import FreeBody, State
+from antiosc_studies.drops.free_body import Blunt, FreeBody, State
 from antiosc_studies.drops.layer_error import imprint_of, layer_error
 from antiosc_studies.drops.lines import line_error, yielding
 
@@ -383,11 +388,12 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         return note
     pressures = []
     for current in episodes:
+        part = current.body
         for i, force in zip(
             current.which.tolist(), current.forces()[1].max(axis=0).tolist(), strict=True
         ):
             contact = (
-                _elastic_contact(body, law_at(body, floor, i), i, force) if force > 0 else None
+                _elastic_contact(part, law_at(part, floor, i), i, force) if force > 0 else None
             )
             pressures += [] if contact is None else [contact]
     dents = {
@@ -429,7 +435,8 @@ class PointContact(NamedTuple):
     """A contact at a point and its largest force.
 
     It has a place (3,) in the axes of the mesh [m], a law, a relative curvature [1/m], a largest
-    force [N] and indentation [m], a duration [s], and a dent if it yielded.
+    force [N] and indentation [m], a duration [s], a dent if it yielded, the body that touches, and
+    the ball as which a sharp vertex does.
     """
 
     which: int
@@ -440,10 +447,12 @@ class PointContact(NamedTuple):
     depth: float
     contact_time: float
     dent: Dent | None
+    part: FreeBody
+    blunt: Blunt | None
 
     def yields(self, body: FreeBody) -> bool:
         """Whether it yields, by its law or by the pressure of its elastic law."""
-        elastic = _elastic_contact(body, self.law, self.which, self.force)
+        elastic = _elastic_contact(self.part, self.law, self.which, self.force)
         return self.dent is not None or (elastic is not None and elastic.share > 1)
 
     @property
@@ -476,17 +485,34 @@ class PointContact(NamedTuple):
 
     def error(self, body: FreeBody, floor: Floor) -> float | None:
         """Relative error of the force by its law; None if unknown."""
-        soft = None
-        unknown = _unknown(body, floor, self.which)
-        if isinstance(law := self.law, ElasticPlastic):
-            strength = law.yield_strength
-            soft = next(
-                (m for m in (*body.matters, floor.face.matter) if m.yield_strength == strength),
-                None,
-            )
-            soft = soft or Matter(law.modulus, yield_strength=strength)
-        choice = Choice(self.law, "", soft, unknown, curvature=self.curvature)
+        if self.blunt is not None:
+            return hypot(*self.shares(floor).values())
+        choice = Choice(
+            self.law,
+            "",
+            self._soft(floor),
+            _unknown(body, floor, self.which),
+            curvature=self.curvature,
+        )
         return error_of_peak(choice, self.force, self.contact_time)
+
+    def shares(self, floor: Floor) -> dict[str, float]:
+        """Relative errors of the force of a sharp vertex by their causes; {} of other contacts."""
+        soft = self._soft(floor)
+        if self.blunt is None or soft is None or not isinstance(self.law, ElasticPlastic):
+            return {}
+        rate = mean_strain_rate(self.law, self.depth, self.contact_time)
+        strengths = soft.strengths_at(rate)
+        return self.blunt.corner.shares(self.law, self.depth, strengths, self.part.assumed)
+
+    def _soft(self, floor: Floor) -> Matter | None:
+        """The side that yields by a law that does."""
+        if not isinstance(self.law, ElasticPlastic):
+            return None
+        strength = self.law.yield_strength
+        matters = (*self.part.matters, floor.face.matter)
+        soft = next((m for m in matters if m.yield_strength == strength), None)
+        return soft or Matter(self.law.modulus, yield_strength=strength)
 
 
 def point_contacts(
@@ -498,16 +524,19 @@ def point_contacts(
         depths = current.sunk().tolist()
         arms = current.start.arms(body, current.which)
         for k, (i, force) in enumerate(zip(current.which.tolist(), peaks, strict=True)):
-            law = law_at(body, floor, i)
+            law = law_at(current.body, floor, i)
             history = current.history.contact_histories[k]
             if not isinstance(law, ElasticPlastic | Hertz | Gonthier) or not history.contacts:
                 continue
             yields = isinstance(law, ElasticPlastic) and force > law.yield_force
             dent = history.dent if yields else None
             start, end = max(history.contacts, key=lambda span: span[1] - span[0])
-            curvature = 1 / float(body.radii[i].min())
+            curvature = 1 / float(current.body.radii[i].min())
             place = body.centre + arms[k] @ current.start.R
-            yield PointContact(i, place, law, curvature, force, depths[k], end - start, dent)
+            blunt = current.body.blunt.get(i)
+            yield PointContact(
+                i, place, law, curvature, force, depths[k], end - start, dent, current.body, blunt
+            )
 
 
 def largest_contact(
@@ -537,6 +566,21 @@ def law_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> floa
     if not largest or any(e is None for e, force in errors if force >= COUNTS * largest):
         return None
     return max((error or 0.0) * force for error, force in errors) / largest
+
+
+def error_shares(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> dict[str, float]:
+    """The shares of `law_error` by their causes, if a sharp vertex decides it; else {}."""
+    if floor.law is not None or floor.layer is not None:
+        return {}
+    contacts = list(point_contacts(body, floor, episodes))
+    return (
+        max(
+            contacts,
+            key=lambda contact: contact.force * (contact.error(body, floor) or 0.0),
+        ).shares(floor)
+        if contacts
+        else {}
+    )
 
 
 def unknown_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
@@ -573,7 +617,8 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
     beside = share_beside(floor, current) if contacts else 0.0
     for contact in contacts:
         error = contact.error(body, floor)
-        yield None if error is None else error + beside, contact.force
+        more = 0.0 if contact.which in contact.part.cut else beside
+        yield None if error is None else error + more, contact.force
     weights = rule()[1]
     for line, forces in current.strongest().items():
         stations = current.which[current.lines[line]] - current.body.stations[line][0]
@@ -618,6 +663,8 @@ def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
             f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a larger corner "
             "radius, or a soft layer on the floor"
         )
+    if contact.blunt is not None:
+        return f"that force may be off by {percent(error)}"
     cause = (
         "large strains" if contact.dent is None else "the law and the range of the yield strength"
     )

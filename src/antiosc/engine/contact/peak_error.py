@@ -36,10 +36,15 @@ def error_of_peak(choice: Choice, peak: float, contact_time: float) -> float | N
     work = law.loading_work(depth)
     rate = mean_strain_rate(law, depth, contact_time)
     other_laws = other_strengths(law, soft, peak, rate)
-    peaks = [_force(other_law, _depth(other_law, "work", work)) for other_law in other_laws]
+    peaks = [force_after(other_law, work) for other_law in other_laws]
     by_strength = max((abs(peak_k / peak - 1) for peak_k in peaks), default=0.0)
     by_error = law.error_at(depth)[0] + choice.error if peak > law.yield_force else 0.0
     return elastic + by_error + by_strength
+
+
+def force_after(law: ElasticPlastic, work: float) -> float:
+    """Force [N] at which loading has taken a work [J]."""
+    return _force(law, _depth(law, "work", work))
 
 
 def other_strengths(

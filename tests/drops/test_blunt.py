@@ -1,0 +1,102 @@
+"""Corners that the floor presses flat: closed forms of their cuts, and what their bars hold."""
+
+from __future__ import annotations
+
+from math import hypot, sqrt
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc_studies.drops.blunt import RADIUS, Corner, _tip
+from antiosc_studies.drops.body import free_body
+
+pytestmark = pytest.mark.fem
+PLASTIC = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=(38e6, 46e6))
+SIDES = -np.eye(3)[:, [1, 2, 0]]
+
+
+def facets(sides: np.ndarray) -> np.ndarray:
+    """Triangles with these outward normals."""
+    across = np.cross(sides, [0.3, 0.5, 0.8])
+    other = np.cross(sides, across)
+    zero = np.zeros_like(sides)
+    return np.stack((zero, across, other), axis=1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_ball_in_a_right_angled_corner_is_above_its_tip(count: int) -> None:
+    """Faces: 0; an edge: √2 - 1; a corner: √3 - 1 radii."""
+    up = -SIDES[:count].sum(axis=0) / sqrt(count)
+    assert _tip(facets(SIDES[:count]), up) == pytest.approx(sqrt(count) - 1, abs=1e-4)
+
+
+def test_a_deep_corner_carries_the_pressure_on_its_pyramid() -> None:
+    """F = p k d² of a cut k d², with the work F d/3; the rounding and the elasticity are small."""
+    depths = np.geomspace(1e-6, 1e-2, 200)
+    cut = 3 * sqrt(3) / 2  # of a cube's corner
+    law = ao.ElasticPlastic(1e12, 1e-6, 42e6, 0.36)
+    corner = Corner(law, depths, cut * depths**2, sqrt(3) - 1, 0.0)
+    work = 0.05
+    pyramid = np.cbrt(9 * work**2 * 2.4 * 42e6 * cut)
+    assert corner.force_at(work, law) == pytest.approx(pyramid, rel=0.02)
+    ball = ao.ElasticPlastic(1e12, corner.ball(work), 42e6, 0.36)
+    assert not corner.differs(ball, work)
+    low, high = (np.cbrt(9 * work**2 * c * 42e6 * cut) / pyramid - 1 for c in (1.9, 2.9))
+    shares = corner.shares(ball, _depth(ball, work), [], assumed=False)
+    assert max(shares.values()) == pytest.approx(max(-low, high), rel=0.05)
+
+
+def _depth(law: ao.ElasticPlastic, work: float) -> float:
+    """Indentation [m] after a work [J]."""
+    low, high = 0.0, 1.0
+    for _ in range(80):
+        middle = (low + high) / 2
+        low, high = (middle, high) if law.loading_work(middle) < work else (low, middle)
+    return high
+
+
+def test_the_bar_holds_half_and_double_the_assumed_radius() -> None:
+    """It has a share of the radius, which it has not if the radius is given."""
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), PLASTIC)
+    floor = ao.Floor("concrete C30/37")
+    options = {"until": 1, "modes": 6, "corner": "+x-y-z"}
+    fall = ao.drop(part, 0.8, floor=floor, **options)
+    (impact,) = fall.impacts
+    shares = fall.error_shares()
+    assert impact.law_error == pytest.approx(hypot(*shares.values()))
+    assert shares[RADIUS] > 0.05
+    assert impact.law_error < 0.45
+    for radius in (0.5e-3, 2e-3):
+        other = ao.drop(part, 0.8, floor=floor, corner_radius=radius, **options)
+        assert abs(other.peak_force / fall.peak_force - 1) < impact.law_error
+        assert other.error_shares()[RADIUS] == 0
+        assert other.impacts[0].law_error < impact.law_error
+
+
+def test_the_modes_of_a_material_with_the_same_poissons_ratio_scale() -> None:
+    mesh = ao.box_mesh((0.04, 0.03, 0.012), size=0.01)
+    first = free_body(ao.Structure(mesh, PLASTIC), 6, None, None)
+    other = ao.Structure(mesh, ao.Solid(E=3.1e9, nu=0.36, rho=1300.0))
+    scaled, computed = free_body(other, 6, None, 2e-3, first), free_body(other, 6, None, 2e-3)
+    np.testing.assert_allclose(scaled.omega, computed.omega, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(scaled.shapes, axis=2), np.linalg.norm(computed.shapes, axis=2), rtol=1e-3
+    )
+
+
+def test_the_spin_of_the_warning_is_one_of_the_table() -> None:
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.004), size=0.01), PLASTIC)
+    fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 3, modes=6)
+    table = fall.impacts.columns()
+    spins = np.append(table["spin before (rad/s)"], table["spin after (rad/s)"])
+    assert fall.fastest_spin == pytest.approx(spins.max())
+
+
+@pytest.mark.parametrize(("name", "word"), [("PLA printed", "26 MPa"), ("ABS", "moulded")])
+def test_what_is_known_on_breaking_is_told(name: str, word: str) -> None:
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.01), ao.material(name))
+    fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 1, modes=6)
+    (note,) = (note for note in fall.notes if "break" in note)
+    assert word in note
+    assert "across its layers" in note
