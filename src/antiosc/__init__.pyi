@@ -141,6 +141,7 @@ from antiosc.fields.prestressed import (
 )
 from antiosc.fields.probe import (
     probe as probe,
+    probe_error as probe_error,
     strain_gauge as strain_gauge,
 )
 from antiosc.fields.spectra import (

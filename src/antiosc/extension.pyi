@@ -87,6 +87,9 @@ from antiosc.fields.pictures import (
     MAP_QUANTITIES as MAP_QUANTITIES,
     outer_faces as outer_faces,
 )
+from antiosc.fields.probe import (
+    error_of_largest as error_of_largest,
+)
 from antiosc.fields.second_order import (
     tensors_at_nodes as tensors_at_nodes,
 )

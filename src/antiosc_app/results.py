@@ -36,6 +36,7 @@ from antiosc.extension import (
     QUANTITIES,
     ErrorBudget,
     doubts_text,
+    error_of_largest,
     error_scope,
     hardest,
     trusted,
@@ -719,11 +720,9 @@ class Probe:
         time = float(self.times[row])
         peak: Columns = {"quantity": self.quantity, "component": component, "value": value}
         peak["truncation"] = None
-        if self.fewer is not None and value:
-            differences = self.values - self.fewer.values
-            if component == "magnitude":
-                differences = np.linalg.norm(differences, axis=1)[:, None]
-            peak["truncation"] = float(np.abs(differences[:, k]).max() / abs(value))
+        if self.fewer is not None:
+            signals = self.values, self.fewer.values
+            peak["truncation"] = error_of_largest(*signals, component == "magnitude")
         g = {"g": value / GRAVITY} if self.quantity == "acceleration" else {}
         return peak | {"unit": unit, "time": time} | g
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from math import inf
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,7 @@ from antiosc.fields.second_order import with_pairs
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
 from antiosc.reduce.site import motions_without_mesh, point_of
@@ -38,6 +39,8 @@ PROBED_QUANTITIES = (
     *("displacement", "velocity", "acceleration", "rotation"),
     *("strain", "stress", "von_mises", "section_forces"),
 )
+#: Those that are vectors.
+MOTIONS = PROBED_QUANTITIES[:4]
 #: Which time derivative of the coordinates a quantity is made of.
 DERIVATIVES = {"velocity": 1, "acceleration": 2}
 #: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
@@ -128,8 +131,8 @@ def probe(
     the weight of a supported body: all are measured from its equilibrium under gravity.
 
     The error by the number of anti-oscillators is no part of the result, and that of accelerations
-    and of stresses far from the site may be large: compare with the same
-    impact of `model.truncated(model.n // 2)`, which `antiosc run` prints as the bar of each probe.
+    and of stresses far from the site may be large: `probe_error` with the same arguments gives it,
+    which `antiosc run` prints as the bar of each probe.
 
     Raises
     ------
@@ -170,6 +173,74 @@ def probe(
     if quantity == "von_mises":
         return np.max([von_mises(_over_time(tensors, factors)) for tensors in columns], axis=0)
     return _over_time(columns[0], factors)
+
+
+def probe_error(
+    structure: Structure,
+    history: History,
+    point: Sequence[float] | str | None = None,
+    quantity: str = "displacement",
+    times: ArrayLike | None = None,
+    **options: Any,
+) -> float:
+    """Relative error of the largest value of a `probe` by the number of anti-oscillators.
+
+    The largest difference of its signal to that of the same impact with half of them, over the
+    largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
+    has not converged, and the number is no bound: extract more (n), or judge an acceleration by its
+    shock spectrum (`srs`). The error by the mesh is not in it.
+
+    Parameters
+    ----------
+    structure, history, point, quantity, times, **options
+        As for `probe`; the history is that of `simulate` or `strike`, whose impact is simulated
+        once more.
+
+    Raises
+    ------
+    InputError
+        As `probe`; a history that cannot be repeated, as those of scenes, and a model with less
+        than two anti-oscillators.
+    """
+    checks.instance("history", history, History, "a History of simulate or strike")
+    model = history.model
+    if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
+        raise InputError(
+            "only an impact of simulate or strike can be repeated with half the anti-oscillators,"
+            " of which there must be two or more."
+        )
+    if isinstance(times, str) or not isinstance(quantity, str):
+        raise InputError("probe_error takes the quantity before the times.")
+    at_times = times_of(history, times)
+    tol = history.error.get("force", DEFAULT_ERROR)
+    fewer = history.rerun(model.truncated(model.n // 2), min(max(tol, LEAST_ERROR), DEFAULT_ERROR))
+    values, of_fewer = (
+        _by_component(probe(structure, hit, point, quantity, at_times, **options))
+        for hit in (history, fewer)
+    )
+    return error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
+
+
+#: Least and largest time integration error of the repeated impact.
+LEAST_ERROR, DEFAULT_ERROR = 1e-6, 1e-4
+
+
+def _by_component(values: Array) -> Array:
+    """Values (n, …) of a probe as (n, c)."""
+    return values.reshape(len(values), -1)
+
+
+def error_of_largest(values: Array, fewer: Array, magnitude: bool) -> float | None:
+    """Largest difference of two signals (n, c), over the largest value; None without values.
+
+    `magnitude`: of the vectors that the components are; else of the component of the largest value.
+    """
+    apart = values - fewer
+    if magnitude:
+        values, apart = (np.linalg.norm(x, axis=1)[:, None] for x in (values, apart))
+    row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    value = abs(values[row, k])
+    return float(np.abs(apart[:, k]).max() / value) if value else None
 
 
 def _over_time(columns: Array, factors: Array) -> Array:

@@ -426,6 +426,7 @@ def simulate(
     reruns = partial(_rerun, scene, settings), partial(_rerun_by, scene, settings)
     budget = partial(error_budget, rerun=reruns[0], by_law=reruns[1])
     history, check = simulate_impact(scene, settings, n, budget)
+    history = replace(history, rerun=reruns[0])
     check.warn()
     if n != "auto" and history.run.touches:
         sentence = truncation_warning(model if n is None else history.model, history.assembly)

@@ -80,6 +80,32 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
         assert value < limits.get(quantity, 2e-4), quantity
 
 
+def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet):
+    part, times, solved = sheet
+    point = POINTS[1]
+    exact = references(part, solved, point)
+    bars = {}
+    for n in (6, 24):
+        hit = ao.simulate(ao.extract(part, SITE, n), BALL, LAW, DURATION)
+        for quantity in ("velocity", "acceleration", "stress"):
+            bar = ao.probe_error(part, hit, point, quantity, times)
+            got, right = (
+                x.reshape(len(times), -1)
+                for x in (ao.probe(part, hit, point, quantity, times), exact[quantity])
+            )
+            k = int(abs(got).max(axis=0).argmax())
+            apart = abs(got - right)[:, k].max() / abs(got).max()
+            if quantity != "stress":
+                sizes = [np.linalg.norm(x, axis=1) for x in (got - right, got)]
+                apart = sizes[0].max() / sizes[1].max()
+            assert apart <= 1.5 * bar, (n, quantity)  # of accelerations it is no bound
+            bars[n, quantity] = bar
+    for quantity in ("velocity", "acceleration", "stress"):
+        assert bars[24, quantity] < min(0.05, 0.5 * bars[6, quantity]), bars
+    with pytest.raises(ao.InputError, match="half"):
+        ao.probe_error(part, ao.simulate(ao.extract(part, SITE, 1), BALL, LAW, 1e-4), point)
+
+
 @pytest.mark.parametrize("kind", ["history", "scene"])
 def test_rates_of_a_damped_body_are_derivatives(sheet, kind):
     """Velocity and acceleration against differences of the displacement, in contact and after."""

@@ -29,6 +29,8 @@ from antiosc.plot.charts import plot_history
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from antiosc.models.anti_oscillators import AntiOscillators
+
 
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
@@ -53,11 +55,13 @@ class History(RunHistory, Results):
         peak force count up to there.
     message : explanation of the status, and changes made to contact laws.
     budget : computes the `error_budget` of a run of `simulate`.
+    rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
     given : the step [s] that was given, or None.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
     """
 
     budget: Callable[[History], ErrorBudget] | None = None
+    rerun: Callable[[AntiOscillators, float], History] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
