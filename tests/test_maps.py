@@ -20,6 +20,7 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.base.texts import engineering, percent
+from antiosc.models.doubts import NEAR
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import sites_of, surface
@@ -279,7 +280,10 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
         in headline_of_map(timed).sentences[2]
     )
     most = dataclasses.replace(timed, doubtful=np.ones(2, dtype=bool))
-    assert headline_of_map(most).caution.startswith("This map is no answer for the part: 2 doubt")
+    caution = headline_of_map(most).caution
+    assert "2 doubtful sites: 1 where" in caution
+    assert not any("doubtful sites:" in one for one in headline_of_map(most).sentences)  # once
+    assert caution.startswith("This map is no answer for the part")
     blow = {"impactor": ao.RigidMass(0.01, 1.0), "contact": ao.Hertz(1e12)}
     assert (
         "strike such a site by itself"
@@ -304,7 +308,7 @@ def test_a_force_beyond_that_on_a_rigid_wall_is_doubtful(steel, monkeypatch):
     wall = ao.simulate(ao.Obstacle(), ball, law, 4e-4).peak_force
     forces = np.array([0.5, 1.2]) * wall
     batch = SimpleNamespace(
-        peak_force=forces, contact_time=forces, restitution=forces, impulse=forces, force=None
+        peak_force=forces, contact_time=forces, restitution=forces, impulse=forces, force=[None] * 2
     )
     monkeypatch.setattr(maps, "simulate_many", lambda *_: batch)
     monkeypatch.setattr(maps, "peak_deflections", lambda *_: forces)
@@ -442,6 +446,65 @@ def test_the_largest_stress_is_that_of_the_impact_by_itself(supports):
         assert found.exposure[i] == pytest.approx(value, rel=0.03)
         assert found.peak_stress[i] == pytest.approx(value * YIELD, rel=0.03)
         assert found.stress_points[i] == pytest.approx(place, abs=1e-9)
+
+
+def finely(supports=True, where="top", **options):
+    part = block((12, 8, 3), supported=supports, cell="tetrahedron")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = ao.impact_map(part, where, BALL, duration=2e-4, radius="facets", **options)
+    return part, found, [str(one.message) for one in told]
+
+
+BALL = ao.Sphere(radius=0.01, material="bearing steel 100Cr6", velocity=1.0)
+
+
+def test_the_facets_at_a_site_give_its_radius_and_sharp_edges_are_no_sites():
+    part, found, told = finely()
+    inner = [(i, j) for i in range(1, 12) for j in range(1, 8)]
+    assert len(found) == len(inner)  # none of the corners on the four edges
+    assert found.info["edges"] == 13 * 9 - len(inner)
+    sides = np.array([0.01, 0.01, 0.01 * np.sqrt(2)])  # of the facets, which are equal
+    assert found.radius == pytest.approx(np.full(len(inner), 1.05 * sides.mean()))
+    assert not any("facets at" in one for one in told)  # they resolve them
+    i = int(np.argmin(np.linalg.norm(found.points - [0.08, 0.04, SIZE[2]], axis=1)))
+    site = ao.Site(found.points[i].tolist(), (0, 0, -1), radius=float(found.radius[i]))
+    hit = ao.simulate(ao.extract(part, site, n=40), BALL, duration=2e-4)
+    assert found.peak_force[i] == pytest.approx(hit.peak_force, rel=0.02)
+    # a support within two radii of the patch makes its site doubtful, one farther away does not
+    near = found.points[:, 0] < 2 * found.radius
+    assert set(found.reasons[near]) == {NEAR}
+    assert not found.doubtful[~near & (found.points[:, 0] > 0.03)].any()
+    assert NEAR not in finely(supports=False)[1].reasons
+
+
+def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():
+    soft = {"impactor": ao.RigidMass(0.5, 1.0), "contact": ao.Hertz(1e9), "duration": 1e-4}
+    given = {"direction": (0, 0, -1), "radius": 0.012}
+    part = block(cell="tetrahedron")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        short = ao.impact_map(part, [(0.08, 0.04, SIZE[2])], **soft, **given)
+    assert np.isnan(short.restitution).all()
+    assert "duration" in " ".join(str(one.message) for one in told)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = ao.impact_map(part, [(0.08, 0.04, SIZE[2])], **soft, **given, longest=1e-2)
+    assert (found.restitution >= 0).all()
+    assert 1e-4 < found.duration <= 1e-2
+    assert found.contact_time.max() < found.duration
+    assert "duration" not in " ".join(str(one.message) for one in told)
+
+
+def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
+    _, found, _ = finely(stress=5)
+    sought = np.isfinite(found.peak_stress)
+    assert sought.sum() == 5
+    assert not found.doubtful[sought].any()
+    assert sought[hardest(found)]
+    sound = np.flatnonzero(~found.doubtful)
+    gaps = np.linalg.norm(found.points[sound][:, None] - found.points[sought], axis=2).min(axis=1)
+    assert gaps.max() < 0.035  # spread over the face: five of a face of 120 x 80 mm
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes

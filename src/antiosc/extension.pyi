@@ -185,16 +185,19 @@ from antiosc.reduce.extraction.oscillators import (
 # Maps, and blows with a stretch.
 from antiosc.strikes.impact_map import (
     on_plane as on_plane,
+    with_stresses as with_stresses,
 )
 from antiosc.strikes.map_results import (
     doubts_remedy as doubts_remedy,
     doubts_text as doubts_text,
     hardest as hardest,
+    left_out_text as left_out_text,
     low_band as low_band,
     trusted as trusted,
 )
 from antiosc.strikes.map_stresses import (
     sides as sides,
+    stress_seconds as stress_seconds,
 )
 from antiosc.strikes.second_order import (
     simulated as simulated,

@@ -50,9 +50,8 @@ from antiosc.extension import (
     CUT_PATCH,
     QUANTITIES,
     ErrorBudget,
-    doubts_remedy,
-    doubts_text,
     hardest,
+    left_out_text,
     low_band,
     softest_model,
     trusted,
@@ -416,8 +415,8 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     if 2 * number > count:
         others_text = f"the other {count - number}" if number < count else "these"
         cautions.append(
-            f"This map is no answer for the part: {doubts_text(impact_map)}, of {count} sites."
-            f" The numbers are those of {others_text}."
+            f"This map is no answer for the part: the numbers are those of {others_text} sites."
+            f" {left_out_text(impact_map)}"
         )
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))
@@ -446,6 +445,7 @@ def headline_of_map(
     bar = None
     numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
+    cautions = map_cautions(impact_map)
     if impact_map.peak_force is not None and impact_map.contact_time is not None:
         worst_site = hardest(impact_map)
         mask = trusted(impact_map)
@@ -460,12 +460,13 @@ def headline_of_map(
         of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
         sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
         sentences.append(_softest(impact_map))
-        if impact_map.doubtful.any():
-            remedy = doubts_remedy(impact_map)
-            doubts = f"{doubts_text(impact_map)}; {remedy}".removesuffix("; ")
-            sentences.append(f"Left out of these: {doubts}.")
+        left_out = left_out_text(impact_map)
+        if left_out and left_out not in " ".join(cautions):
+            sentences.append(left_out)
+        if edges := impact_map.info.get("edges", 0):
+            sentences.append(f"The {edges} corners of cells on sharp edges are no sites.")
     if impact_map.peak_stress is not None:
-        sentences.append(_most_dangerous(impact_map))
+        sentences += _most_dangerous(impact_map, structure)
     elif impact_map.impactor:
         sentences.append(f"Stresses are not part of it: {stresses}.")
     worst = float(impact_map.error.max())
@@ -473,7 +474,6 @@ def headline_of_map(
         f"The free modes leave an error of Z of at most {percent(worst)} up to"
         f" {engineering(impact_map.band, 'Hz')}."
     )
-    cautions = map_cautions(impact_map)
     if bar is None:
         cautions.append("There is no error bar: the mesh's error is not estimated.")
     about = (
@@ -494,7 +494,20 @@ def _softest(impact_map: ImpactMap) -> str:
 
 
 def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
-    """Relative error of the largest force of a map by its own extraction; None if not known.
+    """Relative error of the largest force of a map by its own extraction; None if not known."""
+    hit = struck_alone(impact_map, structure, hardest(impact_map))
+    if hit is None:
+        return None
+    bar = hit.error_budget["peak_force"].total
+    return bar if bar is not None and np.isfinite(bar) else None
+
+
+#: Least number of anti-oscillators of an impact at a site of a map by itself.
+ALONE = 40
+
+
+def struck_alone(impact_map: ImpactMap, structure: Structure, i: int) -> History | None:
+    """The impact at site i by its own extraction, with error bars; None if it is not known.
 
     Parts in pieces over several ranks have none: only the first rank asks.
     """
@@ -502,42 +515,84 @@ def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
 
     if structure.comm.size > 1 or impact_map.impactor is None or impact_map.duration is None:
         return None
-    i = hardest(impact_map)
     radius = None if impact_map.radius is None else float(impact_map.radius[i])
     site = Site(impact_map.points[i].tolist(), impact_map.directions[i].tolist(), radius, snap=True)
     law = impact_map.contact if impact_map.laws is None else impact_map.laws[i]
     assert law is not None
     with contextlib.suppress(AntioscError), warnings_to(lambda _: None):
-        model = extract(structure, site, n=impact_map.models.m.shape[1], error="estimate")
+        count = max(ALONE, impact_map.models.m.shape[1])
+        model = extract(structure, site, n=min(count, structure.dofs - 1), error="estimate")
         hit = simulate(model, impact_map.impactor, law, impact_map.duration)
-        bar = hit.error_budget["peak_force"].total
-        return bar if bar is not None and np.isfinite(bar) else None
+        hit.error_budget  # noqa: B018 (parts without one end here)
+        return hit
     return None
 
 
-def _most_dangerous(impact_map: ImpactMap) -> str:
-    """Sentence on the site whose impact causes the largest stress, and whether the part yields."""
+def _most_dangerous(impact_map: ImpactMap, structure: Structure | None) -> list[str]:
+    """Sentences on the site whose impact causes the largest stress, and whether the part yields: by
+    the stresses of the map, and by the impact there alone, as a click strikes it.
+    """
     assert impact_map.peak_stress is not None
     assert impact_map.stress_points is not None
     exposure = impact_map.exposure
     i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
+    hit = None if structure is None else struck_alone(impact_map, structure, i)
+    alone = [] if structure is None or hit is None else _stress_alone(structure, hit)
     text = (
         f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
         f" {engineering(impact_map.peak_stress[i], 'Pa')} at "
         f"{point_text(impact_map.stress_points[i])}"
     )
     if exposure is None:
-        return f"{text}; the material has no yield strength to compare it with."
-    sure = trusted(impact_map)
-    count = int(np.sum(exposure[sure] >= 1))
-    of_sites = " that are not doubtful" if len(sure) < len(impact_map) else ""
-    sites_text = f"at {count} of {len(sure)} sites{of_sites}" if count else "nowhere"
-    return (
-        f"{text}, {exposure[i]:.3g} of the yield strength; by these stresses yield is reached"
-        f" {sites_text}. Their error by the mesh is not estimated: at supports and in re-entrant"
-        " edges they grow with every refinement. The stress of the contact itself is not in it:"
-        " strike a site by itself for that, and for the error."
+        return [f"{text}; the material has no yield strength to compare it with."]
+    known = exposure[trusted(impact_map)]
+    known = known[np.isfinite(known)]
+    low, high = _scatter(alone, float(exposure[i]))
+    reached, possible = (int(np.sum(known * factor >= 1)) for factor in (low, high))
+    of_sites = f" of {len(known)} sites"
+    if len(known) < len(impact_map):
+        of_sites += " that are not doubtful"
+    sites_text = f"reached at {reached}{of_sites}" if reached else "reached nowhere"
+    if possible > reached:
+        certain = " for certain" * (not reached)
+        more = f"{possible - reached} more" if reached else f"{possible}{of_sites}"
+        sites_text += f"{certain}, and may be at {more}"
+    bars = (
+        "with the error of the worst site, and the range of the strength"
+        if alone
+        else "their error by the mesh is not estimated"
     )
+    sentences = [
+        f"{text}, {exposure[i]:.3g} of the yield strength; by these stresses, {bars}, yield is"
+        f" {sites_text}. The zone of the contact itself is left out."
+    ]
+    for peak, force in alone:
+        sentences.append(f"Struck by itself there: {judgement(peak, force)}.")
+        if note := stress_note(peak, force):
+            sentences.append(f"{capitalised(note)}.")
+    return sentences
+
+
+def _scatter(alone: Sequence[tuple[PeakField, float | None]], exposure: float) -> Sequence[float]:
+    """Factors of the exposures of a map that bound them, from its worst site struck alone; 1 where
+    that is not known.
+    """
+    for peak, force in alone:
+        margin = replace(peak.margin(), force_error=force or 0.0)
+        if margin.criterion == "yield" and exposure > 0:
+            return [bound / exposure for bound in margin.bounds]
+    return 1.0, 1.0
+
+
+def _stress_alone(structure: Structure, hit: History) -> list[tuple[PeakField, float | None]]:
+    """The stress fields of an impact for which strengths are known, with the force's error."""
+    from antiosc_app.scene_file.scene import by_strengths
+
+    with contextlib.suppress(AntioscError), warnings_to(lambda _: None):
+        force = force_bar(hit.error_budget)
+        fields = dict(by_strengths(structure, hit)).values()
+        return [(peak, force) for peak in fields if peak.exposure is not None]
+    return []
 
 
 def _struck(hit: History, structure: Structure | None) -> str:

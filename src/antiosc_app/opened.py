@@ -15,7 +15,6 @@ import functools
 import json
 import shlex
 import threading
-import time
 import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -25,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import antiosc
-from antiosc import AntiOscillators, History
+from antiosc import AntiOscillators, History, ImpactMap
 from antiosc.base import checks, progress
 from antiosc.base.errors import (
     AntioscError,
@@ -40,6 +39,7 @@ from antiosc.base.errors import (
 from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering
+from antiosc.extension import stress_seconds, with_stresses
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc_app import falls, live, live_data, new, report, results
@@ -123,9 +123,9 @@ LEAST_RETURN = 0.2
 #: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
 #: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
 LONGER_OF_MAP = 2.0
-#: Time [s] of the largest stress for a blow at one site over the dofs of the part: 0.12 s for
-#: 14 400 nodes.
-SECONDS = 3e-6
+#: The stress of the blows on a map that takes longer [s] is asked for, with as many sites as take
+#: so long; at least so many sites.
+SOON, FEWEST = 60.0, 10
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
@@ -210,6 +210,7 @@ class Opened:
         #: key of a mesh, and the last free body on it, whose modes others may take
         self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
+        self._mapped: ResultCache[ImpactMap] = ResultCache(1)
         self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
@@ -584,34 +585,46 @@ class Opened:
         """Impacts of the striker at all points of a face, or of the part."""
         with without_warnings():  # those of one site
             blow = self._struck(set_up)
-        source = self._opened()
         group = values.get("where")
-        began = time.perf_counter()
-        with_stress = checks.flag("stress", values.get("stress", False))
+        stress = checks.whole("stress", values.get("stress", 0), least=0)
         if group is not None:
-            group = face_of(source, group).get("where")
-        impact_map = antiosc.impact_map(
+            group = face_of(self._opened(), group).get("where")
+        work = partial(self._impact_map, set_up, blow, group)
+        impact_map = self._mapped.of(repr((set_up, group)), work)
+        if stress:
+            impact_map = with_stresses(blow.structure, impact_map, stress)
+        return self._told_of_map(impact_map, blow.structure, values)
+
+    def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
+        """The impacts of a set-up at all points of a group of faces."""
+        is_solid = self._opened().look.family == "Solid"
+        duration = set_up.duration or LONGER_OF_MAP * float(blow.hit.run.time[-1])
+        return antiosc.impact_map(
             blow.structure,
             group,
             blow.hit.impactor,
             AUTO,
-            LONGER_OF_MAP * float(blow.hit.run.time[-1]),
-            direction=None if source.look.family == "Solid" else set_up.direction,
-            radius=blow.model.patch_radius,
-            stress=with_stress,
+            duration,
+            direction=None if is_solid else set_up.direction,
+            radius=set_up.radius or ("facets" if is_solid else blow.model.patch_radius),
+            longest=None if set_up.duration else max(duration, LONGER * DURATION),
         )
-        data = live_data.data_of_map(impact_map, blow.structure)
+
+    def _told_of_map(self, impact_map: ImpactMap, structure: Structure, values: Table) -> Data:
+        """A map as data for the page, with headline and the offer of stresses."""
+        data = live_data.data_of_map(impact_map, structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        headline = live.headline_of_map(impact_map, blow.structure, live.ON_PAGE)
+        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE)
         where = "the part" if values.get("where") is None else str(values["where"])
-        took = time.perf_counter() - began + SECONDS * len(impact_map) * blow.structure.dofs
+        assert impact_map.duration is not None
+        lasted = engineering(impact_map.duration, "s")
         return {
             "map": data,
-            "about": f"{headline.about} {len(impact_map)} sites of {where}.",
+            "about": f"{headline.about} {len(impact_map)} sites of {where}, each for {lasted}.",
             "caution": headline.caution,
             "verdict": headline.sentences,
-            "stress_takes": 0.0 if with_stress else took,
+            "offer": _offer(impact_map, structure),
         }
 
     def _forecast(self, values: Table) -> Data:
@@ -670,6 +683,20 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {**self._names({}), "written": names, "again": again, "report": name}
+
+
+def _offer(impact_map: ImpactMap, structure: Structure) -> Data | None:
+    """The offer of the stress at each site: sites and seconds of all sound ones, and the number of
+    them that takes `SOON`; None of a map that has stresses.
+    """
+    if impact_map.peak_stress is not None:
+        return None
+    count = int(len(impact_map) - impact_map.doubtful.sum()) or len(impact_map)
+    assert impact_map.duration is not None
+    seconds = partial(stress_seconds, structure, impact_map.info, impact_map.duration)
+    begins, all_sites = seconds(0), seconds(count)
+    fewer = max(FEWEST, int(count * (SOON - begins) / max(all_sites - begins, 1e-9)))
+    return {"sites": count, "seconds": all_sites, "fewer": min(fewer, count)}
 
 
 def _told_of_file(look: new.Inspection) -> str:

@@ -5,6 +5,7 @@ from antiosc.base.texts import SMALLER_CELLS, where_to_change
 #: Reasons.
 CUT = "an edge cuts the patch"
 SUPPORTED = "supports hold a part of it"
+NEAR = "a support is within two radii of the patch"
 EDGE = "an edge or a corner is struck"
 HOLLOW = "a hollow is too narrow for the striker"
 PIERCED = "the striker pierces the part elsewhere"
@@ -15,6 +16,7 @@ REMEDIES = {
     f" ({where_to_change('[map] radius', 'patch radius')}), on cells not larger than it"
     f" ({SMALLER_CELLS})",
     SUPPORTED: "hold the part elsewhere, or map another face",
+    NEAR: "hold the part elsewhere, or map another face",
     EDGE: f"map one face ({where_to_change('[map] where', 'click it, then Map')})",
     HOLLOW: "take a smaller striker",
     PIERCED: "take a smaller striker",

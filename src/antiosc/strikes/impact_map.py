@@ -30,12 +30,12 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray
-from antiosc.base.checks import flag, instance, positive, whole, within_range
+from antiosc.base.checks import instance, positive, whole, within_range
 from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
-from antiosc.engine.contact import ContactLaw
+from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
 from antiosc.engine.contact.surfaces import Surface
@@ -53,6 +53,7 @@ from antiosc.impact.histories.linear_theory import (
     beyond_quartic,
     deflection,
 )
+from antiosc.impact.histories.verdict import CONTACT_RADII
 from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact
@@ -81,6 +82,7 @@ from antiosc.reduce.extraction.oscillators import (
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
 from antiosc.reduce.site.doubts import doubtful_patches
+from antiosc.reduce.site.map_sites import FACETS, Radius
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
@@ -88,11 +90,11 @@ from antiosc.strikes.map_results import (
     ImpactMap,
     MapInfo,
     doubted,
-    doubts_remedy,
-    doubts_text,
     excited_by,
     hardest,
+    left_out_text,
     low_band,
+    spread_sites,
 )
 from antiosc.strikes.map_stresses import largest_stresses
 
@@ -112,6 +114,8 @@ COUNTS = (12, 25, 50, 100)
 BEYOND = 0.003
 #: Tolerance of the impact on the wall.
 COARSE = 1e-3
+#: Mean pressure of a contact that yields all over, over the yield strength (Tabor).
+FULLY_PLASTIC = 2.8
 #: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
 
@@ -127,13 +131,14 @@ def impact_map(
     duration: float | None = None,
     *,
     direction: Sequence[float] | None = None,
-    radius: float | None = None,
+    radius: Radius = None,
     n: int | None = None,
     modes: int | None = None,
     band: float | None = None,
     accuracy: float = 0.05,
-    stress: bool = False,
+    stress: bool | int = False,
     stretch: Count | Literal[False] = False,
+    longest: float | None = None,
 ) -> ImpactMap:
     """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
 
@@ -151,8 +156,9 @@ def impact_map(
         an assumption, are doubtful. Without an impactor: extraction only, no impacts.
     direction : sequence of float, optional
         Direction of impact at all sites; None: against the outward normal (solids, by group).
-    radius : float, optional
-        Radius of the patch, m, as for `Site`.
+    radius : float or "facets", optional
+        Radius of the patch, m, as for `Site`. "facets": at each site of a solid what the facets
+        there resolve; vertices on sharp edges are then no sites.
     n : int, optional
         Anti-oscillators at each site, by the Krylov method on the free modes. Default: 12; with an
         impactor 12, 25, 50 or 100, the fewest whose Z(ω) keeps `accuracy` over the band.
@@ -166,15 +172,20 @@ def impact_map(
     accuracy : float
         Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
         are extracted separately if they are at most 32; a warning states how many remain.
-    stress : bool
+    stress : bool or int
         Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
-        as `peak_field` does for one impact: 0.12 s a site for 14 400 nodes. The material's
-        `yield_strength` makes a share of the strength of it.
+        as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more sites
+        than that which are not doubtful, the one with the largest force and others as far from each
+        other as possible. Of solids three radii of a contact that yields are left out. The
+        material's `yield_strength` makes a share of the strength of it.
     stretch : int, "auto" or False
         Second-order forces, as in `extract`: for a flat part once for all sites, in 24 combinations
         of 60 free modes; for a curved one at each site. "auto": blows that deflect a flat sheet by
         0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
         stresses. Only for supported parts.
+    longest : float, optional
+        The impacts are computed again for twice the duration, up to this one, s, as long as the
+        bodies touch or approach at the end at a site. Default: once, for the duration.
 
     Raises
     ------
@@ -183,8 +194,10 @@ def impact_map(
     """
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
-    if radius is not None:
+    if radius is not None and radius != FACETS:
         radius = positive("radius", radius, "m")
+    if longest is not None:
+        longest = positive("longest", longest, "s")
     if band is not None:
         band = checks.band(band)
     with_law = contact is not None and not is_auto(contact)
@@ -192,7 +205,9 @@ def impact_map(
         raise InputError(
             "impacts need both impactor and duration; an extraction needs none of them."
         )
-    if flag("stress", stress) and impactor is None:
+    if not isinstance(stress, bool):
+        stress = whole("stress", stress)
+    if stress and impactor is None:
         raise InputError("stress needs impacts: give impactor and duration.")
     stretch = checked_count(stretch)
     if stretch is not False and (impactor is None or stress):
@@ -251,6 +266,9 @@ def impact_map(
         structure=structure.describe(),
         free_modes=len(omega),
         cell_dimension=map_sites.dimension,
+        edges=map_sites.edges,
+        sites=len(sites),
+        highest_mode=float(omega[-1]) / (2 * math.pi),
         seconds={**structure.seconds, **seconds},
     )
     result = ImpactMap(
@@ -278,8 +296,10 @@ def impact_map(
         laws, doubts = _laws(structure, result, impactor, law)
         for reason, is_doubtful in doubts.items():
             result = doubted(result, is_doubtful, reason)
-    seen_if = sites_seen if stress else None
-    result_map = _struck(structure, seen_if, result, impactor, law, laws, duration)
+    result_map = _struck(structure, result, impactor, law, laws, duration, longest)
+    result_map = replace(result_map, free_sites=sites_seen)
+    if stress:
+        result_map = with_stresses(structure, result_map, None if stress is True else stress)
     if stretch is not False:
         result_map = _stretched(structure, sites_seen, result_map, stretch)
     if not with_law:
@@ -442,9 +462,8 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
 
 def _tell_doubts(result: ImpactMap) -> None:
     """Warn of the doubtful sites, as the summary counts them."""
-    if result.doubtful.any():
-        doubts = f"{doubts_text(result)}; {doubts_remedy(result)}"
-        warn(f"left out of the ranges of {len(result)} sites are {doubts}.", AccuracyWarning)
+    if sentence := left_out_text(result):
+        warn(sentence, AccuracyWarning)
 
 
 def _tell_band(result: ImpactMap, impactor: LinearBody, contact: ContactLaw) -> None:
@@ -468,30 +487,43 @@ def _tell_deflection(
 
 def _struck(
     structure: Structure,
-    stressed: FreeSites | None,
     result: ImpactMap,
     impactor: LinearBody,
     contact: ContactLaw,
     laws: list[ContactLaw] | None,
     duration: float,
+    longest: float | None,
 ) -> ImpactMap:
-    """The map with one impact at each site, shared among the ranks, and stresses if requested."""
+    """The map with one impact at each site, shared among the ranks.
+
+    `longest`: the duration up to which impacts are made longer until the bodies have parted.
+    """
     start_time = time.perf_counter()
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
     sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
-    part = None
-    error = None
-    try:
-        if len(sites_of_rank):
-            models = [result.model(i) for i in sites_of_rank]
-            laws_here = contact if laws is None else [laws[i] for i in sites_of_rank]
-            batch = simulate_many(models, impactor, laws_here, duration)
-            part = batch, peak_deflections(models, batch.force, duration)
-    except Exception as caught:
-        error = caught
-    agree(comm, error)
-    parts = [p for p in comm.allgather(part) if p is not None]
+    while True:
+        part = None
+        error = None
+        messages: list[str] = []  # of the run that is kept
+        try:
+            if len(sites_of_rank):
+                models = [result.model(i) for i in sites_of_rank]
+                laws_here = contact if laws is None else [laws[i] for i in sites_of_rank]
+                with warnings_to(messages.append):
+                    batch = simulate_many(models, impactor, laws_here, duration)
+                part = batch, peak_deflections(models, batch.force, duration)
+        except Exception as caught:
+            error = caught
+        agree(comm, error)
+        parts = [p for p in comm.allgather(part) if p is not None]
+        restitution = np.concatenate([batch.restitution for batch, _ in parts])
+        parted = bool(np.all(restitution >= 0))
+        if parted or longest is None or duration >= longest:
+            break
+        duration = min(2 * duration, longest)
+    for message in messages:
+        warn(message, AccuracyWarning)
     deflections = np.concatenate([deflection for _, deflection in parts])
 
     def gathered(name: str) -> Array:
@@ -504,15 +536,9 @@ def _struck(
     peaks = gathered("peak_force")
     impact_time = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": impact_time - start_time}
-    stresses = {}
-    if stressed is not None:
-        forces = [force for batch, _ in parts for force in batch.force]
-        stresses = largest_stresses(structure, stressed, forces, duration)._asdict()
-        seconds["stresses"] = time.perf_counter() - impact_time
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
     return replace(
         result,
-        **stresses,
         info=MapInfo(**{**result.info, "seconds": seconds}),
         impactor=impactor,
         contact=contact,
@@ -523,7 +549,43 @@ def _struck(
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),
         peak_deflection=deflections,
+        forces=tuple(force for batch, _ in parts for force in batch.force),
     )
+
+
+def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> ImpactMap:
+    """A map of impacts with the largest stress of those at no more than `most` sound sites; None:
+    at all sites.
+    """
+    start_time = time.perf_counter()
+    assert struck.forces is not None
+    assert struck.duration is not None
+    assert struck.free_sites is not None
+    which = np.arange(len(struck)) if most is None else spread_sites(struck, most)
+    forces = [struck.forces[i] for i in which]
+    zones = np.zeros(len(struck))
+    if with_parts(structure).members()[0].part.kind.outside:
+        assert struck.peak_force is not None
+        laws = struck.laws or (struck.contact,) * len(struck)
+        radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
+        zones = CONTACT_RADII * np.array(radii)
+    balls = np.column_stack([struck.points, zones])
+    stresses = largest_stresses(structure, struck.free_sites, forces, struck.duration, which, balls)
+    seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
+    info = MapInfo(**{**struck.info, "seconds": seconds})
+    return replace(struck, info=info, **stresses._asdict())
+
+
+def _yielding_radius(law: ContactLaw | None, force: float) -> float:
+    """Radius [m] of a contact of a sphere that yields under a force; 0 of others.
+
+    It is Hertz's, or that of a mean pressure of `FULLY_PLASTIC` times the strength if larger.
+    """
+    if not isinstance(law, ElasticPlastic) or not law.yield_force < force:
+        return 0.0
+    hertz = (force * law.radius**1.5 / law.stiffness) ** (1 / 3)
+    plastic = math.sqrt(force / (math.pi * FULLY_PLASTIC * law.yield_strength))
+    return float(max(hertz, plastic))
 
 
 def _stretched(

@@ -19,6 +19,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import Completed, engineering, percent, point_text, range_text
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
+from antiosc.impact.from_rest import Force
 from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
@@ -28,15 +29,20 @@ from antiosc.models.free_modes import SiteModels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from antiosc.strikes.free_sites import FreeSites
+
 
 class MapInfo(TypedDict, total=False):
-    """Data of a map: description of the structure, free modes, dimension of the cells, seconds by
-    step.
+    """Data of a map: description of the structure, free modes, dimension of the cells, vertices on
+    sharp edges that are no sites, frequency of the last free mode [Hz], seconds by step.
     """
 
     structure: str
     free_modes: int
     cell_dimension: int
+    edges: int
+    sites: int
+    highest_mode: float
     seconds: dict[str, float]
 
 
@@ -64,8 +70,9 @@ class ImpactMap(Completed):
         impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
         never touched; the deflection is that of the site, including the indentation of the patch.
     peak_stress, exposure : (P,) largest von Mises stress [Pa] anywhere in the part for the blow at
-        each site, and largest share of the yield strength, 1 at yield; None where not asked for, or
-        no material has a yield_strength.
+        each site, and largest share of the yield strength, 1 at yield; NaN at sites where it is
+        not sought; None where not asked for, or no material has a
+        yield_strength.
     stress_points : (P, 3) place of the largest exposure, or stress if no strength is known [m].
     stretched : (P,) bool, sites whose impact has second-order forces; None of a linear map.
     law_error : relative error of the largest peak force by the law of its contact: the range of the
@@ -74,6 +81,8 @@ class ImpactMap(Completed):
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
         face.
     laws : (P,) laws of the sites; None if `contact` is the law of all.
+    free_sites : the sites in the free modes of the structure, of which stresses are made.
+    forces : (P,) pairs of times [s] and forces [N] of the impacts; None without impacts.
     """
 
     points: Array
@@ -104,6 +113,8 @@ class ImpactMap(Completed):
     duration: float | None = None
     stretched: BoolArray | None = None
     law_error: float | None = None
+    forces: Sequence[Force] | None = None
+    free_sites: FreeSites | None = None
 
     def __post_init__(self) -> None:
         if not self.doubtful.size:
@@ -252,6 +263,15 @@ def doubts_text(impact_map: ImpactMap) -> str:
     return f"{total}: {', '.join(texts)}" if texts else total
 
 
+def left_out_text(impact_map: ImpactMap) -> str:
+    """Sentence on the doubtful sites, as it is told once; "" if there are none."""
+    if not impact_map.doubtful.any():
+        return ""
+    remedy = doubts_remedy(impact_map)
+    text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
+    return f"{text}; {remedy}.".replace("; .", ".")
+
+
 def doubts_remedy(impact_map: ImpactMap) -> str:
     """What leaves fewer sites of the most frequent reason doubtful; "" if unknown."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
@@ -279,6 +299,22 @@ def hardest(
     assert values is not None
     sites = trusted(impact_map, sites)
     return int(sites[np.argmax(np.nan_to_num(values[sites], nan=-1.0))])
+
+
+def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
+    """Numbers, in order, of at most `most` reliable sites: that with the largest force, then each
+    time that farthest from those taken.
+    """
+    sites = trusted(impact_map)
+    if len(sites) <= most:
+        return sites
+    points = impact_map.points[sites]
+    taken = [int(np.flatnonzero(sites == hardest(impact_map))[0])]
+    gap = np.linalg.norm(points - points[taken[0]], axis=1)
+    while len(taken) < most:
+        taken.append(int(np.argmax(gap)))
+        gap = np.minimum(gap, np.linalg.norm(points - points[taken[-1]], axis=1))
+    return np.sort(sites[taken])
 
 
 def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:

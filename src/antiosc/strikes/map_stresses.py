@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import time
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from antiosc.base._types import Array
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.progress import counting, doing
 from antiosc.base.stresses import equivalent
 from antiosc.fem.assembly import with_parts
@@ -16,6 +17,9 @@ from antiosc.impact.from_rest import Force, motions
 from antiosc.recovery import source
 from antiosc.recovery.place import NodeTensors, Place, place
 from antiosc.strikes.free_sites import FreeSites
+
+if TYPE_CHECKING:
+    from antiosc.strikes.map_results import MapInfo
 
 #: Sites whose static deflections are solved for together.
 AT_ONCE = 64
@@ -28,6 +32,8 @@ EVERY = 3
 CLOSELY = 100
 #: Least and largest number of sample times over the run.
 TIMES = (200, 3000)
+#: Seconds of the recovery of a shape's stresses for a dof.
+RECOVERY = 3e-6
 #: Tensors whose stresses at all times fit the cache.
 BLOCK = 512
 
@@ -51,32 +57,78 @@ class _Sought(NamedTuple):
 
 
 def largest_stresses(
-    structure: Structure, sites: FreeSites, forces: list[Force], duration: float
+    structure: Structure,
+    sites: FreeSites,
+    forces: list[Force],
+    duration: float,
+    which: IntArray,
+    balls: Array,
 ) -> Stresses:
-    """The largest stresses in impacts with these forces, on every rank.
+    """The largest stresses in impacts with these forces at the sites `which`, on every rank; NaN at
+    the others.
+
+    `balls` (P, 4): x, y, z and radius [m] of what is left out for the impact at each site.
 
     InputError for parts whose stress is not known: beams whose section has no outline.
     """
     places = sides(structure)
     with doing("stresses of the free modes", structure.comm.rank):
         modes = _recovered(structure, sites.phi, places)
-    slow = sites.b / (sites.omega**2 + structure.shift)
+    b = sites.b[which]
+    slow = b / (sites.omega**2 + structure.shift)
+    loads = sites.map_sites.sites.loads[:, which]
     largest: list[tuple[float, Array, float]] = []
     with counting("stresses of the map", len(forces), structure.comm.rank) as ready:
         for first in range(0, len(forces), AT_ONCE):
             span = slice(first, first + AT_ONCE)
-            y = structure.factorize().solve_block(sites.map_sites.sites.loads[:, span].toarray())
+            y = structure.factorize().solve_block(loads[:, span].toarray())
             residual_stresses = _recovered(structure, y - sites.phi @ slow[span].T, places)
 
             def work(
                 span: slice = span, rest: _Sought = residual_stresses
             ) -> list[tuple[float, Array, float]]:
-                return _of_sites(modes, rest, sites, forces, span, duration)
+                arguments = sites.omega, b[span], forces[span], duration, balls[which[span]]
+                return _of_sites(modes, rest, *arguments)
 
             largest += on_root(structure.comm, work)
             ready(len(largest))
-    values, points, exposure = (np.array(column) for column in zip(*largest, strict=True))
+    values, points, exposure = (
+        _at_sites(np.array(column), which, len(sites.b)) for column in zip(*largest, strict=True)
+    )
     return Stresses(values, None if np.isnan(exposure).all() else exposure, points)
+
+
+def _at_sites(values: Array, which: IntArray, count: int) -> Array:
+    """Values of some of `count` sites with NaN at the others."""
+    of_all = np.full((count, *values.shape[1:]), np.nan)
+    of_all[which] = values
+    return of_all
+
+
+def stress_seconds(structure: Structure, info: MapInfo, duration: float, count: int) -> float:
+    """Seconds that the largest stresses for blows at so many sites of a map will take.
+
+    Of the search over nodes and times a small part is done here, so that its time is that of this
+    machine, busy as it is.
+    """
+    modes = info["free_modes"]
+    steps = sample_count(2 * np.pi * info["highest_mode"], duration)
+    random = np.random.default_rng(0)
+    shapes = (BLOCK, 6, modes + 1), (steps // EVERY, modes + 1)
+    columns, x = (np.asarray(random.standard_normal(shape), dtype="f4") for shape in shapes)
+    _largest(columns, x)  # the first one wakes the processor
+    start_time = time.perf_counter()
+    _largest(columns, x)
+    of_block = time.perf_counter() - start_time
+    tensors = structure.dofs / 3 * len(sides(structure)) + 2 * EVERY * CLOSELY
+    solves = info["seconds"]["deflections"] / info["sites"]
+    recovery = RECOVERY * structure.dofs
+    return count * (of_block * tensors / BLOCK + solves + recovery) + recovery * modes
+
+
+def sample_count(highest: float, duration: float) -> int:
+    """Number of sample times of a run, for modes up to a frequency [rad/s]."""
+    return int(np.clip(np.ceil(duration * highest / PHASE), *TIMES))
 
 
 def sides(structure: Structure) -> list[Place]:
@@ -99,19 +151,19 @@ def _recovered(structure: Structure, shapes: Array, places: list[Place]) -> _Sou
 def _of_sites(
     modes: _Sought,
     residual_stresses: _Sought,
-    sites: FreeSites,
-    forces: list[Force],
-    span: slice,
+    omega: Array,
+    b: Array,
+    site_forces: list[Force],
     duration: float,
+    balls: Array,
 ) -> list[tuple[float, Array, float]]:
-    """(largest stress [Pa], worst point, exposure there) for the impacts at the sites in `span`.
+    """(largest stress [Pa], worst point, exposure there) for the impacts at some sites, whose
+    displacements in the modes of frequencies `omega` (J,) are b (n, J).
 
     The worst point has the largest exposure, or the largest stress if no strength is known.
     """
-    steps = int(np.clip(np.ceil(duration * sites.omega[-1] / PHASE), *TIMES))
-    site_forces = forces[span]
-    b = sites.b[span]
-    omega = np.broadcast_to(sites.omega, b.shape)
+    steps = sample_count(omega[-1], duration)
+    omega = np.broadcast_to(omega, b.shape)
     run = list(motions(omega, b, np.zeros_like(b), site_forces, duration, steps))
     q, F = (np.array([step[k] for step in run], np.float32) for k in (1, 2))
     columns = np.concatenate([modes.modes, residual_stresses.modes[:, :, :1]], axis=2)
@@ -121,17 +173,24 @@ def _of_sites(
         columns[:, :, -1] = residual_stresses.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
-        largest = _largest(columns, x[seldom])
+        outside = is_outside(modes.points, balls[i])
+        largest = _largest(columns, x[seldom]) * outside
         close = np.unique(
             [k for w in scales for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
         )
-        largest[close] = _largest(columns[close], x)
+        largest[close] = _largest(columns[close], x) * outside[close]
         shares = largest * scales[1]
         has_strength = bool(np.isfinite(shares).any())
         worst = int(np.nanargmax(shares) if has_strength else largest.argmax())
         share = float(shares[worst]) if has_strength else np.nan
         results.append((float(largest.max()), modes.points[worst], share))
     return results
+
+
+def is_outside(points: Array, ball: Array) -> BoolArray:
+    """Mask (S,) of the points (S, 3) outside a ball x, y, z, radius; all if none is."""
+    outside = np.linalg.norm(points - ball[:3], axis=1) > ball[3]
+    return np.asarray(outside | ~outside.any())
 
 
 def _largest(columns: Array, x: Array) -> Array:

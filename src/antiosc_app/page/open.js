@@ -308,7 +308,7 @@ class Bench {
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
     find("map").onclick = () => this.map();
-    find("stresses").onclick = () => this.map(true);
+    find("stresses").onclick = () => this.stresses();
     find("python").onfocus = () => find("python").select();
     this.show_fields();
   }
@@ -678,13 +678,14 @@ class Bench {
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
   // The map; from a map the blow at the site that is chosen on it.
-  async map(stress = false) {
+  async map(stress = 0) {
     if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
     const found = await this.step("map", { ...(this.face ? { where: this.face } : {}), stress });
     if (!found) return;
     this.page.stop();
+    this.lasts = found.map.blow.duration;
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
     if (stress) this.page.show_kind(["exposure", "peak_stress"]);
     this.follow(this.page.site);
@@ -692,8 +693,16 @@ class Bench {
     this.warn(found.caution);
     this.tell(found.verdict);
     this.heads("computed", "Strike this site");
-    const takes = found.stress_takes;
-    Object.assign(find("stresses"), { hidden: !takes, textContent: `Stress of each blow (at least ${Math.max(1, Number(takes.toPrecision(1)))} s)` });
+    this.offer = found.offer;
+    Object.assign(find("stresses"), { hidden: !this.offer, textContent: this.offer ? `Stress of each blow (${lasting(this.offer.seconds)})` : "" });
+  }
+
+  // The stress of the blow at each site; what takes long is asked for, with fewer sites as the other way.
+  stresses() {
+    const { sites, seconds, fewer } = this.offer;
+    if (fewer >= sites) return this.map(sites);
+    const all = `all ${sites}, ${lasting(seconds)}`, some = `${fewer} of them, ${lasting(seconds * fewer / sites)}`;
+    this.ask(`The stress of the blow at each of ${sites} sites takes ${lasting(seconds)}.`, some, () => this.map(fewer), () => {}, [all, () => this.map(sites)]);
   }
 
   // The fields of the site show the site that is chosen on the map.
@@ -728,10 +737,11 @@ class Bench {
   }
 
   // A question that is agreed to or not.
-  ask(question, yes, agreed, refused = () => {}) {
+  ask(question, yes, agreed, refused = () => {}, [other, chosen] = ["", () => {}]) {
     find("question").textContent = question;
     const answered = (then) => () => { find("ask").close(); then(); };
     Object.assign(find("yes"), { textContent: yes, onclick: answered(agreed) });
+    Object.assign(find("other"), { textContent: other, hidden: !other, onclick: answered(chosen) });
     find("no").onclick = answered(refused);
     find("ask").oncancel = refused;
     find("ask").showModal();
@@ -777,6 +787,8 @@ function fill(input, value) {
   if (input.getAttribute("aria-invalid") !== "true") input.value = value;
 }
 
+// A time that is expected, in words.
+const lasting = (seconds) => (seconds < 100 ? `about ${Math.max(1, Math.round(seconds))} s` : `about ${Math.round(seconds / 60)} min`);
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
 const aimed = (direction) => direction.map((x) => Math.round(1e3 * x) / 1e3 + 0); // as far as the skin knows it; no -0
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
@@ -23,8 +25,15 @@ from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.reduce.site.at_points import ON_STRUCTURE, nearest_parts
 from antiosc.reduce.site.doubts import warn_of_doubts
 from antiosc.reduce.site.site import LEAST_FREE_SHARE
-from antiosc.reduce.site.sites import Sites, located
+from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
 
+#: As the radius of the patches: at each site of a solid, what the facets there resolve.
+FACETS = "facets"
+Radius: TypeAlias = float | Literal["facets"] | None
+#: Radius of a patch that facets resolve over their size.
+RESOLVED = 1.05
+#: Distance over the size of the mesh within which facets touch a point.
+TOUCHING = 1e-6
 #: The supports fix a site if less than this share of its load is on free dofs.
 LEAST_FREE_SHARE_ON_MAP = 0.05
 
@@ -40,6 +49,7 @@ class MapSites:
     kept : (P,) number of each site among all `count` requested sites.
     names : (P,) name of the group or part of each site; "" for none.
     dimension : dimension of the cells.
+    edges : number of vertices on sharp edges that are no sites; they count in no other number.
     """
 
     sites: Sites
@@ -48,6 +58,7 @@ class MapSites:
     count: int
     names: NDArray[np.str_]
     dimension: int
+    edges: int = 0
 
     def only(self, keep: BoolArray) -> MapSites:
         """The sites in the mask `keep`, and the elements all of whose corners are kept."""
@@ -119,6 +130,7 @@ def concatenated(surfaces: Sequence[MapSites]) -> MapSites:
         sum(surface.count for surface in surfaces),
         np.concatenate([surface.names for surface in surfaces]),
         min(surface.dimension for surface in surfaces),
+        sum(surface.edges for surface in surfaces),
     )
 
 
@@ -139,7 +151,7 @@ class SurfaceSample:
 
 
 def sites_of(
-    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: Radius
 ) -> MapSites:
     """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
 
@@ -192,7 +204,7 @@ def _part_and_group(structure: MeshedParts, name: str) -> tuple[Member, str | No
 
 
 def _at_points(
-    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: Radius
 ) -> MapSites:
     """Sites at points, each on the part that a `Site` at this point is on."""
     points = points_given(where, direction)
@@ -221,7 +233,7 @@ def _on_part(
     member: Member,
     where: str | Array | None,
     direction: Sequence[float] | None,
-    radius: float | None,
+    radius: Radius,
     name: str,
 ) -> MapSites:
     """Sites of a part in the axes of the assembly, possibly none."""
@@ -257,34 +269,77 @@ def sites_on(
     structure: MeshedStructure,
     where: object,
     direction: Sequence[float] | None,
-    radius: float | None,
+    radius: Radius,
 ) -> MapSites:
     """The sites on one surface (a group; None: all surfaces), or at points; possibly none."""
     unit_direction = None if direction is None else _in_space(direction)
     if unit_direction is not None:
         unit_direction = unit_direction / np.linalg.norm(unit_direction)
-    if radius is not None:
+    if radius is not None and radius != FACETS:
         positive("radius", radius, "m")
     ground = (
         surface(structure, where)
         if where is None or isinstance(where, str)
         else _sample(structure, where, unit_direction)
     )
+    edges = 0
+    if radius == FACETS and structure.kind.outside:
+        ground, edges = clear_of_edges(structure, ground)
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
-    radii = np.full(count, np.nan if radius is None else radius)
-    candidates = located(structure, ground.points, directions, radii)
+    radii = (
+        resolved_radii(structure, ground.points, directions)
+        if radius == FACETS
+        else np.full(count, np.nan if radius is None else radius)
+    )
+    candidates = located(structure, ground.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
+    candidates = replace(candidates, clear=_from_supports(structure, ground.points))
     on_face = np.isnan(candidates.radii) | (
         (candidates.share > 0) & (candidates.depth <= candidates.radii)
     )
     is_movable = on_face & (candidates.moving > LEAST_FREE_SHARE_ON_MAP)
     names = np.full(count, where if isinstance(where, str) else "")
     dimension = structure.mesh.tdim
-    all_sites = MapSites(candidates, ground.elements, np.arange(count), count, names, dimension)
+    numbers = np.arange(count)
+    all_sites = MapSites(candidates, ground.elements, numbers, count, names, dimension, edges)
     result = all_sites.only(is_movable)
     if is_movable.any():
-        warn_of_doubts(structure, result.sites, marked=True)
+        warn_of_doubts(structure, result.sites, True, radius == FACETS)
     return result
+
+
+def resolved_radii(structure: MeshedStructure, points: Array, directions: Array) -> Array:
+    """Radii (P,) [m] of patches that the facets which touch the points resolve; of sheets NaN."""
+    if not structure.kind.outside:
+        return np.full(len(points), np.nan)
+    faces = structure.faces
+    reach = np.full(len(points), TOUCHING * structure.mesh.extent())
+    labels = np.zeros(len(faces.facets), dtype=int)
+    largest = faces.contact(points, directions, reach, labels).largest
+    return np.where(largest > 0, RESOLVED * largest, np.nan)
+
+
+def clear_of_edges(structure: MeshedStructure, ground: SurfaceSample) -> tuple[SurfaceSample, int]:
+    """(the sample without its points on sharp edges, their number); all of it if there are no
+    others.
+    """
+    reach = np.full(len(ground.points), TOUCHING * structure.mesh.extent())
+    keep = ~structure.faces.sharp(ground.points, reach)
+    if not keep.any():
+        return ground, 0
+    number = np.cumsum(keep) - 1
+    elements = ground.elements
+    if len(elements):
+        elements = number[elements[keep[elements].all(axis=1)]]
+    return SurfaceSample(ground.points[keep], ground.normals[keep], elements), int(np.sum(~keep))
+
+
+def _from_supports(structure: MeshedStructure, points: Array) -> Array:
+    """Distances (P,) [m] of points from the nearest node that supports fix; inf without them."""
+    space = structure.form.space
+    nodes = np.unique(structure.fixed // space.dofmap.index_map_bs)
+    x = np.vstack(structure.comm.allgather(space.tabulate_dof_coordinates()[nodes]))
+    return np.asarray(cKDTree(x).query(points)[0]) if len(x) else np.full(len(points), np.inf)
 
 
 def surface(structure: MeshedStructure, group: str | None) -> SurfaceSample:
