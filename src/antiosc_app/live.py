@@ -436,12 +436,17 @@ ON_PAGE = "the button beside the map adds them"
 
 
 def headline_of_map(
-    impact_map: ImpactMap, structure: Structure | None = None, stresses: str = IN_SCENE
+    impact_map: ImpactMap,
+    structure: Structure | None = None,
+    stresses: str = IN_SCENE,
+    known: dict[int, History] | None = None,
 ) -> Headline:
     """The headline of a map; with its structure it has the error bar of the largest force.
 
-    `stresses`: how a map without stresses gets them.
+    `stresses`: how a map without stresses gets them. `known`: impacts of the map's sites alone, by
+    the numbers of the sites, to which others are added.
     """
+    known = {} if known is None else known
     bar = None
     numbers = [("sites", f"{len(impact_map)}")]
     sentences = []
@@ -455,7 +460,7 @@ def headline_of_map(
             text = " to ".join(engineering(value, unit) for value in ends)
             numbers.append((name.replace("_", " "), text))
         place_text = point_text(impact_map.points[worst_site])
-        bar = None if structure is None else map_bar(impact_map, structure)
+        bar = None if structure is None else map_bar(impact_map, structure, known)
         force_text = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
         of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
         sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
@@ -466,7 +471,7 @@ def headline_of_map(
         if edges := impact_map.info.get("edges", 0):
             sentences.append(f"The {edges} corners of cells on sharp edges are no sites.")
     if impact_map.peak_stress is not None:
-        sentences += _most_dangerous(impact_map, structure)
+        sentences += _most_dangerous(impact_map, structure, known)
     elif impact_map.impactor:
         sentences.append(f"Stresses are not part of it: {stresses}.")
     worst = float(impact_map.error.max())
@@ -493,9 +498,9 @@ def _softest(impact_map: ImpactMap) -> str:
     return f"The softest place, of a static stiffness k0 of {stiffness}, is at {place_text}."
 
 
-def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
+def map_bar(impact_map: ImpactMap, structure: Structure, known: dict[int, History]) -> float | None:
     """Relative error of the largest force of a map by its own extraction; None if not known."""
-    hit = struck_alone(impact_map, structure, hardest(impact_map))
+    hit = struck_alone(impact_map, structure, hardest(impact_map), known)
     if hit is None:
         return None
     bar = hit.error_budget["peak_force"].total
@@ -506,11 +511,15 @@ def map_bar(impact_map: ImpactMap, structure: Structure) -> float | None:
 ALONE = 40
 
 
-def struck_alone(impact_map: ImpactMap, structure: Structure, i: int) -> History | None:
+def struck_alone(
+    impact_map: ImpactMap, structure: Structure, i: int, known: dict[int, History]
+) -> History | None:
     """The impact at site i by its own extraction, with error bars; None if it is not known.
 
     Parts in pieces over several ranks have none: only the first rank asks.
     """
+    if i in known:
+        return known[i]
     from antiosc import Site, extract  # they need the finite-element packages
 
     if structure.comm.size > 1 or impact_map.impactor is None or impact_map.duration is None:
@@ -524,11 +533,14 @@ def struck_alone(impact_map: ImpactMap, structure: Structure, i: int) -> History
         model = extract(structure, site, n=min(count, structure.dofs - 1), error="estimate")
         hit = simulate(model, impact_map.impactor, law, impact_map.duration)
         hit.error_budget  # noqa: B018 (parts without one end here)
+        known[i] = hit
         return hit
     return None
 
 
-def _most_dangerous(impact_map: ImpactMap, structure: Structure | None) -> list[str]:
+def _most_dangerous(
+    impact_map: ImpactMap, structure: Structure | None, known: dict[int, History]
+) -> list[str]:
     """Sentences on the site whose impact causes the largest stress, and whether the part yields: by
     the stresses of the map, and by the impact there alone, as a click strikes it.
     """
@@ -536,7 +548,7 @@ def _most_dangerous(impact_map: ImpactMap, structure: Structure | None) -> list[
     assert impact_map.stress_points is not None
     exposure = impact_map.exposure
     i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
-    hit = None if structure is None else struck_alone(impact_map, structure, i)
+    hit = None if structure is None else struck_alone(impact_map, structure, i, known)
     alone = [] if structure is None or hit is None else _stress_alone(structure, hit)
     text = (
         f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
@@ -545,12 +557,12 @@ def _most_dangerous(impact_map: ImpactMap, structure: Structure | None) -> list[
     )
     if exposure is None:
         return [f"{text}; the material has no yield strength to compare it with."]
-    known = exposure[trusted(impact_map)]
-    known = known[np.isfinite(known)]
+    sought = exposure[trusted(impact_map)]
+    sought = sought[np.isfinite(sought)]
     low, high = _scatter(alone, float(exposure[i]))
-    reached, possible = (int(np.sum(known * factor >= 1)) for factor in (low, high))
-    of_sites = f" of {len(known)} sites"
-    if len(known) < len(impact_map):
+    reached, possible = (int(np.sum(sought * factor >= 1)) for factor in (low, high))
+    of_sites = f" of {len(sought)} sites"
+    if len(sought) < len(impact_map):
         of_sites += " that are not doubtful"
     sites_text = f"reached at {reached}{of_sites}" if reached else "reached nowhere"
     if possible > reached:

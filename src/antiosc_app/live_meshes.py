@@ -348,9 +348,8 @@ def sites_of_map(
         "faces": (impact_map.elements if impact_map.elements.shape[1] == 3 else np.zeros((0, 3)))
         .astype(np.uint32)
         .ravel(),
-        "alone": (
-            impact_map.alone if impact_map.elements.shape[1] == 3 else np.arange(len(impact_map))
-        ).tolist(),
+        "alone": _dots(impact_map).tolist(),
+        "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
         "doubtful": impact_map.doubtful.tolist(),
         "names": {
@@ -370,6 +369,17 @@ def sites_of_map(
     if structure is not None:
         sites["skin"] = _skin(structure, _area(impact_map.points, sites["faces"].reshape(-1, 3)))
     return {**blow, "ratio": 0.0, "gap": striker.gap, "duration": duration, "bars": None}, sites
+
+
+def _dots(impact_map: ImpactMap) -> IntArray:
+    """Numbers of the sites that are drawn as dots: those of no triangle, and sound ones whose
+    triangles all have a doubtful corner, as these are grey.
+    """
+    if impact_map.elements.shape[1] != 3:
+        return np.arange(len(impact_map))
+    sound = ~impact_map.doubtful
+    coloured = impact_map.elements[sound[impact_map.elements].all(axis=1)]
+    return np.union1d(impact_map.alone, np.setdiff1d(np.flatnonzero(sound), coloured))
 
 
 def _skin(structure: Structure, mapped: float) -> Data | None:

@@ -15,6 +15,7 @@ import functools
 import json
 import shlex
 import threading
+import time
 import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -210,7 +211,7 @@ class Opened:
         #: key of a mesh, and the last free body on it, whose modes others may take
         self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
-        self._mapped: ResultCache[ImpactMap] = ResultCache(1)
+        self._mapped: ResultCache[tuple[ImpactMap, dict[int, History]]] = ResultCache(1)
         self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
@@ -590,10 +591,10 @@ class Opened:
         if group is not None:
             group = face_of(self._opened(), group).get("where")
         work = partial(self._impact_map, set_up, blow, group)
-        impact_map = self._mapped.of(repr((set_up, group)), work)
+        impact_map, alone = self._mapped.of(repr((set_up, group)), lambda: (work(), {}))
         if stress:
             impact_map = with_stresses(blow.structure, impact_map, stress)
-        return self._told_of_map(impact_map, blow.structure, values)
+        return self._told_of_map(impact_map, blow.structure, values, alone)
 
     def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
         """The impacts of a set-up at all points of a group of faces."""
@@ -610,12 +611,20 @@ class Opened:
             longest=None if set_up.duration else max(duration, LONGER * DURATION),
         )
 
-    def _told_of_map(self, impact_map: ImpactMap, structure: Structure, values: Table) -> Data:
+    def _told_of_map(
+        self,
+        impact_map: ImpactMap,
+        structure: Structure,
+        values: Table,
+        alone: dict[int, History],
+    ) -> Data:
         """A map as data for the page, with headline and the offer of stresses."""
         data = live_data.data_of_map(impact_map, structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE)
+        began = time.perf_counter()
+        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE, alone)
+        took = time.perf_counter() - began
         where = "the part" if values.get("where") is None else str(values["where"])
         assert impact_map.duration is not None
         lasted = engineering(impact_map.duration, "s")
@@ -624,7 +633,7 @@ class Opened:
             "about": f"{headline.about} {len(impact_map)} sites of {where}, each for {lasted}.",
             "caution": headline.caution,
             "verdict": headline.sentences,
-            "offer": _offer(impact_map, structure),
+            "offer": _offer(impact_map, structure, took),
         }
 
     def _forecast(self, values: Table) -> Data:
@@ -685,16 +694,16 @@ class Opened:
         return {**self._names({}), "written": names, "again": again, "report": name}
 
 
-def _offer(impact_map: ImpactMap, structure: Structure) -> Data | None:
+def _offer(impact_map: ImpactMap, structure: Structure, alone: float) -> Data | None:
     """The offer of the stress at each site: sites and seconds of all sound ones, and the number of
-    them that takes `SOON`; None of a map that has stresses.
+    them that takes `SOON`; None of a map that has stresses. `alone`: seconds of an impact alone.
     """
     if impact_map.peak_stress is not None:
         return None
     count = int(len(impact_map) - impact_map.doubtful.sum()) or len(impact_map)
     assert impact_map.duration is not None
     seconds = partial(stress_seconds, structure, impact_map.info, impact_map.duration)
-    begins, all_sites = seconds(0), seconds(count)
+    begins, all_sites = (alone + seconds(number) for number in (0, count))
     fewer = max(FEWEST, int(count * (SOON - begins) / max(all_sites - begins, 1e-9)))
     return {"sites": count, "seconds": all_sites, "fewer": min(fewer, count)}
 

@@ -263,7 +263,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     free = next(name for name in faces if name not in setup["held"])
     forces = call(opened, "map", setup, where=free)
     assert not any(sentence.startswith("An edge cuts") for sentence in warned(forces))
-    assert forces["about"].endswith(f"sites of {free}.")  # not the site that was struck before
+    assert f"sites of {free}, each for" in forces["about"]  # not the site that was struck before
     offer = forces["offer"]
     assert 0 < offer["fewer"] <= offer["sites"]
     assert offer["seconds"] > 0

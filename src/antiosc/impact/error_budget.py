@@ -39,7 +39,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import percent
+from antiosc.base.texts import engineering, percent
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.impact.law_error import ByLaw, law_errors
@@ -423,8 +423,9 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     safety = max(safety, SAFETY_COARSE * coarse)
     if coarse > 1:
         doubts.append(
-            f"The faces at the site measure {faces:.2g} m, more than its radius "
-            f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
+            f"The faces at the site measure {engineering(faces, 'm', 2)}, more than {RESOLVED:g}"
+            f" times its radius {engineering(model.radius, 'm', 2)}: the patch is not resolved, and"
+            " the mesh's bar is less certain."
         )
     if _recovered_shell(model):
         safety *= SHELL

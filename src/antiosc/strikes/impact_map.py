@@ -174,9 +174,9 @@ def impact_map(
         are extracted separately if they are at most 32; a warning states how many remain.
     stress : bool or int
         Whether to seek the largest von Mises stress anywhere in the part for the blow at each site,
-        as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more sites
-        than that which are not doubtful, the one with the largest force and others as far from each
-        other as possible. Of solids three radii of a contact that yields are left out. The
+        as `peak_field` does for one impact: 0.3 s a site for 33 000 dofs. A number: at no more than
+        so many sites that are not doubtful, the one with the largest force and others as far from
+        each other as possible. Of solids three radii of a contact that yields are left out. The
         material's `yield_strength` makes a share of the strength of it.
     stretch : int, "auto" or False
         Second-order forces, as in `extract`: for a flat part once for all sites, in 24 combinations

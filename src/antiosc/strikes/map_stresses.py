@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from antiosc.strikes.map_results import MapInfo
 
 #: Sites whose static deflections are solved for together.
-AT_ONCE = 64
+AT_ONCE = 16
 #: Phase of the last mode between two sample times [rad]: they miss at most 2 % of its peak, 1 −
 #: cos(PHASE/2).
 PHASE = 0.4
@@ -88,10 +89,9 @@ def largest_stresses(
                 span: slice = span, rest: _Sought = residual_stresses
             ) -> list[tuple[float, Array, float]]:
                 arguments = sites.omega, b[span], forces[span], duration, balls[which[span]]
-                return _of_sites(modes, rest, *arguments)
+                return _of_sites(modes, rest, *arguments, lambda i: ready(span.start + i))
 
             largest += on_root(structure.comm, work)
-            ready(len(largest))
     values, points, exposure = (
         _at_sites(np.array(column), which, len(sites.b)) for column in zip(*largest, strict=True)
     )
@@ -156,6 +156,7 @@ def _of_sites(
     site_forces: list[Force],
     duration: float,
     balls: Array,
+    ready: Callable[[int], None],
 ) -> list[tuple[float, Array, float]]:
     """(largest stress [Pa], worst point, exposure there) for the impacts at some sites, whose
     displacements in the modes of frequencies `omega` (J,) are b (n, J).
@@ -184,6 +185,7 @@ def _of_sites(
         worst = int(np.nanargmax(shares) if has_strength else largest.argmax())
         share = float(shares[worst]) if has_strength else np.nan
         results.append((float(largest.max()), modes.points[worst], share))
+        ready(i + 1)
     return results
 
 

@@ -708,6 +708,7 @@ class Bench {
   // The fields of the site show the site that is chosen on the map.
   follow(i) {
     const { sites } = this.page;
+    if (sites.data.radii.length) this.site = { ...this.site, radius: sites.data.radii[i] };
     this.chosen = { point: this.placed(sites.at(i)), direction: aimed(sites.along(i)) };
     this.show_fields();
   }

@@ -261,7 +261,7 @@ def told(part, **facts) -> list[str]:
 
 def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
-    assert "the facets at 2 measure 0.06 m, more than the radius 0.045" in text
+    assert "the facets at 2 measure 60 mm, more than the radius 45 mm" in text
     (text,) = told(part, share=[0.89, 1.0, 0.5])
     assert "at 2 of 3 sites: an edge cuts it at 2, down to 50 % of its load area" in text
     (text,) = told(part, moving=[1.0, 0.89, 0.25])

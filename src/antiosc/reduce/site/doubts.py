@@ -10,7 +10,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning
-from antiosc.base.texts import SMALLER_CELLS, percent
+from antiosc.base.texts import SMALLER_CELLS, engineering, percent
 from antiosc.fem.mesh.closest import closest, size_at
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -147,7 +147,7 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
     entities, rule = ("facets", "") if kind.outside else ("cells", f"{times:g} times ")
     if not is_coarse.any():
         return Doubt(is_coarse, "", "")
-    larger = f"measure {size:.2g} m, more than {rule}the radius {radius:g} m"
+    larger = "measure {}, more than {}the radius {}".format(*_told_apart(size, rule, radius, times))
     # where an edge cuts the patch, its radius must not be larger
     remedy = "" if _cut(sites).any() else f", or a radius of {rounded_up(size / times):g} m"
     return Doubt(
@@ -156,6 +156,14 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
         f"{times * radius:g} m there ({SMALLER_CELLS}){remedy}.",
         f"the {entities} at {{}} {larger} (smaller cells help: {SMALLER_CELLS}{remedy})",
     )
+
+
+def _told_apart(size: float, rule: str, radius: float, times: float) -> tuple[str, str, str]:
+    """A size [m], a rule, and the smaller radius [m] over `times`, with digits that tell it."""
+    for digits in (2, 3, 4, 5):
+        if float(f"{size:.{digits}g}") > times * float(f"{radius:.{digits}g}"):
+            break
+    return engineering(size, "m", digits), rule, engineering(radius, "m", digits)
 
 
 def _along_surface(sites: Sites, normals: Array, depth: Array) -> Doubt:
