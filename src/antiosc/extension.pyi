@@ -188,7 +188,6 @@ from antiosc.strikes.impact_map import (
     with_stresses as with_stresses,
 )
 from antiosc.strikes.map_results import (
-    doubts_remedy as doubts_remedy,
     doubts_text as doubts_text,
     hardest as hardest,
     left_out_text as left_out_text,

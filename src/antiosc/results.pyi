@@ -21,6 +21,9 @@ from antiosc.fields.pictures import (
 from antiosc.fields.prestressed import (
     PrestressedState as PrestressedState,
 )
+from antiosc.fields.probe import (
+    probe_error as probe_error,
+)
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,
     Spectrum as Spectrum,

@@ -155,7 +155,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     found = run if best is None else best
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, WARN):
-        return found, _not_enough(count, worst)
+        return found, _not_enough(count, last, max(tol, WARN))
     return found, ""
 
 
@@ -186,11 +186,18 @@ def differences(first: History, second: History) -> dict[str, float]:
     return {**worst, "deflection": max(apart, default=0.0)}
 
 
-def _not_enough(count: int, worst: float) -> str:
+def _not_enough(count: int, last: dict[str, float], limit: float) -> str:
+    """Sentence on the quantities that change by more than a limit with each two modes more."""
+    unsettled = {name: last[name] for name, x in DECIDING.items() if last[name] > limit * x}
+    name, worst = max(unsettled.items(), key=lambda entry: entry[1])
+    words = " and ".join(each.removeprefix("peak_") for each in unsettled)
+    settled = ""
+    if "peak_force" not in unsettled:
+        settled = f" The force holds: they change it by {percent(last['peak_force'])}."
     return (
-        f"The force may be off by {percent(STRETCH_SAFETY * worst)}: the deflection is so large or"
-        f" so local that its second-order forces, of up to {count} modes, still change the impact"
-        f" by {percent(worst)} with each two more. More modes are not taken: use the numbers as an"
-        " estimate, and compute this impact with an explicit finite element program before you"
-        " rely on them."
+        f"The {name.removeprefix('peak_')} may be off by {percent(STRETCH_SAFETY * worst)}: the"
+        f" deflection is so large or so local that its second-order forces, of up to {count} modes,"
+        f" still change it by {percent(worst)} with each two more, and more modes are not"
+        f" taken.{settled} Compute the impact with an explicit finite element program before you"
+        f" rely on the {words}."
     )
