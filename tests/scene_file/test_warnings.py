@@ -109,6 +109,17 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
     assert off <= shares[0] / 100
 
 
+def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
+    last = {"peak_force": 2e-4, "impulse": 1e-3, "deflection": 0.05}
+    told = stretching._not_enough(30, last, 0.01)
+    assert told.startswith("The deflection may be off by 15 %")
+    assert "The force holds: they change it by 0.02 %" in told
+    assert told.endswith("rely on the deflection.")
+    told = stretching._not_enough(30, {**last, "peak_force": 0.02}, 0.01)
+    assert "holds" not in told
+    assert told.endswith("rely on the force and deflection.")
+
+
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 @pytest.mark.parametrize("stretch", [2, "auto"])
