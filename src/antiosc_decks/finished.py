@@ -183,6 +183,7 @@ def finished(builder: ModelBuilder) -> Model:
             "own."
         )
     _hold_middles(builder)
+    _drop_free_followers(builder)
     _drop_alone(builder)
     joints = builder.joints
     grounded = [element for element in joints.springs if len(element[0]) == 1]
@@ -256,6 +257,33 @@ def _pieces_and_supports(builder: ModelBuilder, count: int, fixed_points: Held) 
         fixed[loose_nodes[-1 - number], [MOTIONS.index(name) for name in motions]] = True
     rows = [*joints.equations, *(terms for terms, _ in joints.springs)]
     return held_apart(builder.deck, x, has_motion, fixed, rows)
+
+
+def _drop_free_followers(builder: ModelBuilder) -> None:
+    """Remove the equations of a point on which nothing else acts, if they leave it free to move.
+
+    The point fulfils them by its own motions, so that they act on nothing.
+    """
+    joints = builder.joints
+    loaded = {n for terms, _ in [*joints.springs, *joints.dampers] for n, _, _ in terms}
+    loaded |= {n for rows, _, _ in joints.masses for terms in rows for n, _, _ in terms}
+    loaded |= {entry[0] for entry in builder.masses}
+    loaded |= set(np.flatnonzero(builder.used | builder.fixed.any(axis=1)).tolist())
+    equations: dict[int, list[list[Term]]] = {}
+    for terms in joints.equations:
+        points = {n for n, _, _ in terms} - loaded
+        for point in points:
+            equations.setdefault(point, []).append(terms if len(points) == 1 else [])
+    dropped: list[list[Term]] = []
+    for point, rows in equations.items():
+        C = np.zeros((len(rows), 6))
+        for row, terms in zip(C, rows, strict=True):
+            for n, m, c in terms:
+                row[m] += c * (n == point)
+        if C.any(axis=1).all() and len(rows) == np.linalg.matrix_rank(C) < C.any(axis=0).sum():
+            dropped += rows
+    if dropped:
+        joints.equations = [terms for terms in joints.equations if terms not in dropped]
 
 
 def _drop_alone(builder: ModelBuilder) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import abaqus_decks as inp
+import antiosc as ao
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Deck, DeckPlace
 from antiosc_decks import abaqus_assembly, abaqus_joints as ties
@@ -497,3 +499,20 @@ def test_one_mean_motion_is_along_the_axis_of_its_orientation(tmp_path, motion):
     of_node = C[0, 5].reshape(2, 3)
     direction = of_node[(motion - 1) // 3] / np.linalg.norm(of_node)
     assert abs(direction @ axes[(motion - 1) % 3]) == pytest.approx(1, abs=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+def test_a_mean_rotation_of_a_point_on_which_nothing_acts_joins_nothing(tmp_path):
+    """Only a moment would act on it: the part is as without the coupling."""
+    surface = "*SURFACE,NAME=S\n1,S1\n*NODE\n90,1.,2.,3.\n*ORIENTATION,NAME=O\n.6,0.,.8,0.,1.,0.\n"
+    coupling = (
+        "*COUPLING,REF NODE=90,SURFACE=S,CONSTRAINT NAME=C,ORIENTATION=O\n*DISTRIBUTING\n4,4\n"
+    )
+    plain = inp.CUBE + inp.SOLID + inp.STEEL
+    parts = []
+    for name, more in (("plain", ""), ("coupled", surface + coupling)):
+        (tmp_path / f"{name}.inp").write_text(plain + more)
+        parts.append(ao.read_model(tmp_path / f"{name}.inp", unit="mm"))
+    site = ao.Site(point=(0.01, 0.005, 0.01), direction=(0, 0, -1), radius=0.004)
+    k0 = [ao.extract(part, site, n=5).k0 for part in parts]
+    assert k0[1] == pytest.approx(k0[0], rel=1e-9)
