@@ -69,10 +69,16 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
             "stresses": stresses_of_impacts(worst),
+            "stressed": None if worst is None else _stressed(worst),
             "most": None if worst is None else _legend(worst),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
+
+
+def _stressed(worst: WorstField) -> list[float]:
+    """Coordinates of the largest stress, around which *Finer mesh here* refines too."""
+    return [float(x) for x in worst.points[worst.judged]]
 
 
 def _top(worst: WorstField) -> float:

@@ -591,6 +591,22 @@ def test_finer_mesh_of_a_fall_is_where_its_impacts_strike(opened):
     assert "refine" not in struck["geometry"]
 
 
+def test_a_fall_tells_where_its_stress_is_largest_for_a_finer_mesh_there(block):
+    from antiosc_app.opened import Opened
+
+    opened = Opened(block)
+    setup = asked(opened, material="ABS")
+    setup["striker"] |= {"kind": "floor", "height": 0.5}
+    found = call(opened, "settle", setup)["fall"]
+    worst = opened._dropped(set_up.read(setup)).worst
+    (at,) = np.flatnonzero((worst.points == found["stressed"]).all(axis=1))
+    outside = [
+        np.linalg.norm(worst.points - zone[:3], axis=1) > zone[3] for zone in worst.margin().beyond
+    ]
+    assert worst.values[at] == pytest.approx(worst.values[np.all(outside, axis=0)].max())
+    opened.close()
+
+
 def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
     setup = set_up.read(asked(opened))
     falls = replace(setup.striker, kind="floor", finer=((0.0, 0.0, 0.0),))

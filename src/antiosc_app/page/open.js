@@ -475,11 +475,11 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
-  // Another mesh around the site, or where the impacts of a fall strike.
+  // Another mesh around the site, or where the impacts of a fall strike and its stress is largest.
   finer() {
     if (!this.falls()) return this.change({ finer: !this.setup.finer });
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
-    this.striker({ finer: this.is_finer() ? [] : places });
+    this.striker({ finer: this.is_finer() ? [] : places.concat(data.stressed ? [data.stressed] : []) });
   }
 
   is_finer() { return this.falls() ? this.setup.striker.finer.length > 0 : this.setup.finer; }
