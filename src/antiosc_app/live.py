@@ -48,6 +48,7 @@ from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
     CUT_PATCH,
+    EDGE_ERROR,
     QUANTITIES,
     ErrorBudget,
     hardest,
@@ -705,6 +706,8 @@ def _mesh_bar(peak: PeakField) -> float | None:
     """Error of the judged stress by the mesh and the radius of the patch, over this stress; None
     without an estimate of the mesh.
     """
+    if peak.exposure is not None and peak.margin().at_edge:
+        return EDGE_ERROR
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
@@ -63,6 +64,32 @@ CRITERIA: dict[str, tuple[str, str]] = {
 }
 
 
+class Away(NamedTuple):
+    """Least and largest distance [m] from sharp edges and supports, and which of both there are."""
+
+    distances: tuple[float, float]
+    edges: bool
+    supports: bool
+
+    @property
+    def names(self) -> str:
+        """What is left out, as text."""
+        names = ["sharp inner edges"] * self.edges + ["faces that are held rigidly"] * self.supports
+        return " and ".join(names)
+
+    @property
+    def text(self) -> str:
+        """Distance and names: "1.9 mm of sharp inner edges"."""
+        ends = dict.fromkeys(engineering(distance, "m", 2) for distance in self.distances)
+        return f"{' to '.join(ends)} of {self.names}"
+
+    @property
+    def decides(self) -> str:
+        """What decides the stress there."""
+        names = ["the radius of the edge"] * self.edges + ["what holds the part"] * self.supports
+        return capitalised(" or ".join(names))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Margin(ReprMixin):
     """The worst point of a part over a run: the largest stress over the strength.
@@ -83,6 +110,8 @@ class Margin(ReprMixin):
     beyond : (n, 4) balls that are left out, as rows x, y, z, radius [m]: those that were asked for,
         then three radii of each contact that yields, in solids.
     asked : number of balls that were asked for.
+    sharp : the worst point at sharp inner edges and rigid supports, if these are left out and have
+        points outside the balls; `away` : least and largest distance from them, m, and their names.
     spread : error of the value (in its unit) since a patch of another radius than the contact
         spreads its force; it is added to the value in the exposure and in the margin.
     edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
@@ -119,6 +148,8 @@ class Margin(ReprMixin):
     spans: tuple[Margin, ...] = ()
     strength_range: tuple[float, float] | None = None
     asked: int = 0
+    sharp: Margin | None = None
+    away: Away | None = None
 
     @property
     def at_edge(self) -> bool:
@@ -151,13 +182,13 @@ class Margin(ReprMixin):
     def scope(self) -> str:
         """Where the margin holds: "outside 3 radii of the contact (4.2 mm)"; "": anywhere."""
         of_contacts = self.beyond[self.asked :, 3]
-        places = []
+        places = ["the balls of leave_out"] * (self.asked > 0)
+        if self.away is not None:
+            places.append(self.away.text)
         if len(of_contacts):
             ends = dict.fromkeys(engineering(end(of_contacts), "m", 2) for end in (min, max))
             places.append(f"{CONTACT_RADII:g} radii of the contact ({' to '.join(ends)})")
-        if self.asked:
-            places.append("the balls of leave_out")
-        return f"outside {' and '.join(places)}" if places else ""
+        return f"outside {', and '.join(places)}" if places else ""
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -186,6 +217,15 @@ class Margin(ReprMixin):
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             stress = engineering(self.nearer.value, "Pa")
             sentences.append(f"nearer it is up to {stress} at {point_text(self.nearer.point)}")
+        if self.sharp is not None and self.away is not None:
+            stress = engineering(self.sharp.value, "Pa")
+            if self.sharp.reached:
+                stress += f", {self.sharp.exposure:.3g} of the yield strength,"
+            sentences.append(
+                f"at {self.away.names} an elastic stress has no limit: here up to {stress} at"
+                f" {point_text(self.sharp.point)}, more with smaller cells. {self.away.decides}"
+                " decides whether it yields there"
+            )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
             radius = engineering(float(min(of_contacts)) / CONTACT_RADII, "m", 2)
@@ -279,12 +319,32 @@ NOTHING = np.zeros((0, 4))
 class Zones(NamedTuple):
     """Balls (n, 4) that a margin leaves out, and the contacts whose patches spread their forces.
 
-    `asked`: how many of the balls, the first ones, were asked for.
+    `asked`: how many of the balls, the first ones, were asked for. `edges`, `supports`: balls
+    about sharp inner edges and about rigid supports.
     """
 
     balls: Array = NOTHING
     contacts: Sequence[YieldingZone] = ()
     asked: int = 0
+    edges: Array = NOTHING
+    supports: Array = NOTHING
+
+    @property
+    def away(self) -> Away | None:
+        """The distances from sharp edges and supports; None if these are not left out."""
+        distances = np.concatenate([self.edges[:, 3], self.supports[:, 3]])
+        if not len(distances):
+            return None
+        ends = float(distances.min()), float(distances.max())
+        return Away(ends, len(self.edges) > 0, len(self.supports) > 0)
+
+    def left_out(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (P, 3) are left out."""
+        return is_within(points, self.balls) | self.sharp(points)
+
+    def sharp(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (P, 3) lie at sharp edges or supports."""
+        return is_within(points, np.concatenate([self.edges, self.supports]))
 
     @classmethod
     def about(cls, contacts: Sequence[YieldingZone]) -> Zones:
@@ -331,8 +391,22 @@ def margin_of(
     """The margin of the worst of the values (S,) over the strengths (S,); None if all strengths are
     NaN.
 
-    Balls of the zones are of no effect if nothing else is left.
+    Balls of the zones, and sharp edges, are of no effect if nothing else is left.
     """
+    if zones.away is not None:
+        at_edges = zones.sharp(points)
+        no_edges = zones._replace(edges=NOTHING, supports=NOTHING)
+        others = np.where(at_edges, np.nan, strengths)
+        beyond = margin_of(criterion, values, others, points, times, places, no_edges)
+        everywhere = margin_of(criterion, values, strengths, points, times, places, no_edges)
+        outside = ~is_within(points, zones.balls)
+        if beyond is None or not (outside & np.isfinite(others)).any():
+            return everywhere
+        within: Array = np.where(at_edges & outside, strengths, np.nan)
+        sharp = margin_of(criterion, values, within, points, times, places, NO_ZONES)
+        if sharp is not None and sharp.exposure <= beyond.exposure:
+            sharp = None
+        return replace(beyond, sharp=sharp, away=zones.away)
     leave_out = zones.balls
     if len(leave_out):
         in_zones = is_within(points, leave_out)
@@ -363,8 +437,9 @@ def margin_of(
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
     """Whether points (P, 3) lie in one of the balls (n, 4): x, y, z, radius [m]."""
     in_zones = np.zeros(len(points), dtype=bool)
-    for ball in balls:
-        in_zones |= np.linalg.norm(points - ball[:3], axis=1) <= ball[3]
+    for radius in np.unique(balls[:, 3]):
+        centres = cKDTree(balls[balls[:, 3] == radius, :3])
+        in_zones |= centres.query(points)[0] <= radius
     return in_zones
 
 
@@ -600,10 +675,15 @@ def on_part(structure: Structure, zones: Zones) -> Zones:
     return zones._replace(contacts=contacts)
 
 
+def balls_of_edges(structure: Structure, shapes: Array, part: str | None) -> tuple[Array, Array]:
+    """Balls (n, 4) about sharp inner edges and about rigid supports of the solids of a part."""
+    from antiosc.recovery.sharp_edges import sharp_edges  # needs dolfinx
+
+    return sharp_edges(structure, shapes, part)
+
+
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
-#: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
-RE_ENTRANT = 215.0
 
 
 def mesh_error(
@@ -632,7 +712,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
     """A warning about the largest stress at x (3,) with this relative mesh error; "" if there is
     none.
     """
-    from antiosc.recovery.mesh_fields import corner_at  # needs dolfinx
+    from antiosc.recovery.sharp_edges import RE_ENTRANT, corner_at  # needs dolfinx
 
     angle, supported = corner_at(structure, shapes, x, part)
     if angle >= RE_ENTRANT:

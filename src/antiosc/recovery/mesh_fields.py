@@ -3,10 +3,6 @@
 Strains and stresses at nodes: in solids they are the means of the cells of one material around each
 node, so that a node between two materials has two. In sheets and beams each cell has its own:
 neighbours may meet at a fold.
-
-In a corner of more than 180° the stress of linear elasticity is infinite, growing as r^-0.46 at
-270° (M. L. Williams, J. Appl. Mech. 19 (1952) 526); the value on a mesh grows with every
-refinement.
 """
 
 from __future__ import annotations
@@ -14,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -24,7 +19,6 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
 from antiosc.base.stresses import PAIRS, equivalent
 from antiosc.fem.assembly import with_parts
-from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
@@ -531,61 +525,6 @@ def _side_by_side(
     )
 
 
-#: Corners of the edges of plane cells, dolfinx's numbers.
-PLANE_EDGES = {
-    "triangle": [(0, 1), (0, 2), (1, 2)],
-    "quadrilateral": [(0, 1), (2, 3), (0, 2), (1, 3)],
-}
-#: Distance of equal points over the size of the part.
-SAME = 1e-9
-#: Angle (rad) that may lack of the full circle around an edge within the solid.
-WITHIN = 1e-3
-
-
-def interior_angle(part: MeshedStructure, x: Array) -> float:
-    """Largest angle [degree] between outer faces that meet at the cell corner nearest to x (3,).
-
-    0 for a point within the solid. To be called on all ranks.
-    """
-    mesh = part.mesh
-    owned_cells = compat.cell_map(mesh.dolfinx).size_local
-    cells = mesh.geometry.nodes[:owned_cells, : len(mesh.geometry.corners)]
-    distance = np.linalg.norm(cells - x, axis=-1)
-    nearest = np.unravel_index(distance.argmin(), distance.shape) if owned_cells else None
-    nearest_cell = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
-    vertex = min(chain(*mesh.comm.allgather(nearest_cell)), key=lambda pair: pair[0])[1]
-    tolerance = SAME * mesh.extent()
-    angles_of_rank: list[tuple[Array, float]] = []
-    for cell, local_vertex in np.argwhere(np.linalg.norm(cells - vertex, axis=-1) < tolerance):
-        angles_of_rank += _angles(mesh.cell, cells[cell], int(local_vertex))
-    angles_of_all: list[tuple[Array, float]] = list(chain(*mesh.comm.allgather(angles_of_rank)))
-    keys = np.round(np.array([end for end, _ in angles_of_all]) / tolerance)
-    _, edge = np.unique(keys, axis=0, return_inverse=True)
-    angles = np.bincount(edge.ravel(), [angle for _, angle in angles_of_all])
-    return float(np.degrees(angles[angles < 2 * np.pi - WITHIN].max(initial=0.0)))
-
-
-def _angles(kind: str, x: Array, corner: int) -> list[tuple[Array, float]]:
-    """(other end, angle [rad] of the cell around the edge) of each edge at a corner of a cell.
-
-    A plane cell gives one pair: the corner, and the angle between its two edges.
-    """
-    edges = {**PLANE_EDGES, **SOLID_EDGES}[kind]
-    ends = [x[b if a == corner else a] for a, b in edges if corner in (a, b)]
-    rays = [(end - x[corner]) / np.linalg.norm(end - x[corner]) for end in ends]
-    if len(ends) == 2:
-        return [(x[corner], _angle_between(*rays))]
-    angles = []
-    for k, end in enumerate(ends):
-        projections = [a - (a @ rays[k]) * rays[k] for i, a in enumerate(rays) if i != k]
-        angles.append((end, _angle_between(*projections)))
-    return angles
-
-
-def _angle_between(a: Array, b: Array) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
-
-
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
@@ -619,24 +558,3 @@ def families(structure: Structure, shapes: Array, part: str | None = None) -> se
     """Kinds of the selected parts: "solid", "sheet", "beam", "truss"."""
     fields = with_parts(structure).fields(shapes, part)
     return {member.part.kind.name for member, _ in fields}
-
-
-def corner_at(
-    structure: Structure, shapes: Array, x: Array, part: str | None = None
-) -> tuple[float, bool]:
-    """(interior angle [degree] of the solid at its node x (3,), whether this node is supported)."""
-    parts = with_parts(structure).fields(shapes, part)
-    best = (np.inf, 0.0, False)
-    for member, shapes_of_part in parts:
-        if member.part.kind.name != "solid":
-            continue
-        mesh = member.part.mesh
-        point = member.at.own(x[None])[0]
-        distance = np.linalg.norm(mesh.dolfinx.geometry.x - point, axis=1)
-        displacement = np.abs(
-            displacements_of_rank(member.part, shapes_of_part)[distance.argmin()]
-        ).max(initial=0)
-        nearest = min(mesh.comm.allgather((float(distance.min()), bool(displacement == 0))))
-        if nearest[0] < best[0]:
-            best = (nearest[0], interior_angle(member.part, point), nearest[1])
-    return best[1:]

@@ -525,10 +525,15 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """Criterion -> stress field, for the criteria with known strengths of the materials."""
+    """Criterion -> stress field, for the criteria with known strengths of the materials; sharp
+    inner edges and rigid supports are not judged.
+    """
     with finite_element_packages():
         from antiosc.extension import criteria_of
-    return {name: antiosc.peak_field(structure, history, name) for name in criteria_of(structure)}
+    return {
+        name: antiosc.peak_field(structure, history, name, sharp_edges=False)
+        for name in criteria_of(structure)
+    }
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
@@ -536,5 +541,5 @@ def worst_by_strengths(self: Fall) -> WorstField | None:
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure
-    fields = [self.worst(name) for name in criteria_of(structure)]
+    fields = [self.worst(name, sharp_edges=False) for name in criteria_of(structure)]
     return max(fields, key=lambda field: field.margin().exposure, default=None)
