@@ -328,3 +328,10 @@ def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path,
     assert "its supports hold all of it" in capsys.readouterr().out
     assert re.search(r"^free = true", scene.read_text(), re.M)
     assert cli.main(["run", str(scene), "--out", str(tmp_path / "out")]) == 0
+
+
+def test_the_cells_of_a_finer_mesh_are_forecast_within_two_thirds():
+    look = inspect_part(MESHES / "bracket.step")
+    size = look.size / 2
+    cells = ao.read_mesh(MESHES / "bracket.step", **{**look.read, "size": size}).n_cells
+    assert cells / 1.2 < look.forecast(size).cells < 1.67 * cells

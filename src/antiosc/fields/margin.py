@@ -399,10 +399,10 @@ def margin_of(
         others = np.where(at_edges, np.nan, strengths)
         beyond = margin_of(criterion, values, others, points, times, places, no_edges)
         everywhere = margin_of(criterion, values, strengths, points, times, places, no_edges)
-        outside = ~is_within(points, zones.balls)
-        if beyond is None or not (outside & np.isfinite(others)).any():
+        off_balls = ~is_within(points, zones.balls)
+        if beyond is None or not (off_balls & np.isfinite(others)).any():
             return everywhere
-        within: Array = np.where(at_edges & outside, strengths, np.nan)
+        within = np.where(at_edges & off_balls, strengths, np.nan)
         sharp = margin_of(criterion, values, within, points, times, places, NO_ZONES)
         if sharp is not None and sharp.exposure <= beyond.exposure:
             sharp = None
