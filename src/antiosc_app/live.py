@@ -755,7 +755,8 @@ def largest_stress(
 ) -> Data:
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
-    `scope`: where it is judged, as text, "" anywhere; `stress_bar`: its relative error by the mesh
+    `scope`: where it is judged, as text, "" anywhere; `stress_place` [m]: its place, null at the
+    edge of a contact's surroundings; `stress_bar`: its relative error by the mesh
     and by the force, whose own is `force`; `stress_note`: what this leaves out.
     """
     for peak in fields.values():
@@ -766,6 +767,7 @@ def largest_stress(
             judged["stress_note"] = _stress_note(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time
+            judged["stress_place"] = None if margin.at_edge else margin.point.tolist()
             return judged
     note = {"stress_note": NO_MESH_ERROR}
     return note if worst is None else {"stress": worst["value"], **note}

@@ -32,6 +32,8 @@ FLOOR = "floor"
 STRIKERS = ("ball", "mass", "hammer", FLOOR)
 #: Hammers of IEC 60068-2-75 with a tip of steel.
 HAMMERS = tuple(name for name, impactor in IMPACTORS.items() if name[:2] == "IK" and impactor.steel)
+#: Largest number of places of the largest stress around which it is refined.
+MOST_STRESSED = 3
 #: Refinement factor of a finer mesh.
 FINER = 3.0
 #: Largest number of held faces.
@@ -198,6 +200,8 @@ class SetUp:
     size: float | None = None
     #: whether the mesh is refined around the site
     finer: bool = False
+    #: places of the largest stress around which it is refined then, too
+    stressed: tuple[Sequence[float], ...] = ()
     #: yield strength of the materials of a deck that state none [Pa]; None: unknown
     yield_strength: float | None = None
     #: range of that strength [Pa]; None: it is exact
@@ -230,6 +234,10 @@ class SetUp:
         if self.n is not None:
             checks.whole("n", self.n, least=1, most=MOST_OSCILLATORS)
         checks.flag("finer", self.finer)
+        if self.stressed:
+            checks.floats("stressed", self.stressed, (None, 3))
+        if len(self.stressed) > MOST_STRESSED:
+            raise InputError(f"stressed lists at most {MOST_STRESSED} places.")
         if self.material:
             checks.choice("the material", self.material, (*MATERIALS, OWN))
         if self.material == OWN and self.own is None:
@@ -290,7 +298,7 @@ def _read(values: object) -> SetUp:
     table = dict(_checked_fields("set-up", values, SetUp))
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
     _as_tuples(striker, [name for name in ("down", "tilt", "finer") if name in striker])
-    _as_tuples(table, ("point", "direction", "held"))
+    _as_tuples(table, ("point", "direction", "held", "stressed"))
     if table.get("own") is not None:
         table["own"] = _own(table["own"])
     if table.get("yield_range") is not None:
@@ -347,7 +355,7 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         extract["error"] = "estimate"
     return {
         "title": title,
-        **_part(source, set_up, [set_up.point] if set_up.finer else []),
+        **_part(source, set_up, [set_up.point, *set_up.stressed] if set_up.finer else []),
         "supports": [dict(face_of(source, name)) for name in set_up.held],
         "sites": {"struck": site},
         "extract": extract,

@@ -607,6 +607,18 @@ def test_a_fall_tells_where_its_stress_is_largest_for_a_finer_mesh_there(block):
     opened.close()
 
 
+def test_finer_mesh_is_at_the_site_and_at_the_largest_stress(opened):
+    setup = asked(opened)
+    place = [0.01, 0.0, 0.0]
+    for finer, places in ((False, None), (True, [setup["point"], place])):
+        chosen = set_up.read({**setup, "finer": finer, "stressed": [place]})
+        geometry = set_up.scene_of(opened._opened(), chosen, 1e-3)["geometry"]
+        refined = geometry.get("refine")
+        assert (refined and [point for point, _ in refined]) == places
+    with pytest.raises(InputError, match="stressed lists at most"):
+        set_up.read({**setup, "stressed": 4 * [place]})
+
+
 def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
     setup = set_up.read(asked(opened))
     falls = replace(setup.striker, kind="floor", finer=((0.0, 0.0, 0.0),))

@@ -475,9 +475,12 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
-  // Another mesh around the site, or where the impacts of a fall strike and its stress is largest.
+  // Another mesh around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
   finer() {
-    if (!this.falls()) return this.change({ finer: !this.setup.finer });
+    if (!this.falls()) {
+      const { stress_place: place } = this.page ? this.page.data : {};
+      return this.change({ finer: !this.setup.finer, stressed: place && !this.setup.finer ? [place] : [] });
+    }
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
     this.striker({ finer: this.is_finer() ? [] : places.concat(data.stressed ? [data.stressed] : []) });
   }
@@ -533,7 +536,8 @@ class Bench {
       this.future = [];
     }
     this.moving = !done;
-    this.setup = { ...this.setup, ...values };
+    const elsewhere = values.point ? { stressed: [] } : {};
+    this.setup = { ...this.setup, ...elsewhere, ...values };
     this.show_fields();
     this.strike();
   }
