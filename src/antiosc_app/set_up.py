@@ -198,8 +198,8 @@ class SetUp:
     damping: float | None = None
     #: largest cell of the mesh [m]; None: as the file was read
     size: float | None = None
-    #: whether the mesh is refined around the site
-    finer: bool = False
+    #: whether the mesh is refined around the site; None: if the error bar asks for it
+    finer: bool | None = None
     #: places of the largest stress around which it is refined then, too
     stressed: tuple[Sequence[float], ...] = ()
     #: yield strength of the materials of a deck that state none [Pa]; None: unknown
@@ -233,7 +233,8 @@ class SetUp:
             checks.nonnegative("damping", self.damping)
         if self.n is not None:
             checks.whole("n", self.n, least=1, most=MOST_OSCILLATORS)
-        checks.flag("finer", self.finer)
+        if self.finer is not None:
+            checks.flag("finer", self.finer)
         if self.stressed:
             checks.floats("stressed", self.stressed, (None, 3))
         if len(self.stressed) > MOST_STRESSED:
@@ -248,7 +249,7 @@ class SetUp:
     @property
     def is_finer(self) -> bool:
         """Whether the mesh is refined at the site, or at the impacts of a fall."""
-        return bool(self.striker.finer) if self.striker.kind == FLOOR else self.finer
+        return bool(self.striker.finer if self.striker.kind == FLOOR else self.finer)
 
 
 def constants_of(name: str) -> OwnMaterial:

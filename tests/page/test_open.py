@@ -13,6 +13,7 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base import materials, progress
-from antiosc.base.errors import InputError, by_weight
+from antiosc.base.errors import InputError, by_weight, warnings_to
 from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
@@ -604,6 +605,32 @@ def test_a_fall_tells_where_its_stress_is_largest_for_a_finer_mesh_there(block):
         np.linalg.norm(worst.points - zone[:3], axis=1) > zone[3] for zone in worst.margin().beyond
     ]
     assert worst.values[at] == pytest.approx(worst.values[np.all(outside, axis=0)].max())
+    opened.close()
+
+
+def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatch):
+    """Once, where the page leaves both open; what is asked for stays."""
+    from antiosc_app import opened as page
+    from antiosc_app.opened import Opened
+
+    wide = SimpleNamespace(truncation=0.4, mesh=0.2, patch=0.15, total=0.8)
+    monkeypatch.setattr(page.run, "error_budget", lambda hit: {"peak_force": wide})
+    opened = Opened(step)
+    setup = asked(opened, size=0.02, duration=1e-4)
+    assert setup["finer"] is None
+    for given, told, taken in (
+        ({}, 2, {"n": 80, "finer": True}),
+        ({"n": 8, "finer": False}, 0, {"n": 8, "finer": False}),
+    ):
+        messages = []
+        with warnings_to(messages.append):
+            blow = opened._struck(set_up.read({**setup, **given}))
+        assert page._taken(blow) == taken
+        texts = [m for m in messages if m.startswith(("80 anti-oscillators", "The cells around"))]
+        assert len(texts) == told
+        if told:
+            assert "40 % of error" in texts[0]
+            assert "35 % of error" in texts[1]
     opened.close()
 
 

@@ -28,6 +28,7 @@ const rule_of = (name) => RULES[name] || ABOVE_0;
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
+const MOST_STRESSED = 3; // places of the largest stress with smaller cells, as the server takes them
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
@@ -304,6 +305,7 @@ class Bench {
     });
     find("finer").hidden = !facts.geometry;
     find("finer").onclick = () => this.finer();
+    find("coarser").onclick = () => this.coarser();
     find("stop").onclick = () => this.stop();
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
@@ -475,17 +477,30 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
-  // Another mesh around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
+  // Smaller cells around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
   finer() {
-    if (!this.falls()) {
-      const { stress_place: place } = this.page ? this.page.data : {};
-      return this.change({ finer: !this.setup.finer, stressed: place && !this.setup.finer ? [place] : [] });
-    }
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
-    this.striker({ finer: this.is_finer() ? [] : places.concat(data.stressed ? [data.stressed] : []) });
+    if (this.falls()) return this.striker({ finer: places.concat(data.stressed ? [data.stressed] : []) });
+    const more = data.stress_place ? [data.stress_place] : [];
+    this.change({ finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
   }
 
-  is_finer() { return this.falls() ? this.setup.striker.finer.length > 0 : this.setup.finer; }
+  coarser() {
+    if (this.falls()) return this.striker({ finer: [] });
+    this.change({ finer: false, stressed: [] });
+  }
+
+  // Whether the largest stress lies at another place than those with smaller cells.
+  stressed_elsewhere() {
+    const { stress_place: place } = this.page ? this.page.data : {}, { stressed } = this.setup;
+    const near = (one) => Math.hypot(...less(one, place)) < this.facts.size / 2;
+    return Boolean(place) && !this.falls() && stressed.length < MOST_STRESSED && !stressed.some(near);
+  }
+
+  is_finer() {
+    const { finer, striker } = this.setup;
+    return this.falls() ? striker.finer.length > 0 : finer ?? Boolean(this.by_server && this.by_server.finer);
+  }
 
   layered() { return this.setup.striker.layer in this.facts.moduli; }
 
@@ -495,7 +510,7 @@ class Bench {
     if (name === "radius") return this.site ? this.site.radius : 0;
     if (name === "duration") return this.lasts || 0;
     if (UNSTATED.includes(name)) return this.facts.unstated[name];
-    if (name === "n") return this.facts.n;
+    if (name === "n") return this.by_server ? this.by_server.n : this.facts.n;
     if (name === "yield_strength") return 0;
     return this.falls() || name !== "damping" ? this.facts.fall[name] : 0;
   }
@@ -510,15 +525,15 @@ class Bench {
     find("in-python").hidden = falls || Boolean(this.chosen);
     if (falls) find("stresses").hidden = true;
     for (const id of ["hold-row", "held-list", "map"]) find(id).hidden = falls || id === "hold-row" && !this.facts.faces.length;
-    find("finer").hidden = !this.facts.geometry;
+    find("finer").hidden = !this.facts.geometry || this.is_finer() && !this.stressed_elsewhere();
+    find("coarser").hidden = !this.facts.geometry || !this.is_finer();
     const strikes = clicks_hold ? "" : "A click strikes there. ";
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.of_deck() ? "held as in the deck, and what is held here besides" : "free: no face is held");
-    find("finer").setAttribute("aria-pressed", this.is_finer());
-    find("finer").textContent = this.is_finer() ? "Coarser mesh here" : "Finer mesh here";
+    find("finer").textContent = this.is_finer() ? "Finer mesh at the largest stress" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];
   }
 
@@ -647,12 +662,13 @@ class Bench {
       Object.assign(this.page.data, judged, { awaited: false });
       delete this.page.drawn;
       this.page.rest();
+      this.show_fields();
     }
     document.documentElement.dataset.complete = this.turn;
   }
 
-  show({ blow, place, about, caution, verdict, settled, python, site }, part) {
-    [this.site, this.lasts] = [site, blow.duration];
+  show({ blow, place, about, caution, verdict, settled, python, site, taken }, part) {
+    [this.site, this.lasts, this.by_server] = [site, blow.duration, taken];
     this.drawn_site = JSON.stringify([this.setup.point, this.setup.direction, this.setup.held]);
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
@@ -733,6 +749,7 @@ class Bench {
   async save() {
     const { folder, names } = await this.call("save");
     this.ask(`Write ${names.join(" and ")} into ${folder}?`, "Write them", async () => {
+      this.wrote("The scene and its report are being written …");
       const found = await this.step("write", { agreed: names });
       if (!found) return;
       this.wrote(`Written into ${found.folder}: ${found.written.join(" and ")}. The same numbers again: ${found.again} `);

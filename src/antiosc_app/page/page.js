@@ -44,7 +44,7 @@ class Page {
     if (view && !turned && (data.place || data.sites)) view.face(data.place ? data.place.direction : data.sites.directions.slice(3 * this.site, 3 * this.site + 3));
     if (view && data.part) this.part = new Part(data.part, data.blow, view, data.place);
     if (data.sites) this.sites = new Sites(data.sites, view || { axes: () => [], put() {}, draw() {} });
-    if (view && this.sites) view.picked = (x, y) => this.choose(this.sites.near(x, y));
+    if (view && this.sites && !data.fixed) view.picked = (x, y) => this.choose(this.sites.near(x, y));
     this.chart = Chart.on(find("chart"));
     this.kind = this.sites ? "peak_force" : "";
     this.frame = 0;
