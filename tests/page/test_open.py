@@ -1118,7 +1118,7 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
         with Browser() as browser:
             browser.address(shown.address, 1300)
             reached(browser, "complete", 1)
-            browser.run("bench.map()")
+            browser.run("bench.face = '+z'; bench.map()")
             for _ in range(600):
                 if browser.run("return Boolean(bench.page.sites) && !bench.pending"):
                     break
@@ -1129,6 +1129,10 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             struck = reached(browser, "complete", browser.run("return bench.turn"))["setup"]
             assert struck["point"] == [0.031, 0.017, chosen["point"][2]]
             assert struck["direction"] == chosen["direction"]
+            browser.run(CLICK, [0.04, 0.02, 0.015], False)  # on the part, no longer on the map
+            turn = browser.run("return bench.turn")
+            clicked = reached(browser, "settled", turn)["setup"]
+            assert clicked["point"] == pytest.approx([0.04, 0.02, 0.015], abs=5e-4)
             assert browser.said() == []
     finally:
         shown.close()
