@@ -403,6 +403,7 @@ def headline_of_history(
         piercing(hit.model, hit.impactor),
         rough(hit, budget),
         hit.unfinished,
+        of_elastic_part(fields),
         caution_of(hit, budget, structure),
     ]
     caution = " ".join(filter(None, cautions))
@@ -462,7 +463,7 @@ def headline_of_map(
             numbers.append((name.replace("_", " "), text))
         place_text = point_text(impact_map.points[worst_site])
         bar = None if structure is None else map_bar(impact_map, structure, known)
-        force_text = engineering(high, "N") + (f", numerical ± {percent(bar)}" if bar else "")
+        force_text = engineering(high, "N") + (f" ± {percent(bar)}" if bar else "")
         of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
         sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
         sentences.append(_softest(impact_map))
@@ -678,6 +679,18 @@ def judgement(peak: PeakField, force: float | None) -> str:
     """Sentence on the margin, in whose verdict the error of the force counts."""
     sentence = replace(peak.margin(), force_error=force or 0.0).sentence
     return f"{sentence}{without_mesh_error(peak)}"
+
+
+def of_elastic_part(fields: Mapping[str, PeakField]) -> str:
+    """Sentence before the numbers of a part that certainly yields outside the contact; "" else."""
+    margins = [peak.margin() for peak in fields.values() if peak.exposure is not None]
+    shares = [margin.bounds[0] for margin in margins if margin.criterion == "yield"]
+    if max(shares, default=0.0) < 1:
+        return ""
+    return (
+        f"The part yields, at {max(shares):.3g} times its yield strength or more: the force and its"
+        " error bar are those of an elastic part, and one that yields carries less."
+    )
 
 
 #: Beside a stress whose error by the mesh is not estimated.

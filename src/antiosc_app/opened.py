@@ -596,8 +596,9 @@ class Opened:
         stresses = _strengths(blow)
         force = live.force_bar(run.error_budget(blow.hit))
         judged = live.largest_stress(stresses, None, force)
-        sentences = _headline(blow, stresses).sentences
-        return {"verdict": sentences, "judged": judged, "taken": _taken(blow)}
+        head = _headline(blow, stresses)
+        told = {"verdict": head.sentences, "caution": head.caution}
+        return {**told, "judged": judged, "taken": _taken(blow)}
 
     def _map(self, set_up: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""

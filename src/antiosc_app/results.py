@@ -61,6 +61,7 @@ from antiosc_app.live import (
     halved,
     judgement,
     map_cautions,
+    of_elastic_part,
     stress_note,
     without_mesh_error,
 )
@@ -433,7 +434,11 @@ def _impact(results: SceneResults) -> Presentation:
     text = [summary, str(budget or ""), format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,
-        caution=" ".join(filter(None, [doubt, caution_of(hit, budget, results.structure)])),
+        caution=" ".join(
+            filter(
+                None, [doubt, of_elastic_part(peaks), caution_of(hit, budget, results.structure)]
+            )
+        ),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

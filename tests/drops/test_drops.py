@@ -23,7 +23,7 @@ from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotat
 from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.layer import with_layer_contact
-from antiosc_studies.drops.trajectory import initial_state
+from antiosc_studies.drops.trajectory import initial_state, law_error, point_contacts
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -50,6 +50,14 @@ def test_the_error_of_a_fall_by_its_law_has_the_range_of_the_strength() -> None:
     assert unknown.law_error is None
     assert "give part and floor a yield strength" in unknown.contact_verdict
     assert ao.drop(HARD, 0.5, floor=ao.Floor(law=ao.Hertz(1e10)), until=1).law_error is None
+
+
+def test_a_contact_after_the_end_of_an_episode_has_no_error(monkeypatch) -> None:
+    """The run of an episode goes on beyond it, to contacts that are deep there alone."""
+    fall = ao.drop(HARD, 0.5, floor=ao.Floor(ao.material("aluminium 6061-T6")), until=1)
+    monkeypatch.setattr(type(fall.episodes[0]), "sunk", lambda self: np.array([-1e-9]))
+    assert not [*point_contacts(fall.body, fall.setting.floor, fall.episodes)]
+    assert law_error(fall.body, fall.setting.floor, fall.episodes) is None
 
 
 def test_the_strength_of_a_falling_ball_counts() -> None:

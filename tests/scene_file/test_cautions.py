@@ -69,3 +69,20 @@ def test_a_linear_sheet_tells_its_deflection_over_its_thickness():
             re.search(r"by ([\d.]+) times its thickness", text)[1] for text in hit.stretch_texts
         ]
         assert list(map(float, ratios)) == pytest.approx([ratio] * told, rel=0.03)
+
+
+@pytest.mark.parametrize(("speed", "yields"), [(0.05, False), (50.0, True)])
+def test_a_part_that_certainly_yields_is_told_before_its_elastic_force(speed, yields):
+    mesh = sheets.plate(8, 0.02).mesh
+    part = ao.Structure(
+        mesh, ao.material("aluminium 5083-O", thickness=0.02), [ao.Support(lambda x: x[0] < 1e-9)]
+    )
+    model = ao.extract(part, ao.Site((0.5, 0.5, 0.0), (0, 0, -1)), n=20)
+    ball = ao.RigidMass(mass=5.0, velocity=speed)
+    hit = ao.simulate(model, ball, ao.Hertz(1e9), duration=5e-3)
+    peak = ao.peak_field(part, hit)
+    head = live.headline_of_history(hit, part, None, {"von_mises": peak}, None)
+    assert (peak.margin().bounds[0] >= 1) == yields
+    share = f"The part yields, at {peak.margin().bounds[0]:.3g} times its yield strength or more"
+    assert (share in head.caution) == yields
+    assert ("The part yields" in head.caution) == yields

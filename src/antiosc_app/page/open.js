@@ -656,8 +656,9 @@ class Bench {
     if (!fields) return;
     this.show(settled, fields.part);
     document.documentElement.dataset.drawn = this.turn;
-    const { verdict, judged } = await this.step("verdict") || {};
+    const { verdict, caution, judged } = await this.step("verdict") || {};
     if (verdict) {
+      this.warn(caution);
       this.tell(verdict);
       Object.assign(this.page.data, judged, { awaited: false });
       delete this.page.drawn;

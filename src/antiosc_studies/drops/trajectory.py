@@ -528,6 +528,10 @@ def point_contacts(
             history = current.history.contact_histories[k]
             if not isinstance(law, ElasticPlastic | Hertz | Gonthier) or not history.contacts:
                 continue
+            if (
+                depths[k] <= 0
+            ):  # it touches after the end of the episode, up to which its run goes on
+                continue
             yields = isinstance(law, ElasticPlastic) and force > law.yield_force
             dent = history.dent if yields else None
             start, end = max(history.contacts, key=lambda span: span[1] - span[0])
