@@ -27,7 +27,8 @@ from antiosc_studies.drops.cuts import cut_areas
 from antiosc_studies.drops.floor import Floor, law_at
 from antiosc_studies.drops.free_body import Blunt, FreeBody, State
 
-#: A smooth vertex touches as a ball of its own curvature up to so many times its radius.
+#: A smooth vertex touches as a ball of its own curvature if that of its cut has its radius up to
+#: this factor: beside an edge it has a part of its ball alone, and other vertices have the rest.
 BROADER = 1.1
 #: Depths over the size of the part at which its cut is computed.
 DEPTHS = np.geomspace(1e-6, 0.3, 121)
@@ -203,7 +204,7 @@ def flatten(
         if not area > TINY:
             continue
         body.cut.add(i)
-        if skin.sharp[vertex] or radius > BROADER * law.radius:
+        if skin.sharp[vertex] or not law.radius / BROADER < radius < BROADER * law.radius:
             share = min(1.0, law.radius / sqrt(area / pi))
             body.blunt[i] = Blunt(radius, share if skin.sharp[vertex] else 1.0, corner)
 
