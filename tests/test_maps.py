@@ -496,6 +496,21 @@ def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():
     assert "duration" not in " ".join(str(one.message) for one in told)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
+def test_stresses_of_a_map_leave_out_held_faces_as_those_of_an_impact_do():
+    part, everywhere = struck(True, yield_strength=YIELD)
+    found = maps.with_stresses(part, everywhere, None, sharp_edges=False)
+    assert (found.peak_stress < everywhere.peak_stress).any()
+    times = np.linspace(0, DURATION, 150)
+    for i, point in enumerate(POINTS):
+        site = ao.Site(point, (0, 0, -1), radius=0.02)
+        hit = ao.simulate(ao.extract(part, site, n=40), STRIKER, LAW, DURATION)
+        margin = ao.peak_field(part, hit, "yield", times=times, sharp_edges=False).margin()
+        assert found.exposure[i] == pytest.approx(margin.exposure, rel=0.03)
+        assert found.stress_points[i] == pytest.approx(margin.point, abs=1e-9)
+
+
 def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
     _, found, _ = finely(stress=5)
     sought = np.isfinite(found.peak_stress)

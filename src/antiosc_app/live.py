@@ -432,6 +432,8 @@ def comparable(sentence: str) -> str:
 
 #: Name of a time from the first touch to the last release that contains flights.
 FIRST_TO_LAST = "first to last contact"
+#: What the stresses of a map on the page that opens a part leave out.
+NOT_AT_EDGES = "Sharp inner edges and rigidly held faces are left out too, as for a single blow."
 #: How a map gets stresses: in a scene, and on the page that opens a part.
 IN_SCENE = "give the [map] of a scene stress = true"
 ON_PAGE = "the button beside the map adds them"
@@ -474,6 +476,8 @@ def headline_of_map(
             sentences.append(f"The {edges} corners of cells on sharp edges are no sites.")
     if impact_map.peak_stress is not None:
         sentences += _most_dangerous(impact_map, structure, known)
+        if stresses == ON_PAGE:
+            sentences.append(NOT_AT_EDGES)
     elif impact_map.impactor:
         sentences.append(f"Stresses are not part of it: {stresses}.")
     worst = float(impact_map.error.max())

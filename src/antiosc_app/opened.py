@@ -611,7 +611,7 @@ class Opened:
         work = partial(self._impact_map, set_up, blow, group)
         impact_map, alone = self._mapped.of(repr((set_up, group)), lambda: (work(), {}))
         if stress:
-            impact_map = with_stresses(blow.structure, impact_map, stress)
+            impact_map = with_stresses(blow.structure, impact_map, stress, sharp_edges=False)
         return self._told_of_map(impact_map, blow.structure, values, alone)
 
     def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:

@@ -74,7 +74,7 @@ class Away(NamedTuple):
     @property
     def names(self) -> str:
         """What is left out, as text."""
-        names = ["sharp inner edges"] * self.edges + ["faces that are held rigidly"] * self.supports
+        names = ["sharp inner edges"] * self.edges + ["rigidly held faces"] * self.supports
         return " and ".join(names)
 
     @property

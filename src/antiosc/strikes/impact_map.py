@@ -553,9 +553,11 @@ def _struck(
     )
 
 
-def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> ImpactMap:
+def with_stresses(
+    structure: Structure, struck: ImpactMap, most: int | None, sharp_edges: bool = True
+) -> ImpactMap:
     """A map of impacts with the largest stress of those at no more than `most` sound sites; None:
-    at all sites.
+    at all sites. `sharp_edges`: whether these and rigid supports count.
     """
     start_time = time.perf_counter()
     assert struck.forces is not None
@@ -570,7 +572,8 @@ def with_stresses(structure: Structure, struck: ImpactMap, most: int | None) -> 
         radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
         zones = CONTACT_RADII * np.array(radii)
     balls = np.column_stack([struck.points, zones])
-    stresses = largest_stresses(structure, struck.free_sites, forces, struck.duration, which, balls)
+    arguments = forces, struck.duration, which, balls, sharp_edges
+    stresses = largest_stresses(structure, struck.free_sites, *arguments)
     seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
     info = MapInfo(**{**struck.info, "seconds": seconds})
     return replace(struck, info=info, **stresses._asdict())

@@ -374,7 +374,7 @@ class Bench {
     if (!values) return;
     if (values.some((one) => one !== null) && values.includes(null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
     const value = values.includes(null) ? null : values.length > 1 ? values : values[0];
-    const { yield_range: range, yield_strength: before } = own, grown = (end) => exact(end * value / before);
+    const { yield_range: range, yield_strength: before } = own, grown = (end) => rounded(end * value / before);
     const scaled = name === "yield_strength" ? { yield_range: value && before && range ? range.map(grown) : null } : {};
     this.change({ own: { ...own, ...scaled, [name]: value } }, true, inputs);
   }
@@ -460,7 +460,7 @@ class Bench {
     };
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
-      const now = exact((given ?? this.taken(name)) / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
+      const now = given === null || given === undefined ? rounded(this.taken(name) / size) : exact(given / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
@@ -472,7 +472,7 @@ class Bench {
   // The range of a deck's yield strength, which grows with it.
   grown(strength) {
     const { yield_strength: before, yield_range: range } = this.setup;
-    return strength && before && range ? range.map((end) => exact(end * strength / before)) : null;
+    return strength && before && range ? range.map((end) => rounded(end * strength / before)) : null;
   }
 
   falls() { return this.setup.striker.kind === "floor"; }
@@ -812,6 +812,7 @@ function fill(input, value) {
 
 // A time that is expected, in words.
 const lasting = (seconds) => (seconds < 100 ? `about ${Math.max(1, Math.round(seconds))} s` : `about ${Math.round(seconds / 60)} min`);
+const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
 const aimed = (direction) => direction.map((x) => Math.round(1e3 * x) / 1e3 + 0); // as far as the skin knows it; no -0
 

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from math import pi, sqrt, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -402,9 +403,17 @@ class Fall(Trajectory, Result):
         )
 
     def _contact_yield(self, impacts: Iterable[int]) -> str:
-        """Sentence that the contact yields in one of the impacts; "" if not, or if unknown."""
-        episodes = [episode for k in impacts for episode in self._episodes(k)]
-        return contact_yield(self.body, self.setting.floor, episodes)
+        """Sentence that the contact yields in one of the impacts, and in which one of several; ""
+        if not, or if unknown.
+        """
+        of_impact = {k: self._episodes(k) for k in impacts}
+        body, floor = self.body, self.setting.floor
+        sentence = contact_yield(body, floor, [*chain(*of_impact.values())])
+        if not sentence or len(of_impact) == 1:
+            return sentence
+        same = (k for k, own in of_impact.items() if contact_yield(body, floor, own) == sentence)
+        number = next(same, None)
+        return sentence if number is None else f"in impact {number + 1} {sentence}"
 
     @property
     def notes(self) -> list[str]:

@@ -47,7 +47,7 @@ def test_a_bar_is_judged_at_half_its_thickness_from_the_clamp(kind):
     x = margin.point[0]
     assert 0.01 < x <= 0.015 + 1e-9
     assert margin.value == pytest.approx(6 * FORCE * (0.19 - x) / 0.02**3, rel=0.03)
-    assert "outside 10 mm of faces that are held rigidly" in margin.sentence
+    assert "outside 10 mm of rigidly held faces" in margin.sentence
     everywhere = ao.peak_field(part, hit, body="part").margin()
     assert margin.sharp.value == everywhere.value > margin.value
     assert "no limit: here up to" in margin.sentence
