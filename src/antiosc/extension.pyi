@@ -119,6 +119,7 @@ from antiosc.impact.histories.energy import (
     energy_gain as energy_gain,
     impulses as impulses,
 )
+from antiosc.impact.histories.linear_theory import unstretched_text as unstretched_text
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,

@@ -57,6 +57,7 @@ from antiosc.extension import (
     softest_model,
     trusted,
     unknown_dent,
+    unstretched_text,
     weaker_side,
 )
 from antiosc.models.auto_contact import piercing
@@ -802,7 +803,8 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
 
 def _stretching(hit: History) -> str:
     """Sentence whether the part stretches, and what this changes."""
-    texts = (text.replace("'structure'", "the part") for text in hit.stretch_texts)
+    texts = [text.replace("'structure'", "the part") for text in hit.stretch_texts]
+    texts = texts or [*filter(None, [unstretched_text(hit)])]
     return " ".join(f"{capitalised(text)}." for text in texts)
 
 

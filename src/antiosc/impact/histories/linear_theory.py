@@ -116,6 +116,20 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
             )
 
 
+def unstretched_text(history: RunHistory) -> str:
+    """Sentence that the sheets of a run bend too little to stretch; "" if one may, or without
+    sheets.
+    """
+    ratios = [
+        deflection(history, name) / h for name, body, h in _sheets(history) if body.omega.all()
+    ]
+    if not ratios or max(ratios) > SLIGHT_DEFLECTION:
+        return ""
+    return (
+        f"it deflects at the site by {max(ratios):.2g} times its thickness, too little to stretch"
+    )
+
+
 #: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
 #: directions at once, up to a deflection of so many thicknesses (docs/howto/thin_sheets.md).
 BENT_TWICE = ((0.5, "2.3 %"), (1.0, "9 %"), (2.0, "17 %"))
@@ -129,7 +143,7 @@ def held_along_line(name: str, ratio: float) -> str:
         return ""
     words = (
         f"{name!r} is held along one line, so that it bends by {ratio:.2g} times its thickness"
-        " without stretching where it bends in one direction"
+        " at the site without stretching where it bends in one direction"
     )
     share = next((share for most, share in BENT_TWICE if ratio <= most), "")
     if not share:
