@@ -154,7 +154,7 @@ def unsaid(text: str) -> list[str]:
     """
     if re.search(r"\blaw\W+\d|± law\b|numerical|the signals determine", text):
         return []
-    return [line for line in text.splitlines() if "±" in line]
+    return [line for line in text.splitlines() if re.search(r"± *\d", line)]
 
 
 def refreshed(name: str) -> str:
