@@ -19,7 +19,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, TradeoffMember, line_of
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -31,6 +31,7 @@ from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
     from antiosc import Structure
+    from antiosc.extension import TradeoffMember
 
 
 def guarded(options: Namespace) -> int:
@@ -148,6 +149,8 @@ def _tradeoff(options: Namespace) -> int:
         arguments["compare"] = options.compare
     if options.limit is not None:
         arguments["limit"] = options.limit
+    from antiosc.extension import line_of  # needs dolfinx
+
     finished: list[TradeoffMember] = []
 
     def ready(member: TradeoffMember) -> None:

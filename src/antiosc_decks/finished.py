@@ -271,9 +271,11 @@ def _drop_free_followers(builder: ModelBuilder) -> None:
     loaded |= set(np.flatnonzero(builder.used | builder.fixed.any(axis=1)).tolist())
     equations: dict[int, list[list[Term]]] = {}
     for terms in joints.equations:
-        points = {n for n, _, _ in terms} - loaded
+        nodes = {n for n, _, _ in terms}
+        points = nodes - loaded
+        alone = len(points) == 1 and nodes.isdisjoint(builder.apart)  # ends of beams have releases
         for point in points:
-            equations.setdefault(point, []).append(terms if len(points) == 1 else [])
+            equations.setdefault(point, []).append(terms if alone else [])
     dropped: list[list[Term]] = []
     for point, rows in equations.items():
         C = np.zeros((len(rows), 6))

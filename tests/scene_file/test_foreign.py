@@ -394,13 +394,6 @@ def test_the_layers_of_a_laminate_tell_the_unit_of_its_deck(tmp_path):
     np.testing.assert_allclose(found.high, [0.3, 0.3, 0], atol=1e-6)
 
 
-def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, capsys):
-    sheet(tmp_path / "a.bdf", held="1,THRU,16")
-    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
-    assert "wrote" not in capsys.readouterr().out
-    assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]
-
-
 def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
     path = sheet(tmp_path / "a.inp", plane=True)
     found = inspect_part(path)

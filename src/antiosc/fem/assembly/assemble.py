@@ -57,7 +57,7 @@ from antiosc.fem.prestress import Prestress
 from antiosc.fem.prestress.joined import with_prestress
 from antiosc.fem.structure import TURN, Placement
 from antiosc.fem.structure.attachments import Attachment, Damper, PointMass, Spring, attachments_of
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, holding
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -478,7 +478,7 @@ def assemble_checked(
     )
     if prestress is not None:
         matrices = with_prestress(matrices, prestress, joints)
-    self = Structure.holding(matrices, start_time)
+    self = holding(matrices, start_time)
     self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self
 

@@ -251,18 +251,11 @@ class Structure(ReprMixin):
         damping: Matrix | None = None,
     ) -> Structure:
         matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes, damping)
-        self = cls.holding(matrices, start_time)
+        self = holding(matrices, start_time)
         if factor is not None:  # it has shown that K is regular
             self._factored = factor, 0.0
             self.seconds["assembly"] -= factor.seconds
             self.seconds["factorization"] = factor.seconds
-        return self
-
-    @classmethod
-    def holding(cls, matrices: StructureMatrices, start_time: float) -> Structure:
-        """The structure of matrices whose assembly began at the time `start_time`."""
-        self = object.__new__(Structure)
-        self._hold(matrices, start_time)
         return self
 
     def _hold(self, matrices: StructureMatrices, start_time: float) -> None:
@@ -368,6 +361,13 @@ class Structure(ReprMixin):
 
 
 NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
+
+
+def holding(matrices: StructureMatrices, start_time: float) -> Structure:
+    """The structure of matrices whose assembly began at the time `start_time`."""
+    self = object.__new__(Structure)
+    self._hold(matrices, start_time)
+    return self
 
 
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:

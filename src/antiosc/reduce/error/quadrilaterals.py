@@ -31,7 +31,7 @@ from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.halving import halved, scheme
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -137,7 +137,7 @@ def divided(part: MeshedStructure) -> Structure:
         groups, supports = _by_groups(part)
         with without_warnings(), doing("a mesh of half the size, for the error bar"):
             fine = part.again(finer(replace(part.mesh, groups=groups)), supports)
-        _DIVIDED[part] = Structure.holding(fine, start_time)
+        _DIVIDED[part] = holding(fine, start_time)
     return _DIVIDED[part]
 
 
