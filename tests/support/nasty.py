@@ -490,6 +490,7 @@ OWN: dict[str, dict[str, Any]] = {
     "ForceComparison.plot": {"path": "over.png"}, "ShockSpectrum.plot": {"path": "srs.png"},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0, "E": 210e9, "nu": 0.3}, "probe": {"point": (0.1, 0.1, 0.02)},
+    "probe_error": {"point": (0.1, 0.1, 0.02)},
     "resolved_frequency": {
         "source": lambda: ao.AntiOscillators(
             m0=0.1, k0=1e6, m=[0.3], omega=[2e3], info={"converged": 1}

@@ -194,7 +194,7 @@ def impact_map(
     """
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
-    if radius is not None and radius != FACETS:
+    if radius is not None and not (isinstance(radius, str) and radius == FACETS):
         radius = positive("radius", radius, "m")
     if longest is not None:
         longest = positive("longest", longest, "s")

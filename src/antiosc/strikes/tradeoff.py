@@ -360,6 +360,8 @@ def tradeoff(
         Arguments that `strike` refuses.
     """
     tol = checks.tolerance(tol)
+    if ready is not None:
+        ready = checks.function("ready", ready, count=1)
     if compare is not None:
         compare = checks.positive("compare", compare, "s")
     impact_options = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
@@ -369,8 +371,12 @@ def tradeoff(
     meshes: list[Made] = []
 
     def early(member: TradeoffMember) -> None:
-        if ready is not None:
+        if ready is None:
+            return
+        try:
             ready(replace(member, difference=math.nan))
+        except TypeError as error:
+            raise InputError(f"ready must take a method of the trade-off: {error}.") from error
 
     arguments = material, supports, order, limit
 
