@@ -66,7 +66,7 @@ from antiosc_app.scene_file.run import coarse_cells
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
-    from antiosc import Fall, PeakField, Structure
+    from antiosc import Fall, Margin, PeakField, Structure
     from antiosc_studies.drops.fall import WorstField
 
 
@@ -404,7 +404,7 @@ def headline_of_history(
         piercing(hit.model, hit.impactor),
         rough(hit, budget),
         hit.unfinished,
-        of_elastic_part(fields),
+        of_elastic_part(fields, force_bar(budget)),
         caution_of(hit, budget, structure),
     ]
     caution = " ".join(filter(None, cautions))
@@ -597,7 +597,7 @@ def _scatter(alone: Sequence[tuple[PeakField, float | None]], exposure: float) -
     that is not known.
     """
     for peak, force in alone:
-        margin = replace(peak.margin(), force_error=force or 0.0)
+        margin = _margin_with(peak, force)
         if margin.criterion == "yield" and exposure > 0:
             return [bound / exposure for bound in margin.bounds]
     return 1.0, 1.0
@@ -682,13 +682,20 @@ def stress_sentences(
 
 def judgement(peak: PeakField, force: float | None) -> str:
     """Sentence on the margin, in whose verdict the error of the force counts."""
-    sentence = replace(peak.margin(), force_error=force or 0.0).sentence
-    return f"{sentence}{without_mesh_error(peak)}"
+    return f"{_margin_with(peak, force).sentence}{without_mesh_error(peak)}"
 
 
-def of_elastic_part(fields: Mapping[str, PeakField]) -> str:
-    """Sentence before the numbers of a part that certainly yields outside the contact; "" else."""
-    margins = [peak.margin() for peak in fields.values() if peak.exposure is not None]
+def _margin_with(peak: PeakField, force: float | None) -> Margin:
+    """The margin of a stress, with the relative error of the force."""
+    return replace(peak.margin(), force_error=force or 0.0)
+
+
+def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str:
+    """Sentence before the numbers of a part that certainly yields outside the contact; "" else.
+
+    `force`: relative error of the force, as in the verdict.
+    """
+    margins = [_margin_with(peak, force) for peak in fields.values() if peak.exposure is not None]
     shares = [margin.bounds[0] for margin in margins if margin.criterion == "yield"]
     if max(shares, default=0.0) < 1:
         return ""

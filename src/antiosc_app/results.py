@@ -412,7 +412,8 @@ def _impact(results: SceneResults) -> Presentation:
         probe.fewer = fewer.get(probe.name)
     probe_rows = _probe_rows(probes)
     budget = error_budget(hit)
-    stresses = _stress_rows(peaks, force_bar(budget))
+    force = force_bar(budget)
+    stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     groups: list[Columns] = []  # of probes with equal times
@@ -432,13 +433,11 @@ def _impact(results: SceneResults) -> Presentation:
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     summary, explanation = (_untold(told, results) for told in (hit.summary(), hit.explanation))
     text = [summary, str(budget or ""), format_rows([*probe_rows, *stresses])]
+    elastic = of_elastic_part(peaks, force)
+    cautions = [doubt, elastic, caution_of(hit, budget, results.structure)]
     return Presentation(
         text=text,
-        caution=" ".join(
-            filter(
-                None, [doubt, of_elastic_part(peaks), caution_of(hit, budget, results.structure)]
-            )
-        ),
+        caution=" ".join(filter(None, cautions)),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),

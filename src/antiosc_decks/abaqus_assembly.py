@@ -102,8 +102,20 @@ class Whole:
     #: (NSET or ELSET, rows of the file) -> rows with their copies, where the mesh is revolved
     everywhere: Callable[[str, IntArray], IntArray] = field(default=lambda _keyword, rows: rows)
 
-    def spread(self, everywhere: Callable[[str, IntArray], IntArray]) -> None:
-        """Let all sets, and names from now on, mean also the copies that `everywhere` adds."""
+    def spread(self, nodes_at: IntArray, elements: int, sectors: int) -> None:
+        """Let all sets, and names from now on, mean also their copies in all sectors.
+
+        `nodes_at`: nodes of all sectors for each node of the first; `elements`: number of cells of
+        a sector.
+        """
+
+        def everywhere(keyword: str, rows: IntArray) -> IntArray:
+            """The nodes (NSET) or elements (ELSET) of all sectors."""
+            if keyword == "NSET":
+                return np.unique(nodes_at[rows])
+            cells = rows[rows < OTHER]
+            return np.unique(np.add.outer(elements * np.arange(sectors), cells))
+
         self.everywhere = everywhere
         self.sets = {key: everywhere(key[0], rows) for key, rows in self.sets.items()}
         for keyword, sets in (("NSET", self.deck.node_sets), ("ELSET", self.deck.element_sets)):

@@ -13,7 +13,6 @@ from antiosc.base.errors import MeshError
 from antiosc.io.deck import Block, Deck, IntArray
 from antiosc.io.neutral import EDGES
 from antiosc_decks.abaqus_assembly import Whole
-from antiosc_decks.abaqus_cards import OTHER
 from antiosc_decks.abaqus_joints import READERS
 from antiosc_decks.builder import ModelBuilder
 
@@ -56,15 +55,7 @@ def revolve(whole: Whole) -> tuple[int, ...]:
     nodes_at = _turned_nodes(deck, sectors)
     plane = deck.blocks
     deck.blocks = [_sector(block, nodes_at, k) for k in range(sectors) for block in plane]
-
-    def everywhere(keyword: str, rows: IntArray) -> IntArray:
-        """The nodes (NSET) or elements (ELSET) of all sectors."""
-        if keyword == "NSET":
-            return np.unique(nodes_at[rows])
-        cells = rows[rows < OTHER]
-        return np.unique(np.add.outer(elements * np.arange(sectors), cells))
-
-    whole.spread(everywhere)
+    whole.spread(nodes_at, elements, sectors)
     deck.remarks.append(
         f"the axisymmetric mesh of {deck.name} is revolved about y into {sectors} sectors of"
         " solids; what it holds along the radius is held around the axis too."

@@ -15,7 +15,7 @@ import numpy as np
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray
 from antiosc_decks.abaqus_assembly import Whole
-from antiosc_decks.abaqus_cards import OTHER, Card
+from antiosc_decks.abaqus_cards import Card
 from antiosc_decks.abaqus_joints import READERS, surfaces_of
 from antiosc_decks.builder import ModelBuilder
 from antiosc_decks.constraints import connected
@@ -93,15 +93,7 @@ def unfolded(whole: Whole, first: Sequence[Card]) -> Ring | None:
     elements = deck.n_elements
     blocks = deck.blocks
     deck.blocks = [_turned(block, nodes_at[:, k]) for k in range(sectors) for block in blocks]
-
-    def everywhere(keyword: str, rows: IntArray) -> IntArray:
-        """The nodes (NSET) or elements (ELSET) of all sectors."""
-        if keyword == "NSET":
-            return np.unique(nodes_at[rows])
-        cells = rows[rows < OTHER]
-        return np.unique(np.add.outer(elements * np.arange(sectors), cells))
-
-    whole.spread(everywhere)
+    whole.spread(nodes_at, elements, sectors)
     deck.remarks.append(f"the sector of {deck.name} is unfolded: {sectors} of them are a ring.")
     return Ring(nodes_at, turns)
 

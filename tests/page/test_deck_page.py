@@ -12,6 +12,7 @@ import antiosc as ao
 from abaqus_decks import plate_deck
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
+from antiosc.reduce.error import quadrilaterals
 from antiosc_app import live
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
@@ -57,15 +58,19 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
 
 
-def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened):
+def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened, monkeypatch):
+    """Of a mesh too large to be divided, which has no error bar."""
+    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)
     setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.02, "n": 10}
     found = opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
     weights = [weight for weight, _ in found["warnings"]]
     assert weights == sorted(weights)
     assert "are not taken" in found["warnings"][-1][1]
-    assert "There is no error bar" not in found["caution"]
+    assert "There is no error bar, because the cells" in found["caution"]
     told = " ".join([found["caution"], *found["verdict"], *(one for _, one in found["warnings"])])
+    assert "(cell size, which halves all cells: each time 4 times as many)" in told
     assert "Finer mesh here" not in told
+    assert told.count("The cell at the site measures") == 1
     judged = opened.calls["verdict"]({"tab": "a", "turn": 1, "setup": setup})["judged"]
     assert judged == {"stress_note": live.NO_MESH_ERROR}  # no yield strength is known
 
@@ -142,7 +147,8 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
-def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened):
+def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, monkeypatch):
+    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)  # without an error bar
     page = View(opened, "plate", "'none'")
     try:
         with Browser() as browser:
@@ -153,6 +159,7 @@ def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened):
                     break
                 time.sleep(0.1)
             assert not state["failed"]
+            assert any("The cell at the site measures" in text for text in state["shown"])
             assert not any("plate.inp are not taken" in text for text in state["shown"])
             assert any("plate.inp are not taken" in text for text in state["folded"])
             assert live.NO_MESH_ERROR in state["stress"]

@@ -852,7 +852,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
             "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 0.004})"
         )
         at_edge = reached(browser, "complete", 6)
-        assert "MPa" in at_edge["stress"]
+        assert "MPa ±" in at_edge["stress"]  # by Hertz's pressure, not of the mesh
         assert "edge cuts the patch" in at_edge["wrong"]
         browser.run("document.getElementById('save').click()")
         time.sleep(1)

@@ -86,3 +86,5 @@ def test_a_part_that_certainly_yields_is_told_before_its_elastic_force(speed, yi
     share = f"The part yields, at {peak.margin().bounds[0]:.3g} times its yield strength or more"
     assert (share in head.caution) == yields
     assert ("The part yields" in head.caution) == yields
+    assert live.of_elastic_part({"von_mises": peak}, 1.0) == ""  # as the verdict says "may"
+    assert "may be reached" in live.judgement(peak, 1e4)

@@ -560,3 +560,14 @@ def test_the_ball_grows_with_the_part():
 )
 def test_the_unit_is_that_of_the_nearest_known_materials(materials, unit):
     assert units.likeliest(np.array(materials), 2.0) == unit
+
+
+def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, monkeypatch, capsys):
+    def refuse(scene, structure):
+        raise SiteError("the surfaces fit into each other")
+
+    monkeypatch.setattr(new, "_try", refuse)
+    sheet(tmp_path / "a.bdf")
+    assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
+    assert "wrote" not in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]

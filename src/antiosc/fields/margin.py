@@ -397,11 +397,11 @@ def margin_of(
         at_edges = zones.sharp(points)
         no_edges = zones._replace(edges=NOTHING, supports=NOTHING)
         others = np.where(at_edges, np.nan, strengths)
-        beyond = margin_of(criterion, values, others, points, times, places, no_edges)
-        everywhere = margin_of(criterion, values, strengths, points, times, places, no_edges)
         off_balls = ~is_within(points, zones.balls)
-        if beyond is None or not (off_balls & np.isfinite(others)).any():
-            return everywhere
+        if not (off_balls & np.isfinite(others)).any():
+            return margin_of(criterion, values, strengths, points, times, places, no_edges)
+        beyond = margin_of(criterion, values, others, points, times, places, no_edges)
+        assert beyond is not None
         within = np.where(at_edges & off_balls, strengths, np.nan)
         sharp = margin_of(criterion, values, within, points, times, places, NO_ZONES)
         if sharp is not None and sharp.exposure <= beyond.exposure:

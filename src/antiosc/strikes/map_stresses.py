@@ -85,8 +85,7 @@ def largest_stresses(
         edges = NOTHING
         if not sharp_edges:
             edges = np.concatenate(balls_of_edges(structure, sites.phi, None))
-    judged = ~is_within(modes.points, edges)
-    judged |= ~judged.any()
+    judged = _outside(modes.points, edges)
     modes = modes.of(judged)
     b = sites.b[which]
     slow = b / (sites.omega**2 + structure.shift)
@@ -188,7 +187,7 @@ def _of_sites(
         columns[:, :, -1] = residual_stresses.modes[:, :, i]
         x = np.column_stack([q[:, i], F[:, i]])
         seldom = np.union1d(np.arange(0, len(x), EVERY), F[:, i].argmax())
-        outside = is_outside(modes.points, balls[i])
+        outside = _outside(modes.points, balls[i : i + 1])
         largest = _largest(columns, x[seldom]) * outside
         close = np.unique(
             [k for w in scales for k in np.argsort(np.nan_to_num(w * largest))[-CLOSELY:]]
@@ -203,9 +202,9 @@ def _of_sites(
     return results
 
 
-def is_outside(points: Array, ball: Array) -> BoolArray:
-    """Mask (S,) of the points (S, 3) outside a ball x, y, z, radius; all if none is."""
-    outside = np.linalg.norm(points - ball[:3], axis=1) > ball[3]
+def _outside(points: Array, balls: Array) -> BoolArray:
+    """Mask (S,) of the points (S, 3) outside balls (n, 4); all if none is."""
+    outside = ~is_within(points, balls)
     return np.asarray(outside | ~outside.any())
 
 

@@ -28,7 +28,6 @@ const rule_of = (name) => RULES[name] || ABOVE_0;
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
-const MOST_STRESSED = 3; // places of the largest stress with smaller cells, as the server takes them
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
@@ -374,8 +373,7 @@ class Bench {
     if (!values) return;
     if (values.some((one) => one !== null) && values.includes(null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
     const value = values.includes(null) ? null : values.length > 1 ? values : values[0];
-    const { yield_range: range, yield_strength: before } = own, grown = (end) => rounded(end * value / before);
-    const scaled = name === "yield_strength" ? { yield_range: value && before && range ? range.map(grown) : null } : {};
+    const scaled = name === "yield_strength" ? { yield_range: grown(own, value) } : {};
     this.change({ own: { ...own, ...scaled, [name]: value } }, true, inputs);
   }
 
@@ -444,7 +442,7 @@ class Bench {
     made("span", row, unit);
     const size = SIZES[unit] || 1;
     number.placeholder = OPTIONAL[name] || "";
-    const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: this.grown(value) } : {}) });
+    const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: grown(this.setup, value) } : {}) });
     const set = (value, done, inputs) => (kinds ? this.striker({ [name]: value }, done, inputs) : this.change(change(value), done, inputs));
     const value = () => {
       const value = least ? least * (most / least) ** range.value : range.value * most;
@@ -469,12 +467,6 @@ class Bench {
     });
   }
 
-  // The range of a deck's yield strength, which grows with it.
-  grown(strength) {
-    const { yield_strength: before, yield_range: range } = this.setup;
-    return strength && before && range ? range.map((end) => rounded(end * strength / before)) : null;
-  }
-
   falls() { return this.setup.striker.kind === "floor"; }
 
   // Smaller cells around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
@@ -494,7 +486,7 @@ class Bench {
   stressed_elsewhere() {
     const { stress_place: place } = this.page ? this.page.data : {}, { stressed } = this.setup;
     const near = (one) => Math.hypot(...less(one, place)) < this.facts.size / 2;
-    return Boolean(place) && !this.falls() && stressed.length < MOST_STRESSED && !stressed.some(near);
+    return Boolean(place) && !this.falls() && stressed.length < this.facts.most_stressed && !stressed.some(near);
   }
 
   is_finer() {
@@ -813,6 +805,9 @@ function fill(input, value) {
 // A time that is expected, in words.
 const lasting = (seconds) => (seconds < 100 ? `about ${Math.max(1, Math.round(seconds))} s` : `about ${Math.round(seconds / 60)} min`);
 const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself
+// The range of a yield strength, which grows with it.
+const grown = ({ yield_strength: before, yield_range: range }, strength) =>
+  (strength && before && range ? range.map((end) => rounded(end * strength / before)) : null);
 const exact = (x) => Number(Number(x).toPrecision(9)); // without the last digits of a change of unit
 const aimed = (direction) => direction.map((x) => Math.round(1e3 * x) / 1e3 + 0); // as far as the skin knows it; no -0
 

@@ -68,8 +68,8 @@ def too_large(dofs: float, name: str) -> str:
     remedy = "compare with a mesh of larger cells"
     if finer > MOST_DOFS:
         return (
-            f"it takes {name} with each cell divided into four, and {finer:.3g} dofs are more than"
-            f" {MOST_DOFS:.0e}: {remedy}."
+            f"it takes {name} with each cell divided into four, and {finer:.0f} dofs are more than"
+            f" {MOST_DOFS}: {remedy}."
         )
     free = process.free_memory()
     if need > process.MEMORY_SHARE * free:
