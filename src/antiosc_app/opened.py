@@ -11,7 +11,6 @@ solve; by the extracted model with its error bars; and with motion and stress fo
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 import shlex
 import threading
@@ -20,7 +19,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -240,7 +239,7 @@ class Opened:
             "map": self._map,
             "write": self._write,
         }
-        answers = {name: functools.partial(self._in_turn, step) for name, step in steps.items()}
+        answers = {name: partial(self._in_turn, step) for name, step in steps.items()}
         return {
             **answers,
             "stop": self._stop,
@@ -477,7 +476,7 @@ class Opened:
         known = self._impacts.get(key)
         if known is not None and not (known.settled or quickly):
             del self._impacts[key]
-        blow = self._impacts.of(key, functools.partial(self._until_parted, set_up, quickly))
+        blow = self._impacts.of(key, partial(self._until_parted, set_up, quickly))
         assert blow.scene.model is not None
         self.site = blow.scene.model.arguments["site"].made
         return blow
@@ -755,7 +754,7 @@ def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
 def _in_words(value: object, fields: Mapping[str, str]) -> object:
     """A text, or a list of such, in which the page's words replace others."""
     if isinstance(value, str):
-        return functools.reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
+        return reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
     return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
 
 

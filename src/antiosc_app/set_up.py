@@ -150,11 +150,8 @@ class OwnMaterial:
         if self.origin:
             checks.choice("the material", self.origin, MATERIALS)
         solid = Solid(**self.table)
-        if solid.yield_range is None:
-            return
-        low, high = solid.yield_range
-        if not low <= (solid.yield_strength or 0.0) <= high:
-            raise InputError("yield_range needs yield_strength within it.")
+        if solid.yield_range is not None:
+            checks.strength_range(solid.yield_range, solid.yield_strength)
 
     @property
     def table(self) -> Table:
@@ -226,9 +223,7 @@ class SetUp:
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
         if self.yield_range is not None:
-            low, high = checks.floats("yield_range", self.yield_range, (2,))
-            if not 0 < low <= (self.yield_strength or 0.0) <= high:
-                raise InputError("yield_range needs yield_strength within it.")
+            checks.strength_range(self.yield_range, self.yield_strength)
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)
         if self.n is not None:

@@ -31,12 +31,12 @@ from antiosc import (
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.checks import (
     flag,
-    floats,
     instance,
     list_of,
     path as checked_path,
     positive,
     shown,
+    strength_range,
     whole,
 )
 from antiosc.base.errors import InputError, NotTakenWarning
@@ -494,17 +494,12 @@ def _strengths(
     yield_strength: float | None, yield_range: tuple[float, float] | None
 ) -> dict[str, object]:
     """The given strengths of the isotropic materials."""
-    if yield_strength is None:
-        if yield_range is not None:
-            raise InputError("yield_range needs yield_strength within it.")
-        return {}
-    strength = positive("yield_strength", yield_strength, "Pa")
-    if yield_range is None:
-        return {"yield_strength": strength}
-    low, high = floats("yield_range", yield_range, (2,)).tolist()
-    if not 0 < low <= strength <= high:
-        raise InputError("yield_range needs yield_strength within it.")
-    return {"yield_strength": strength, "yield_range": (low, high)}
+    given: dict[str, object] = {}
+    if yield_strength is not None:
+        given["yield_strength"] = yield_strength = positive("yield_strength", yield_strength, "Pa")
+    if yield_range is not None:
+        given["yield_range"] = strength_range(yield_range, yield_strength)
+    return given
 
 
 def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:

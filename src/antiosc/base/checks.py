@@ -196,6 +196,14 @@ def nonempty(name: str, value: object) -> Array:
     return result
 
 
+def strength_range(value: object, strength: float | None) -> tuple[float, float]:
+    """Range of a yield strength [Pa] that holds the strength itself, or InputError."""
+    low, high = floats("yield_range", value, (2,)).tolist()
+    if not 0 < low <= (strength or 0.0) <= high:
+        raise InputError("yield_range needs yield_strength within it.")
+    return low, high
+
+
 def positives(name: str, value: object, unit: str = "") -> Array:
     """Numbers > 0, each of a magnitude from 1e-60 to 1e60, as an array (n,), or InputError."""
     result = column(name, value)
