@@ -16,11 +16,11 @@ from antiosc.io.neutral import UnitSystem
 
 #: The units that are tried, the most frequent first.
 UNITS = ("mm", "m", "in", "mm-kg", "ft")
-#: Longest side [m] of the likeliest part. A file without a unit has the one that brings it nearest,
-#: in decades: a mesh is in mm from 3.2 on; a surface, which CAD programs write in inches too, in mm
-#: from 20 and in inches from 0.63 on (parts of 2.95 and 1.35 inches were taken as metres).
-LIKELIEST_LENGTH = 0.1
-UNITS_OF_MESHES, UNITS_OF_SURFACES = ("mm", "m"), ("mm", "in", "m")
+#: Unit of a file that states none -> its least length in this unit. A mesh is nearest to 0.1 m, in
+#: decades. Of 429 printed parts in mm of four projects 32 are shorter than 20 mm, none than 5.5 mm;
+#: CAD programs write surfaces in inches too (parts of 2.95 and 1.35 inches were taken as metres).
+UNITS_OF_MESHES = {"mm": 3.2, "m": 0.0}
+UNITS_OF_SURFACES = {"mm": 5.5, "in": 0.63, "m": 0.0}
 #: Those in which densities are often stated as weights, lbf/in³ or lbf/ft³.
 OF_POUNDS = ("in", "ft")
 #: Lengths [m] of parts of machines and buildings.
@@ -42,13 +42,12 @@ DUMMY, PLACEHOLDER = 2.0, 1.0
 EQUAL = 0.5
 
 
-def unit_of_length(length: float, units: Sequence[str]) -> str:
-    """The unit of a file that states none, by the length of its part in this unit."""
+def unit_of_length(length: float, units: Mapping[str, float]) -> str:
+    """The unit of a file that states none, by the length of its part in this unit.
 
-    def decades(unit: str) -> float:
-        return abs(log10(max(length, 1e-9) * UnitSystem.of(unit).length / LIKELIEST_LENGTH))
-
-    return min(units, key=decades)
+    `units`: unit -> least length of a part in it, the largest first.
+    """
+    return next((unit for unit, least in units.items() if length >= least), [*units][-1])
 
 
 def unit_of(
@@ -70,8 +69,8 @@ def unit_of(
     read = UnitSystem.of(unit)
     length = extent / read.length
     if not len(materials):
-        known = [name for name in units if name in UNITS_OF_MESHES]
-        return unit_of_length(length, known or units), None
+        known = {name: UNITS_OF_MESHES[name] for name in UNITS_OF_MESHES if name in units}
+        return unit_of_length(length, known or dict.fromkeys(units, 0.0)), None
     materials /= [read.stress, read.density]
     moduli = materials[np.isfinite(materials[:, 0]), 0]
     median = float(np.quantile(moduli, 0.5, method="lower")) if len(moduli) else None
