@@ -577,7 +577,7 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 #: Attributes of a margin among the numbers.
 MARGIN_KEYS = (
-    "criterion", "exposure", "margin", "reached", "contact", "beyond", "spread",
+    "criterion", "scope", "exposure", "margin", "reached", "contact", "beyond", "spread",
     "edge_stress", "thin", "layer", "sentence", "point", "time",
 )  # fmt: skip
 
@@ -586,7 +586,14 @@ def _margin_numbers(peak: PeakField) -> Columns:
     """The margin of a stress field if a strength is known, else {}."""
     if peak.exposure is None:
         return {}
-    return {"margin": {key: getattr(peak.margin(), key) for key in MARGIN_KEYS}}
+    margin = peak.margin()
+    numbers = {key: getattr(margin, key) for key in MARGIN_KEYS}
+    if margin.sharp is None or margin.away is None:
+        return {"margin": numbers}
+    keys = ("value", "exposure", "reached", "point", "time")
+    sharp = {key: getattr(margin.sharp, key) for key in keys}
+    sharp |= {"names": margin.away.names, "distances": margin.away.distances}
+    return {"margin": {**numbers, "sharp": sharp}}
 
 
 def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:

@@ -114,10 +114,13 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
     told = stretching._not_enough(30, last, 0.01)
     assert told.startswith("The deflection may be off by 15 %")
     assert "The force holds: they change it by 0.02 %" in told
-    assert told.endswith("rely on the deflection.")
+    assert told.endswith("Take the deflection with this error.")
     told = stretching._not_enough(30, {**last, "peak_force": 0.02}, 0.01)
     assert "holds" not in told
-    assert told.endswith("rely on the force and deflection.")
+    assert told.endswith("Take the force and deflection with this error.")
+    told = stretching._not_enough(30, {**last, "peak_force": 0.2}, 0.01)
+    assert told.startswith("The force may be off by 60 %")
+    assert told.endswith("program before you rely on the force and deflection.")
 
 
 @pytest.mark.fem

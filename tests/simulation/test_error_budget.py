@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import antiosc as ao
 from antiosc.engine.march import difference
+from antiosc.impact import error_budget
 from antiosc.impact.error_budget import (
     COARSE_SHELL,
     RESOLVED,
@@ -19,7 +21,8 @@ from antiosc.impact.error_budget import (
     SHELL,
     amplitudes,
 )
-from antiosc.impact.histories.bars import CAUSES, FLOOR, QUANTITIES, differences
+from antiosc.impact.histories import bars
+from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
 from antiosc.models.body import ModalModel
 from antiosc_app.live import _bars
@@ -163,10 +166,41 @@ def test_runs_of_other_numbers_of_contacts_leave_the_contact_time_without_a_bar(
     )
     assert budget.incomparable == ("contact_time",)
     assert "not comparable" in budget.notes[0]
-    assert budget.shown("contact_time").endswith("no error bar")
+    assert budget.shown("contact_time").endswith(NO_BAR)
     assert set(budget.shares("contact_time").values()) == {None}
-    assert "contact_time" not in _bars(hit, budget, 0.0)["shares"]
+    of_page = _bars(hit, budget, 0.0)
+    assert "contact_time" not in of_page["shares"]
+    assert of_page["unknown"] == {"contact_time": NO_BAR}
     assert "±" in budget.shown("peak_force")
+
+
+def test_a_contact_time_that_jumps_with_a_contact_is_no_floor_of_the_other_errors():
+    """Of four contacts in a row the flight after the first is longer than it, or just not."""
+    times = [(0.0, 61e-6), (153e-6, 188e-6), (223e-6, 264e-6)]
+    long, short, other = (
+        SimpleNamespace(peak_force=force, impulse=0.058, contacts=times, contact_time=lasted)
+        for force, lasted in ((590.0, 264e-6), (588.0, 61e-6), (588.0, 60e-6))
+    )
+    assert [*map(bars.contacts_of_main, (long, short, other))] == [3, 1, 1]
+    assert differences(long, short)["contact_time"] > 0.7
+    assert max(bars.changes(long, short).values()) == pytest.approx(2 / 590)
+    assert bars.changes(other, short) == differences(other, short)
+
+
+def test_a_law_that_changes_the_number_of_contacts_leaves_the_contact_time_without_a_bar(
+    monkeypatch,
+):
+    def with_softer(raw, by_law, tol):
+        soft.append(by_law(ao.Hertz(1e5), tol))
+        return dict.fromkeys(QUANTITIES, 0.0), ""
+
+    soft: list[ao.History] = []
+    monkeypatch.setattr(error_budget, "law_errors", with_softer)
+    hit = ao.simulate(model(), ao.RigidMass(5.0, 1.0), LAW, 0.05)
+    budget = hit.error_budget
+    assert bars.contacts_of_main(hit) != bars.contacts_of_main(soft[0])
+    assert budget.incomparable == ("contact_time",)
+    assert not any("not comparable" in note for note in budget.notes)  # not by the mesh
 
 
 @pytest.mark.parametrize("share", [0.04, 0.06])

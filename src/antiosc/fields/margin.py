@@ -191,17 +191,20 @@ class Margin(ReprMixin):
         return f"outside {', and '.join(places)}" if places else ""
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """Least and largest exposure within the errors of mesh, edge of the balls, force, and the
-        range of the strength.
-        """
-        weakest, strongest = self.strength_range or (self.strength, self.strength)
+    def stresses(self) -> tuple[float, float]:
+        """Least and largest stress within the errors of mesh, edge of the balls, and force."""
         least = max(self.value - self.mesh_error, (1 - EDGE_ERROR) * self.edge_stress)
         largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
-        return (
-            least * (1 - self.force_error) / strongest,
-            largest * (1 + self.force_error) / weakest,
-        )
+        return least * (1 - self.force_error), largest * (1 + self.force_error)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest exposure within the errors of the stress and the range of the
+        strength.
+        """
+        weakest, strongest = self.strength_range or (self.strength, self.strength)
+        least, largest = self.stresses
+        return least / strongest, largest / weakest
 
     @property
     def sentence(self) -> str:
@@ -249,6 +252,15 @@ class Margin(ReprMixin):
         return f"in layer {self.layer} ({self.surface}) {place}"
 
     @property
+    def _range(self) -> str:
+        """Text: the stress with its errors beside the strength with its range."""
+        low, high = (max(end, 0.0) for end in self.stresses)
+        if self.criterion != "yield":
+            return f"exposure {low:.3g} to {high:.3g} with its errors, failure from 1"
+        strength = _range_of(*self.strength_range or (self.strength, self.strength))
+        return f"stress {_range_of(low, high)} with its errors, strength {strength}"
+
+    @property
     def _largest(self) -> str:
         """Text: the largest stress or exposure, and the margin of safety."""
         there = " there" if self.scope else ""
@@ -285,7 +297,8 @@ class Margin(ReprMixin):
         is_certain = any(run.bounds[0] >= 1 for run in runs)
         possible = [run.impact for run in runs if run.bounds[1] >= 1]
         if possible and not is_certain:
-            verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))}"
+            in_doubt = max(runs, key=lambda run: run.bounds[1])
+            verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))} ({in_doubt._range})"
         else:
             verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
         if not self.contact:
@@ -297,6 +310,11 @@ class Margin(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         return [(self.criterion, self.sentence)]
+
+
+def _range_of(*ends: float) -> str:
+    """A range of stresses [Pa] as text, or the one stress that it is."""
+    return " to ".join(dict.fromkeys(engineering(end, "Pa") for end in ends))
 
 
 #: Largest number of impacts that a verdict lists.

@@ -33,7 +33,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -58,6 +58,7 @@ CLAMP = 0.05
 SAFETY_BEAM = 1.25  # for other bars than those that were measured
 
 Shares = dict[str, float]
+T = TypeVar("T")
 #: Simulates an impact on another body to a tolerance.
 Rerun = Callable[[LinearBody, float], History]
 
@@ -80,7 +81,7 @@ class RepeatedImpact:
 
     def change(self, body: LinearBody) -> Shares:
         """Relative changes of peak force, impulse and contact time on another body."""
-        return bars.differences(self.raw, self.simulate_on(body))
+        return bars.changes(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -236,6 +237,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     model = hit.model
     if not isinstance(model, AntiOscillators):
         raise InputError(no_estimate(model))
+    runs: list[History] = []
+    rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
     if model.strain_error is None and model.info.measured is None and not stretches:
@@ -289,15 +292,23 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     if patch_notes:
         unknown += ("patch",)
     notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
+    settled = all(bars.comparable(raw, run) for run in runs)
+    incomparable = () if settled else ("contact_time",)
     return ErrorBudget(
-        by_quantity,
-        of_mesh.share,
-        notes,
-        of_mesh.safety,
-        left_out,
-        unknown,
-        of_mesh.incomparable,
+        by_quantity, of_mesh.share, notes, of_mesh.safety, left_out, unknown, incomparable
     )
+
+
+def _kept(
+    simulated: Callable[[T, float], History], runs: list[History]
+) -> Callable[[T, float], History]:
+    """The function that repeats an impact, which adds its histories to `runs`."""
+
+    def run(other: T, tol: float) -> History:
+        runs.append(simulated(other, tol))
+        return runs[-1]
+
+    return run
 
 
 #: Least error by the choice of second-order modes, that of their tensors (`STRETCH_SAFETY`).
@@ -346,7 +357,7 @@ class MeshErrors(NamedTuple):
     """Errors of the three quantities due to the mesh and to truncation; zero without a mesh.
 
     `share`: strain error over strain energy; `safety`: the factor in the errors due to the mesh;
-    `doubts`: notes; `incomparable`: the quantities that differ by a number of contacts.
+    `doubts`: notes.
     """
 
     mesh: Shares = bars.NO_ERROR
@@ -354,7 +365,6 @@ class MeshErrors(NamedTuple):
     share: float = 0.0
     safety: float = SAFETY
     doubts: Sequence[str] = ()
-    incomparable: tuple[str, ...] = ()
 
 
 def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
@@ -369,7 +379,7 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    changes = bars.differences(raw, softer)
+    changes = bars.changes(raw, softer)
     if model.strain_misfit is not None:
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
@@ -385,17 +395,15 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
 
     truncated = truncation_error(model, known, tol=impact.tol)
     doubts += too_few
-    incomparable = tuple[str, ...]()
-    if len(raw.contacts) != len(softer.contacts):
-        incomparable = ("contact_time",)
+    if not bars.comparable(raw, softer):
+        here, corrected = map(bars.contacts_of_main, (raw, softer))
         doubts.insert(
             0,
-            f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
-            f"{len(softer.contacts)} corrected): the contact times are not comparable; a finer mesh"
-            " decides.",
+            f"The mesh decides on the number of contacts ({here} here, {corrected} corrected): the"
+            " contact times are not comparable; a finer mesh decides.",
         )
     truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
-    return MeshErrors(mesh, truncation_errors, share, safety, doubts, incomparable)
+    return MeshErrors(mesh, truncation_errors, share, safety, doubts)
 
 
 def _recovered_shell(model: AntiOscillators) -> bool:
@@ -464,7 +472,7 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    change = bars.NO_ERROR if finer is None else bars.differences(hit, finer)
+    change = bars.NO_ERROR if finer is None else bars.changes(hit, finer)
     return {name: max(change[name] + tol, estimated.get(name, error)) for name in QUANTITIES}
 
 

@@ -41,7 +41,7 @@ from antiosc.base.texts import percent
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import differences, with_floor
+from antiosc.impact.histories.bars import changes, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 
@@ -245,7 +245,7 @@ def truncation_error(
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
     raw = _checked_run(run(model, tol))
-    change = differences(raw, _checked_run(run(softest_model(model, next_omega), tol)))
+    change = changes(raw, _checked_run(run(softest_model(model, next_omega), tol)))
     ritz = next_omega is None and _unconverged(model)
     safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
     errors = {name: safety * max(change - tol, 0.0) for name, change in change.items()}

@@ -39,7 +39,7 @@ from antiosc.fem.structure.support import Support
 from antiosc.impact.bodies import RigidMass, Sphere
 from antiosc.impact.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.impact.histories import History, with_model
-from antiosc.impact.histories.bars import ErrorBudget, differences, with_floor
+from antiosc.impact.histories.bars import ErrorBudget, changes, with_floor
 from antiosc.impact.scene import simulate
 from antiosc.impact.truncation import truncation_error
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -390,7 +390,7 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     last_bar, bar = (max(bar.mesh for bar in result.budget.values()) for result in (before, answer))
     if bar > CLOSER * last_bar or answer.structure.dofs < FINER * before.structure.dofs:
         return answer
-    mesh_change = max(differences(before.hit, answer.hit).values())
+    mesh_change = max(changes(before.hit, answer.hit).values())
     share = float(np.clip(2 * mesh_change / (last_bar - bar), LEAST_SHARE, 1.0))
     bars = {name: replace(bar, mesh=share * bar.mesh) for name, bar in answer.budget.items()}
     return replace(answer, budget=replace(answer.budget, bars=bars))
@@ -404,7 +404,7 @@ def changed_since(answer: Answer, before: Answer | None) -> Answer:
     """
     if before is None:
         return answer
-    change = with_floor(differences(before.hit, answer.hit))
+    change = with_floor(changes(before.hit, answer.hit))
     bars = {
         name: replace(bar, mesh=max(bar.mesh, change[name])) for name, bar in answer.budget.items()
     }

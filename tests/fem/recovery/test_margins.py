@@ -317,11 +317,18 @@ def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
     assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
 
 
+def _pascals(share: float) -> str:
+    return engineering(share * YIELD, "Pa")
+
+
 def test_a_margin_within_its_error_by_the_mesh_is_undecided():
     margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0)
     assert margin.sentence.startswith("yield is not reached")
     undecided = dataclasses.replace(margin, mesh_error=0.2 * YIELD)
-    assert undecided.sentence.startswith("yield may be reached")
+    range_told = (
+        f"stress {_pascals(0.7)} to {_pascals(1.1)} with its errors, strength {_pascals(1)}"
+    )
+    assert undecided.sentence.startswith(f"yield may be reached ({range_told}): the largest")
     assert not undecided.reached
     above = dataclasses.replace(undecided, value=1.19 * YIELD)
     assert above.sentence.startswith("yield may be reached")
