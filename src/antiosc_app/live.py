@@ -290,14 +290,16 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
     On the page such an error bar is scaled by the difference that its modified body makes there.
+    `unknown` says why a quantity has none.
     """
+    none: Data = {"shares": {}, "variants": {}, "word": "", "unknown": {}}
     if not budget:
-        return {"shares": {}, "variants": {}, "word": ""}
+        return none
     causes = budget.causes
     barred = {name: bar for name, bar in budget.items() if name not in budget.incomparable}
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in barred.items()}
     if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
-        return {"shares": {}, "variants": {}, "word": ""}
+        return none
     model = hit.model
     variants = {}
     starts_moving = hit.assembly.bodies["structure"].start.any()
@@ -307,7 +309,8 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         variants = {
             cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
         }
-    return {"shares": shares, "variants": variants, "word": "numerical " if budget.law else ""}
+    word = "numerical " if budget.law else ""
+    return {"shares": shares, "variants": variants, "word": word, "unknown": budget.unbarred}
 
 
 def _computed(hit: History) -> Data:

@@ -127,6 +127,9 @@ LEAST_RETURN = 0.2
 #: 20 and 0.05 % with 80 of them, the patch 290 %, and 10 % in finer cells.
 MOST_TRUNCATION, CHOSEN = 0.1, 80
 MOST_OF_CELLS = 0.3
+#: Beside the first number where better ones follow by themselves.
+COARSE = "coarse mesh, refining …"
+FEW = "few anti-oscillators, more follow …"
 #: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
 #: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
 LONGER_OF_MAP = 2.0
@@ -147,7 +150,9 @@ class Overtaken(BaseException):
 
 
 class PageImpact(NamedTuple):
-    """An impact with its scene and inputs; `settled`: by the extracted model."""
+    """An impact with its scene and inputs; `settled`: by the extracted model, with no better one to
+    come; `refining`: what a better one has.
+    """
 
     sections: Table
     scene: CompiledScene
@@ -155,6 +160,7 @@ class PageImpact(NamedTuple):
     model: AntiOscillators
     hit: History
     settled: bool
+    refining: str = ""
 
 
 class Dropped(NamedTuple):
@@ -507,6 +513,10 @@ class Opened:
             better, why = _with_less_error(asked, set_up, blow, source.look)
             if better == set_up:
                 break
+            if quickly:
+                coarse = better.finer != set_up.finer
+                blow = blow._replace(settled=False, refining=COARSE if coarse else FEW)
+                break
             set_up = better
             reasons += why
         if set_up.radius is not None and set_up.radius != asked.radius:
@@ -847,6 +857,7 @@ def _told(blow: PageImpact) -> Data:
         "blow": blow_data,
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
+        "refining": blow.refining,
         "about": f"{headline.about} Computed for {engineering(blow_data['duration'], 's')}.",
         "caution": headline.caution if blow.settled else blow.hit.unfinished,
         "verdict": _said(headline, blow.settled),

@@ -618,6 +618,9 @@ def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatc
     opened = Opened(step)
     setup = asked(opened, size=0.02, duration=1e-4)
     assert setup["finer"] is None
+    first = opened._struck(set_up.read(setup), quickly=True)  # shown while the better one is made
+    assert (first.settled, first.refining) == (False, page.COARSE)
+    assert page._taken(first) == {"n": 20, "finer": False}
     for given, told, taken in (
         ({}, 2, {"n": 80, "finer": True}),
         ({"n": 8, "finer": False}, 0, {"n": 8, "finer": False}),
@@ -1023,6 +1026,15 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert browser.said() == []
 
 
+MAP_BUTTONS = """
+return [map, document.getElementById("map-all")].filter((one) => !one.hidden)
+  .map((one) => one.textContent);
+"""
+#: Labels of the fields whose value is the user's where the page could choose it.
+OWN_VALUES = """
+return [...document.querySelectorAll("#setup .own-value:not([hidden])")]
+  .filter((one) => one.offsetParent).map((one) => one.parentElement.firstChild.textContent);
+"""
 #: The number fields that are shown, each emptied and then given what it cannot be: whether it keeps
 #: the text, is marked, has a rule beside it and stays; and what the set-up has then.
 TYPED = """
@@ -1118,11 +1130,16 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
         with Browser() as browser:
             browser.address(shown.address, 1300)
             reached(browser, "complete", 1)
-            browser.run("bench.face = '+z'; bench.map()")
+            assert browser.run(MAP_BUTTONS) == ["Map the part"]
+            browser.run("bench.face = '+z'; bench.name_map()")
+            assert browser.run(MAP_BUTTONS) == ["Map +z", "Map the part"]
+            browser.run("bench.map()")
             for _ in range(600):
                 if browser.run("return Boolean(bench.page.sites) && !bench.pending"):
                     break
                 time.sleep(0.1)
+            assert browser.run(MAP_BUTTONS) == ["Strike this site"]
+            assert "sites of +z" in browser.run("return about.textContent")
             chosen = browser.run("return bench.chosen")
             for axis, value in (("x", "31"), ("y", "17")):  # the second before the first answer
                 browser.run(CHOOSE, f"input[name='point {axis}']", value)
@@ -1133,6 +1150,18 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             turn = browser.run("return bench.turn")
             clicked = reached(browser, "settled", turn)["setup"]
             assert clicked["point"] == pytest.approx([0.04, 0.02, 0.015], abs=5e-4)
+            assert clicked["radius"] is None
+            assert browser.run(OWN_VALUES) == []
+            browser.run("bench.change({radius: 0.004})")  # it stays, says so, and is given back
+            browser.run(CLICK, [0.03, 0.015, 0.015], False)
+            reached(browser, "complete", browser.run("return bench.turn"))
+            assert browser.run(OWN_VALUES) == ["patch radius"]
+            browser.run("document.querySelector('.own-value:not([hidden]) button').click()")
+            again = reached(browser, "complete", browser.run("return bench.turn"))
+            assert again["setup"]["radius"] is None
+            assert browser.run(OWN_VALUES) == []
+            browser.run("bench.called = 'write'; bench.tell_progress('drawing: Energies')")
+            assert browser.run(READ)["written"].endswith("written: drawing: Energies")
             assert browser.said() == []
     finally:
         shown.close()

@@ -24,7 +24,8 @@ WIDTHS = (1300, 390)
 NAMES = ("peak_force", "impulse", "contact_time", "restitution")
 #: The numbers of the page, its sliders' values, and how wide it is.
 READ = """
-const cells = Object.fromEntries([...document.querySelectorAll("#numbers tr")].map((row) =>
+const rows = document.querySelectorAll("#numbers tr:not(.note)");
+const cells = Object.fromEntries([...rows].map((row) =>
   [row.cells[0].textContent.replace(" ", "_"), Number(row.cells[1].dataset.value)]));
 const sliders = Object.fromEntries([...document.querySelectorAll("#sliders label")].map((row) =>
   [row.querySelector("input").name, Number(row.querySelector("output").dataset.value)]));

@@ -59,12 +59,12 @@ class Chart {
       [...up, ...down].forEach(([a, b]) => pen.lineTo(a, b));
       pen.fill();
     }
-    pen.lineWidth = 1.5;
+    pen.lineWidth = dense(c.computed, right - left) ? 0.5 : 1.5;
     pen.strokeStyle = ink("--faint");
     pen.setLineDash([5, 4]);
     if (c.computed && c.computed.time) line(pen, points(c.computed, x, y, 1));
     pen.setLineDash([]);
-    pen.lineWidth = 2;
+    pen.lineWidth = dense(c.now, right - left) ? 0.7 : 2;
     pen.strokeStyle = "#1f77b4";
     line(pen, points(c.now, x, y, 1));
     if (c.at !== null) {
@@ -77,6 +77,14 @@ class Chart {
 }
 
 const highest = (curve) => (curve && curve.force ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
+// Whether a curve goes up and down so often that a thick line fills what is between.
+function dense(curve, width) {
+  const { force = [] } = curve || {};
+  let turns = 0;
+  for (let i = 2; i < force.length; i++) turns += (force[i] - force[i - 1]) * (force[i - 1] - force[i - 2]) < 0;
+  return turns > width / CLOSE_TURNS;
+}
+const CLOSE_TURNS = 8; // pixels between the turns of such a curve
 const points = (curve, x, y, factor) => Array.from(curve.time, (t, i) => [x(t), y(factor * curve.force[i])]);
 
 function line(pen, through) {

@@ -25,12 +25,14 @@ const ANY = ["a number", () => true], ABOVE_0 = ["a number above 0", (x) => x > 
 const RULES = { damping: ["a number of at least 0", (x) => x >= 0], nu: ["a number between -1 and 0.5", (x) => x > -1 && x < 0.5],
   n: ["a whole number of at least 1", (x) => Number.isInteger(x) && x >= 1] };
 const rule_of = (name) => RULES[name] || ABOVE_0;
+const SET = "set by you, at every site "; // beside a field that the page chooses otherwise
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
+const WRITING = "The scene and its report are being written:";
 const LASTS = 2; // s from which on a stage tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
@@ -88,9 +90,10 @@ class Bench {
   tell_progress(doing) {
     const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
     if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
-    const seconds = Math.floor((performance.now() - this.began) / 1e3);
+    const seconds = Math.floor((performance.now() - this.began) / 1e3), told = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
     find("doing").title = doing;
-    find("doing").textContent = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
+    find("doing").textContent = told;
+    if (this.called === "write") this.wrote(`${WRITING} ${told}`); // beside the button
     if (seconds >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
@@ -309,6 +312,7 @@ class Bench {
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
     find("map").onclick = () => this.map();
+    find("map-all").onclick = () => this.map(0, "");
     find("stresses").onclick = () => this.stresses();
     find("python").onfocus = () => find("python").select();
     this.show_fields();
@@ -456,10 +460,13 @@ class Bench {
       const values = typed([number], size, rule_of(name), open);
       if (values) set(values[0], true, [number]);
     };
+    const own = made("small", row, SET, { className: "own-value", hidden: true });
+    made("button", own, "automatic", { type: "button", title: "let the page choose it", onclick: () => set(null, true, []) });
     this.shown.push(() => {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
       const now = given === null || given === undefined ? rounded(this.taken(name) / size) : exact(given / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
+      own.hidden = !open || name in OPTIONAL || given === null || given === undefined;
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
       fill(number, now || !(name in OPTIONAL) ? now : "");
@@ -521,6 +528,7 @@ class Bench {
     find("coarser").hidden = !this.facts.geometry || !this.is_finer();
     const strikes = clicks_hold ? "" : "A click strikes there. ";
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
+    this.name_map();
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
@@ -660,7 +668,7 @@ class Bench {
     document.documentElement.dataset.complete = this.turn;
   }
 
-  show({ blow, place, about, caution, verdict, settled, python, site, taken }, part) {
+  show({ blow, place, about, caution, verdict, settled, refining, python, site, taken }, part) {
     [this.site, this.lasts, this.by_server] = [site, blow.duration, taken];
     this.drawn_site = JSON.stringify([this.setup.point, this.setup.direction, this.setup.held]);
     this.show_fields();
@@ -675,8 +683,8 @@ class Bench {
     find("about").textContent = about;
     find("held").textContent = place ? place.told : "";
     find("python").value = python;
-    find("case").textContent = settled ? "" : "bars follow …";
-    this.heads("before", "Map");
+    find("case").textContent = settled ? "" : refining || "bars follow …";
+    this.heads("before");
     this.warn(caution);
     this.tell(verdict);
     globalThis.page = this.page;
@@ -691,12 +699,13 @@ class Bench {
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
   // The map; from a map the blow at the site that is chosen on it.
-  async map(stress = 0) {
+  async map(stress = 0, where = this.face || "") {
     if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
-    const found = await this.step("map", { ...(this.face ? { where: this.face } : {}), stress });
+    const found = await this.step("map", { ...(where ? { where } : {}), stress });
     if (!found) return;
+    this.mapped = where;
     this.page.stop();
     this.lasts = found.map.blow.duration;
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
@@ -705,7 +714,7 @@ class Bench {
     find("about").textContent = found.about;
     this.warn(found.caution);
     this.tell(found.verdict);
-    this.heads("computed", "Strike this site");
+    this.heads("computed");
     this.offer = found.offer;
     Object.assign(find("stresses"), { hidden: !this.offer, textContent: this.offer ? `Stress of each blow (${lasting(this.offer.seconds)})` : "" });
   }
@@ -713,9 +722,10 @@ class Bench {
   // The stress of the blow at each site; what takes long is asked for, with fewer sites as the other way.
   stresses() {
     const { sites, seconds, fewer } = this.offer;
-    if (fewer >= sites) return this.map(sites);
+    const map = (count) => this.map(count, this.mapped);
+    if (fewer >= sites) return map(sites);
     const all = `all ${sites}, ${lasting(seconds)}`, some = `${fewer} of them, ${lasting(seconds * fewer / sites)}`;
-    this.ask(`The stress of the blow at each of ${sites} sites takes ${lasting(seconds)}.`, some, () => this.map(fewer), () => {}, [all, () => this.map(sites)]);
+    this.ask(`The stress of the blow at each of ${sites} sites takes ${lasting(seconds)}.`, some, () => map(fewer), () => {}, [all, () => map(sites)]);
   }
 
   // The fields of the site show the site that is chosen on the map.
@@ -734,15 +744,23 @@ class Bench {
 
   wrote(text) { Object.assign(find("written"), { textContent: text, hidden: !text }); }
 
-  heads(compared, map) {
+  heads(compared) {
     find("stresses").hidden = true;
-    [find("compared").textContent, find("map").textContent] = [compared, map];
+    find("compared").textContent = compared;
+    this.name_map();
+  }
+
+  // What the buttons of the map do: strike its site, or map the face that was clicked, or the part.
+  name_map() {
+    const mapped = Boolean(this.page && this.page.sites);
+    find("map").textContent = mapped ? "Strike this site" : `Map ${this.face || "the part"}`;
+    find("map-all").hidden = mapped || !this.face || this.falls();
   }
 
   async save() {
     const { folder, names } = await this.call("save");
     this.ask(`Write ${names.join(" and ")} into ${folder}?`, "Write them", async () => {
-      this.wrote("The scene and its report are being written …");
+      this.wrote(`${WRITING} …`);
       const found = await this.step("write", { agreed: names });
       if (!found) return;
       this.wrote(`Written into ${found.folder}: ${found.written.join(" and ")}. The same numbers again: ${found.again} `);

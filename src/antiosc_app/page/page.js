@@ -8,7 +8,7 @@ const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
 const MOST_DAMPING = 0.1, LONGER = 8, REST = 150; // ms until the picture follows the sliders
 const MANY = 20000; // steps times modes
-const SHORT = 0.2; // share of a run up to which the chart shows the contacts alone
+const SHORT = 0.8; // share of a run up to which the chart shows the contacts alone
 
 const find = (id) => document.getElementById(id);
 
@@ -98,12 +98,14 @@ class Page {
   }
 
   make_numbers() {
-    this.cells = {};
+    [this.cells, this.remarks] = [{}, {}];
     find("numbers").replaceChildren();
     for (const [name, label] of this.rows) {
       const row = made("tr", find("numbers"));
       made("th", row, label);
       this.cells[name] = [made("td", row), made("td", row, "", { className: "computed" })];
+      const below = made("tr", find("numbers"), "", { className: "note", hidden: true });
+      this.remarks[name] = made("td", below, "", { colSpan: 3 });
     }
   }
 
@@ -206,6 +208,14 @@ class Page {
     return [`${plain}${word ? "," : ""}`, `${word}± ${percent(bar)}`];
   }
 
+  // What is said below a number: where it holds, or why it has no bar.
+  remark(name, has_bar) {
+    const { data, blow: { bars } } = this;
+    if (name === "stress") return [data.scope, has_bar ? "" : data.stress_note].filter(Boolean).join("; ");
+    if (name === "deflection") return this.at_start() ? data.part.deflection.told : "";
+    return (bars && bars.unknown || {})[name] || "";
+  }
+
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
   plain(name, value, unit, unknown) {
     if (name === "contacts") return String(value);
@@ -224,15 +234,14 @@ class Page {
     const computed = this.sites ? this.computed_here() : this.compared();
     const { unknown = "" } = this.blow.law.yields || { unknown: "unknown" };
     hit.unknown = unknown;
-    for (const [name, label, unit] of this.rows) {
+    for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
-      if (name === "stress") now.previousSibling.textContent = [label, this.data.scope].join(" ").trim();
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name];
       const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
       unbroken(now, parts);
-      if (name === "stress" && parts.length === 1 && Number.isFinite(value) && this.data.stress_note) made("small", now, ` (${this.data.stress_note})`);
-      if (name === "deflection" && Number.isFinite(value) && this.at_start()) made("small", now, ` ${this.data.part.deflection.told}`);
+      const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, parts.length > 1) : "";
+      Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
       now.dataset.value = value;
       this.head(name, now.textContent);
       const known = computed[name] ?? null;
