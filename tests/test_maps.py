@@ -20,6 +20,7 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.base.texts import engineering, percent
+from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import NEAR
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
@@ -555,3 +556,17 @@ def test_the_reasons_of_doubtful_sites_add_up_to_their_number(steel):
     assert both.doubtful.tolist() == [True, True, True, False]
     told = map_results.doubts_text(both)
     assert told == "3 doubtful sites: 2 where it is cut, 1 where it is held"
+
+
+def test_a_map_whose_law_has_no_error_says_so_and_tells_the_other_errors(monkeypatch):
+    monkeypatch.setattr(verdict, "hardest", lambda impact_map: 4)
+    bar = ErrorBar(100.0, mesh=0.2, truncation=0.0, time=0.0, patch=0.04, law=None)
+    budget = ErrorBudget({"peak_force": bar}, 0.0, law="The total is not known: no strength.")
+    known = {4: SimpleNamespace(error_budget=budget)}
+    told = verdict._no_bar_of_map(SimpleNamespace(peak_force=[100.0]), known)
+    assert "numerical error of 24 %" in told
+    assert told.endswith(budget.law)
+    other = {3: known[4]}
+    assert "mesh's error is not estimated" in verdict._no_bar_of_map(
+        SimpleNamespace(peak_force=[100.0]), other
+    )

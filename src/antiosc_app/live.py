@@ -490,13 +490,25 @@ def headline_of_map(
         f" {engineering(impact_map.band, 'Hz')}."
     )
     if bar is None:
-        cautions.append("There is no error bar: the mesh's error is not estimated.")
+        cautions.append(_no_bar_of_map(impact_map, known))
     about = (
         f"{_body(impact_map.impactor)} strikes "
         f"{_named(impact_map.info.get('structure', 'a part'))}."
     )
     about = about if impact_map.impactor else "Models over a surface"
     return Headline(about, numbers, sentences, caution=" ".join(cautions))
+
+
+def _no_bar_of_map(impact_map: ImpactMap, known: Mapping[int, History]) -> str:
+    """Sentence why the largest force of a map has no bar."""
+    hit = known.get(hardest(impact_map)) if impact_map.peak_force is not None else None
+    if hit is None or not hit.error_budget.law:
+        return "There is no error bar: the mesh's error is not estimated."
+    numerical = percent(hit.error_budget["peak_force"].without_law)
+    return (
+        f"The largest force has a numerical error of {numerical}, without that of the contact's"
+        f" law. {hit.error_budget.law}"
+    )
 
 
 def _softest(impact_map: ImpactMap) -> str:

@@ -658,7 +658,7 @@ class Opened:
         assert impact_map.duration is not None
         lasted = engineering(impact_map.duration, "s")
         return {
-            "map": data,
+            "map": {**data, "barred": {i: _bars_of(hit) for i, hit in alone.items()}},
             "about": f"{headline.about} {len(impact_map)} sites of {where}, each for {lasted}.",
             "caution": headline.caution,
             "verdict": headline.sentences,
@@ -721,6 +721,12 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {**self._names({}), "written": names, "again": again, "report": name}
+
+
+def _bars_of(hit: History) -> dict[str, float | None]:
+    """The relative errors of an impact by quantity; None where they are not known."""
+    budget = hit.error_budget
+    return {name: budget.shares(name)["total"] for name in budget}
 
 
 def _offer(impact_map: ImpactMap, structure: Structure, alone: float) -> Data | None:

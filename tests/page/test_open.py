@@ -1140,6 +1140,21 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
                 time.sleep(0.1)
             assert browser.run(MAP_BUTTONS) == ["Strike this site"]
             assert "sites of +z" in browser.run("return about.textContent")
+            barred = browser.run("return page.cells.peak_force[0].textContent")
+            assert "±" in barred  # the hardest site was struck by itself
+            browser.run("page.choose((page.site + 1) % page.sites.count)")
+            told = "return page.remarks.peak_force.textContent"
+            assert browser.run(told).startswith("no error bar at this site")
+            radius = browser.run("return page.sites.data.radii[page.site]")
+            browser.run("map.click()")
+            there = reached(browser, "settled", browser.run("return bench.turn"))["setup"]
+            assert there["radius"] == pytest.approx(radius)  # the patch that the map judged
+            assert browser.run(OWN_VALUES) == []
+            browser.run("bench.map()")
+            for _ in range(600):
+                if browser.run("return Boolean(bench.page.sites) && !bench.pending"):
+                    break
+                time.sleep(0.1)
             chosen = browser.run("return bench.chosen")
             for axis, value in (("x", "31"), ("y", "17")):  # the second before the first answer
                 browser.run(CHOOSE, f"input[name='point {axis}']", value)

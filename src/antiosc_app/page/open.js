@@ -26,6 +26,7 @@ const RULES = { damping: ["a number of at least 0", (x) => x >= 0], nu: ["a numb
   n: ["a whole number of at least 1", (x) => Number.isInteger(x) && x >= 1] };
 const rule_of = (name) => RULES[name] || ABOVE_0;
 const SET = "set by you, at every site "; // beside a field that the page chooses otherwise
+const OF_CELLS = ["point", "finer", "size"]; // what a patch as the cells resolve it depends on
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
@@ -172,8 +173,8 @@ class Bench {
 
   // The set-up, and those of Undo and Redo, for a reload of the page.
   keep() {
-    const { setup, past, future, face } = this;
-    STORAGE.setItem(this.token, JSON.stringify({ setup, past, future, face }));
+    const { setup, past, future, face, lent } = this;
+    STORAGE.setItem(this.token, JSON.stringify({ setup, past, future, face, lent }));
   }
 
   // Each triangle of the skin gets points of its own, so that faces end sharply.
@@ -466,13 +467,16 @@ class Bench {
       const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
       const now = given === null || given === undefined ? rounded(this.taken(name) / size) : exact(given / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
-      own.hidden = !open || name in OPTIONAL || given === null || given === undefined;
+      own.hidden = !open || name === "radius" && !kinds && this.is_lent() || name in OPTIONAL || given === null || given === undefined;
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
       fill(number, now || !(name in OPTIONAL) ? now : "");
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });
   }
+
+  // Whether the radius of the patch is that of a site of a map that was struck.
+  is_lent() { return this.setup.radius !== null && this.setup.radius === this.lent; }
 
   falls() { return this.setup.striker.kind === "floor"; }
 
@@ -552,6 +556,8 @@ class Bench {
     }
     this.moving = !done;
     const elsewhere = values.point ? { stressed: [] } : {};
+    // the patch of a site of a map is that of its cells
+    if (this.is_lent() && OF_CELLS.some((name) => name in values)) elsewhere.radius = null;
     this.setup = { ...this.setup, ...elsewhere, ...values };
     this.show_fields();
     this.strike();
@@ -703,7 +709,8 @@ class Bench {
     if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
-    const found = await this.step("map", { ...(where ? { where } : {}), stress });
+    const setup = this.is_lent() ? { ...this.setup, radius: null } : this.setup;
+    const found = await this.step("map", { ...(where ? { where } : {}), stress, setup });
     if (!found) return;
     this.mapped = where;
     this.page.stop();
@@ -737,9 +744,10 @@ class Bench {
   }
 
   strike_chosen() {
-    const { chosen } = this;
+    const { chosen, page: { sites: { data: { radii } }, site } } = this, radius = radii.length ? exact(radii[site]) : null;
     this.chosen = null;
-    this.change(chosen);
+    this.change(radius === null || this.setup.radius !== null ? chosen : { ...chosen, radius });
+    if (radius !== null) this.lent = radius;
   }
 
   wrote(text) { Object.assign(find("written"), { textContent: text, hidden: !text }); }

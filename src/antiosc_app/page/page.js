@@ -174,7 +174,7 @@ class Page {
     this.until = this.used < SHORT * duration ? this.used : duration;
     hit.stress = hit.deflection = NaN; // until the picture follows
     this.write(hit, bars);
-    this.bar = bars.peak_force ?? 0;
+    this.bar = bars.peak_force ?? this.bars_here().peak_force ?? 0;
     this.draw_chart();
     document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
     clearTimeout(this.later);
@@ -212,9 +212,13 @@ class Page {
   remark(name, has_bar) {
     const { data, blow: { bars } } = this;
     if (name === "stress") return [data.scope, has_bar ? "" : data.stress_note].filter(Boolean).join("; ");
+    if (this.sites && name === "peak_force" && !has_bar) return "no error bar at this site: it has one when it is struck by itself";
     if (name === "deflection") return this.at_start() ? data.part.deflection.told : "";
     return (bars && bars.unknown || {})[name] || "";
   }
+
+  // The bars of a site of a map that was struck by itself.
+  bars_here() { return this.sites && this.at_start() && (this.data.barred || {})[this.site] || {}; }
 
   // A number as text; of a dent that is 0 only as far as is known, that it is unknown.
   plain(name, value, unit, unknown) {
@@ -237,7 +241,7 @@ class Page {
     for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = this.plain(name, value, unit, unknown);
-      const bar = name === "stress" ? this.data.stress_bar : bars[name];
+      const bar = name === "stress" ? this.data.stress_bar : bars[name] ?? this.bars_here()[name];
       const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
       unbroken(now, parts);
       const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, parts.length > 1) : "";
