@@ -27,6 +27,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
 from antiosc_app.scene_file.scene import STUDIES, CompiledScene
 from antiosc_app.scene_file.schema import schema
+from antiosc_app.scene_file.settled import settled
 from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def _export(options: Namespace) -> int:
     from antiosc_app.export import ending_of
 
     model_alone = ending_of(options.out) == ".mo"
-    scene = compiled(read(options.file))
+    scene, evaluate = settled(read(options.file))
     source = scene.scene or scene.model
     options_of_run = {} if scene.history is None else scene.history.arguments
     if scene.striking:
@@ -118,7 +119,7 @@ def _export(options: Namespace) -> int:
             name: options_of_run[name] for name in ("duration", *shared) if name in options_of_run
         }
     with run.collected_warnings(scene.warnings):
-        Evaluation(scene.document)(Call(antiosc.export, arguments))
+        evaluate(Call(antiosc.export, arguments))
     for sentence in scene.warnings:
         print_text(f"warning: {sentence}", sys.stderr)
     print_text(f"wrote {options.out}")
@@ -141,7 +142,7 @@ OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
 def _tradeoff(options: Namespace) -> int:
     """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
     page = _page(options)
-    scene = compiled(to_a_tolerance(read(options.file)))
+    scene = compiled(to_a_tolerance(settled(read(options.file)).scene.document))
     arguments = {**one_impact(scene, options.file)}
     if options.tol is not None:
         arguments["tol"] = options.tol
@@ -228,21 +229,23 @@ def _page(options: Namespace) -> Path | None:
 
 def _study(options: Namespace) -> int:
     """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
-    scene = compiled(read(options.file))
+    document = read(options.file)
+    scene = compiled(document)
     study = STUDIES[options.command]
     if getattr(scene, study.result) is None:
         raise InputError(f"{options.file} has {study.lacking}.")
-    if getattr(options, "store", None) is not None:
-        scene = _stored(scene, options.store)
     if options.dry_run:
         print_text(_forecast(scene))
         return 0
     page = _page(options)
+    scene, evaluate = settled(document)
+    if getattr(options, "store", None) is not None:
+        scene = _stored(scene, options.store)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
-    computed = run.results(scene, study.makes)
+    computed = run.results(scene, study.makes, evaluate)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
     print_text(results.text(computed, parts))

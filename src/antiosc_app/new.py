@@ -464,11 +464,17 @@ class Inspection:
         site = f"{_rounded(self.point)} m along {self.direction}"
         rows.append(("struck", site, "[sites.tip] point, direction"))
         if self.radius is not None:
-            rows.append(("patch", f"radius {self.radius:g} m", "[sites.tip] radius"))
+            rows.append(("patch", self._patch_text(), "[sites.tip] radius"))
         rows.append(("striker", f"{self.ball_text()}, 1 m/s", "[impactor]"))
         if self.flat is not None:
             rows.append(("contact", "as on a flat face: nothing is known of it", "[contact]"))
         return rows
+
+    def _patch_text(self) -> str:
+        """Text of the radius of the patch."""
+        if self.family != "Solid":
+            return f"radius {self.radius:g} m"
+        return "as small as the mesh resolves, larger if the force needs it"
 
     def _held(self) -> str:
         """Text of the support."""
@@ -1321,7 +1327,7 @@ def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: b
         short_trial = replace(trial, count=min(trial.count, MOST_OSCILLATORS))
         scene.write_text(text(name, part, short_trial, drop), encoding="utf-8")
         try:
-            trial = replace(trial, cell=_try(scene, inspection.structure))
+            trial = replace(trial, cell=_try(scene, inspection))
         except SiteError:
             raise
         except InputError as error:
@@ -1335,13 +1341,17 @@ def _tried_at(scene: Path, name: str, part: str, inspection: Inspection, drop: b
     raise reason
 
 
-def _try(scene: Path, structure: Structure | None) -> float | None:
+def _try(scene: Path, inspection: Inspection) -> float | None:
     """Strike the part for a moment, or drop it once; InputError if that is refused.
 
     Returns the largest allowed cell [m] at the site, if the present cells there are larger.
-    `structure`: that of its deck, which is not read again.
+    The structure of its deck is not read again.
     """
     document = read(scene)
+    structure = inspection.structure
+    for site in document.data.get("sites", {}).values():
+        if inspection.radius is not None:
+            site["radius"] = inspection.radius
     if "extract" in document.data:  # second-order forces take longer, and are those of the run
         document.data["extract"]["stretch"] = False
     on_patch = any("radius" in site for site in document.data.get("sites", {}).values())

@@ -30,7 +30,6 @@ from antiosc.base import checks, progress
 from antiosc.base.errors import (
     AntioscError,
     InputError,
-    RangeError,
     by_weight,
     warn,
     warnings_to,
@@ -58,7 +57,6 @@ from antiosc_app.scene_file.document import (
 )
 from antiosc_app.scene_file.scene import CompiledScene, by_strengths, worst_by_strengths
 from antiosc_app.set_up import (
-    DURATION,
     FIRST,
     FLOOR,
     FLOORS,
@@ -77,10 +75,10 @@ from antiosc_app.set_up import (
     constants_of,
     face_of,
     read,
-    rounded_up,
     scene_of,
     toml,
 )
+from antiosc_app.until_parted import DURATION, LONGER, Choice, until_parted
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
@@ -116,12 +114,8 @@ MESHES = 2
 MODELS = 12
 #: Number of browser tabs whose latest call is known.
 TABS = 100
-#: Largest duration of a run over `DURATION`, each run twice as long, until striker and part have
-#: parted; and the largest number of runs, those with a larger patch included.
-LONGER, MOST_RUNS = 16, 12
-#: A striker that leaves a sheet with less of its speed may meet it again: one sheet returned
-#: 0.0113 within 2 ms and 0.841 within 8 ms, with the largest force in between.
-LEAST_RETURN = 0.2
+#: Largest number of improvements of an impact by its error bar.
+MOST_IMPROVED = 3
 #: Shares of the error of the force from which the page takes CHOSEN anti-oscillators, and smaller
 #: cells at the site. A printed bar of 13.6 × 5 × 100 mm in cells of 5 mm had truncation 40 % with
 #: 20 and 0.05 % with 80 of them, the patch 290 %, and 10 % in finer cells.
@@ -490,24 +484,28 @@ class Opened:
     def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
         """The impact of a set-up that is not known yet; `quickly` as in `_struck`."""
         source = self._in_cells_of(set_up)
-        longest = LONGER * DURATION
-        if source.look.family == "Shell":
-            longest = max(longest, source.look.duration)
+        is_sheet = source.look.family == "Shell"
+        longest = max(LONGER * DURATION, source.look.duration if is_sheet else 0.0)
         asked = set_up
-        duration = set_up.duration or DURATION
+        choice = Choice(
+            asked.radius,
+            asked.duration or DURATION,
+            asked.radius is not None,
+            asked.duration is not None,
+        )
+
+        def run(choice: Choice) -> PageImpact:
+            chosen = replace(set_up, radius=choice.radius)
+            return self._run(scene_of(source, chosen, choice.duration), quickly)
+
         reasons: list[str] = []
-        for _ in range(MOST_RUNS):
-            messages: list[str] = []  # of the run that is shown
+        for _ in range(MOST_IMPROVED):
+            messages: list[str] = []  # of the impact that is shown
             with warnings_to(messages.append):
-                try:
-                    blow = self._run(scene_of(source, set_up, duration), quickly)
-                except RangeError as error:
-                    set_up = _with_larger_patch(set_up, error)
-                    continue
-            least = LEAST_RETURN if source.look.family == "Shell" else 0.0
-            if not (set_up.duration or _parted(blow.hit, least) or duration >= longest):
-                duration = min(2 * duration, longest)
-                continue
+                blow, choice = until_parted(
+                    run, lambda blow: blow.hit, choice, longest=longest, is_sheet=is_sheet
+                )
+            set_up = replace(set_up, radius=choice.radius)
             if not blow.settled:
                 break
             better, why = _with_less_error(asked, set_up, blow, source.look)
@@ -794,13 +792,6 @@ def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
     return evaluate
 
 
-def _with_larger_patch(set_up: SetUp, error: RangeError) -> SetUp:
-    """The set-up with a patch that carries the force; raises the error if a radius is given."""
-    if error.radius is None or set_up.radius is not None:
-        raise error
-    return replace(set_up, radius=rounded_up(error.radius))
-
-
 def _with_less_error(
     asked: SetUp, set_up: SetUp, blow: PageImpact, look: new.Inspection
 ) -> tuple[SetUp, list[str]]:
@@ -825,16 +816,6 @@ def _with_less_error(
         )
         set_up = replace(set_up, finer=True)
     return set_up, reasons
-
-
-def _parted(hit: History, least: float = 0.0) -> bool:
-    """Whether striker and part neither touch nor approach at the end, as far as is known.
-
-    `least`: restitution from which they do not meet again.
-    """
-    contacts = hit.contacts
-    touching = bool(contacts) and contacts[-1][1] >= hit.time[-1]
-    return not touching and (hit.restitution is None or hit.restitution >= least)
 
 
 def _strengths(blow: PageImpact) -> dict[str, Any]:

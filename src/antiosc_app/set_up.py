@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from math import ceil, floor, log10
 from typing import Any, NamedTuple
 
 from antiosc import IMPACTORS, Solid
@@ -23,6 +22,7 @@ from antiosc_app.new import (
     Inspection,
     facet_size_at,
 )
+from antiosc_app.until_parted import rounded_up
 
 #: A table of a scene.
 Table = dict[str, Any]
@@ -61,8 +61,6 @@ LAYERS = {
 NO_LAYER = "none"
 #: Direction in the axes of the file that points down in a fall.
 DOWN = (0.0, 0.0, -1.0)
-#: Duration of the impact on a solid or a bar [s].
-DURATION = 1e-3
 
 
 class InspectedFile(NamedTuple):
@@ -252,12 +250,6 @@ def constants_of(name: str) -> OwnMaterial:
     record = materials.record(name)
     strengths = record.yield_strength, record.yield_range
     return OwnMaterial(record.E, record.nu, record.rho, *strengths, origin=name)
-
-
-def rounded_up(value: float) -> float:
-    """A number with two digits, not below it."""
-    power = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / power * (1 - 1e-9)) * power:.2g}")
 
 
 #: Names in messages that are other ones on the page.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 from antiosc_app.scene_file import run
+from antiosc_app.scene_file.automatic import started
 from antiosc_app.scene_file.build import Builder, Call
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.scene import (
@@ -98,7 +99,8 @@ def _one_of(names: str) -> str:
 
 
 def compiled(document: Document) -> CompiledScene:
-    """The calls of a document; SceneFileError with all its mistakes."""
+    """The calls of a document, with first values for "auto"; SceneFileError with its mistakes."""
+    document = started(document)
     build = Builder(document)
     build.known_sections(build.data, SECTIONS)
     _check_together(build)

@@ -60,9 +60,14 @@ class SceneResults(Objects[Any]):
     tradeoff: Tradeoff | None = None
 
 
-def results(compiled: CompiledScene, wanted: Sequence[str]) -> SceneResults:
-    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails."""
-    evaluate = Evaluation(compiled.document)
+def results(
+    compiled: CompiledScene, wanted: Sequence[str], evaluate: Evaluation | None = None
+) -> SceneResults:
+    """Make the `wanted` objects of a scene; SceneFileError with the line of one that fails.
+
+    `evaluate` knows those that are made already.
+    """
+    evaluate = evaluate or Evaluation(compiled.document)
     title = str(compiled.document.data.get("title") or compiled.document.path.stem)
     results_of_run = SceneResults(compiled=compiled, title=title, warnings=list(compiled.warnings))
     with collected_warnings(results_of_run.warnings):

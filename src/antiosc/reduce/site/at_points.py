@@ -93,7 +93,7 @@ def before_joining(
         if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
             by_site[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
             continue
-        member, aim = _in_part(structure, site, direction)
+        member, aim = in_part(structure, site, direction)
         sites_by_part.setdefault(member.name, (member, {}))[1][k] = aim
     for member, sites_of_part in sites_by_part.values():
         part = part_of(member)
@@ -113,7 +113,7 @@ def before_joining(
     return [by_site[k] for k in range(len(sites))]
 
 
-def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
+def in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
     """(struck part, site in the axes of this part)."""
     snap = site.snap
     if isinstance(site.point, str):

@@ -22,9 +22,10 @@ from antiosc.fem.mesh.closest import closest_many
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.structure import in_space
 from antiosc.fem.structure.meshed import Member, MeshedStructure
-from antiosc.reduce.site.at_points import ON_STRUCTURE, nearest_parts
+from antiosc.reduce.site.at_points import ON_STRUCTURE, in_part, nearest_parts
 from antiosc.reduce.site.doubts import warn_of_doubts
-from antiosc.reduce.site.site import LEAST_FREE_SHARE
+from antiosc.reduce.site.names import at_node, on_face
+from antiosc.reduce.site.site import LEAST_FREE_SHARE, Site
 from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
 
 #: As the radius of the patches: at each site of a solid, what the facets there resolve.
@@ -317,6 +318,31 @@ def resolved_radii(structure: MeshedStructure, points: Array, directions: Array)
     labels = np.zeros(len(faces.facets), dtype=int)
     largest = faces.contact(points, directions, reach, labels).largest
     return np.where(largest > 0, RESOLVED * largest, np.nan)
+
+
+def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
+    """Radius [m] of the smallest patch at a site that all facets under it resolve; None of sheets
+    and bars.
+    """
+    site = site if site.face is None else on_face(structure, site)
+    site = site if site.node is None else at_node(structure, site)
+    assert site.direction is not None
+    member, aim = in_part(structure, site, in_space(site.direction))
+    part = member.part
+    assert aim.point is not None
+    assert not isinstance(aim.point, str)
+    assert aim.direction is not None
+    points = closest_many(part.mesh, in_space(aim.point)[None])[0].x[None]
+    directions = in_space(aim.direction)[None]
+    directions /= np.linalg.norm(directions)
+    radii = resolved_radii(part, points, directions)
+    labels = np.zeros(len(part.faces.facets), dtype=int)
+    while np.isfinite(radii[0]):
+        largest = part.faces.contact(points, directions, radii, labels).largest
+        if not largest[0] > radii[0]:
+            return float(radii[0])
+        radii = RESOLVED * largest
+    return None
 
 
 def clear_of_edges(structure: MeshedStructure, ground: SurfaceSample) -> tuple[SurfaceSample, int]:

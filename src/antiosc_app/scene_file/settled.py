@@ -1,0 +1,129 @@
+"""Values of a scene that are "auto": the radius of its patch and its duration.
+
+Runs of the scene choose them, as those of `antiosc open` do; all commands take the scene with the
+chosen values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from antiosc.base.errors import InputError, warn, warnings_to
+from antiosc.base.texts import engineering
+from antiosc.models.auto_contact import AUTO
+from antiosc_app.scene_file.automatic import only_site, with_values
+from antiosc_app.scene_file.build import Evaluation
+from antiosc_app.scene_file.compiled import compiled
+from antiosc_app.scene_file.document import Document
+from antiosc_app.scene_file.scene import MESHED, CompiledScene
+from antiosc_app.until_parted import Choice, rounded_up, until_parted
+
+if TYPE_CHECKING:
+    from antiosc import History, Structure
+
+
+class Settled(NamedTuple):
+    """A scene with numbers in place of "auto", and the evaluation of its known objects."""
+
+    scene: CompiledScene
+    evaluate: Evaluation
+
+
+class Known:
+    """Structure and last model of a scene, for its runs with other values."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        #: radius, model and the warnings of its extraction
+        self._model: tuple[float | None, object, list[str]] | None = None
+
+    def scene(self, document: Document, choice: Choice) -> Settled:
+        """A document with the values; the model is that of this radius."""
+        scene = compiled(with_values(document, choice))
+        evaluate = Evaluation(scene.document)
+        assert scene.structure is not None
+        assert scene.model is not None
+        evaluate.register(scene.structure, self.structure)
+        if self._model is None or self._model[0] != choice.radius:
+            messages: list[str] = []
+            with warnings_to(messages.append):
+                model = evaluate(scene.model)
+            self._model = choice.radius, model, messages
+        for message in self._model[2]:
+            warn(message)
+        evaluate.register(scene.model, self._model[1])
+        return Settled(scene, evaluate)
+
+
+def settled(document: Document) -> Settled:
+    """The scene of a document; if values are "auto", impacts of it choose them first, with the
+    hardest striker of its sweep.
+    """
+    scene = compiled(document)
+    evaluate = Evaluation(scene.document)
+    if scene.document is document or None in (scene.structure, scene.model, scene.history):
+        return Settled(scene, evaluate)
+    structure = evaluate(scene.structure)
+    first = Choice(None, keeps_radius=True)
+    if only_site(document).get("radius") == AUTO:
+        first = Choice(_smallest(structure, scene))
+    duration = document.data["simulate"].get("duration")
+    if duration != AUTO:
+        first = first._replace(duration=duration, keeps_duration=True)
+    known = Known(structure)
+    hardest = _hardest(document)
+
+    def run(choice: Choice) -> History:
+        one = known.scene(hardest, choice)
+        hit: History = one.evaluate(one.scene.history)
+        return hit
+
+    messages: list[str] = list(scene.warnings)
+    with warnings_to(messages.append):
+        _, choice = until_parted(run, lambda hit: hit, first, is_sheet=_is_sheet(structure))
+        if choice.radius is not None and choice.radius != first.radius:
+            radius = engineering(choice.radius, "m")
+            warn(f"The patch has grown to a radius of {radius}, which carries the force.")
+        result = known.scene(document, choice)
+    result.scene.warnings[:] = list(dict.fromkeys(messages))
+    return result
+
+
+def _hardest(document: Document) -> Document:
+    """The document with the largest values of its sweep for the striker; itself without any."""
+    striker = document.data.get("impactor", {})
+    swept = document.data.get("sweep", {}).get("impactor", {})
+    largest = {
+        key: max(values)
+        for key, values in swept.items()
+        if isinstance(values, list) and all(isinstance(value, int | float) for value in values)
+    }
+    if not largest:
+        return document
+    return replace(document, data={**document.data, "impactor": {**striker, **largest}})
+
+
+def _smallest(structure: Structure, scene: CompiledScene) -> float | None:
+    """Radius [m] of the smallest patch that the facets resolve at the site; None for a point."""
+    from antiosc.extension import with_parts
+    from antiosc.reduce.site.map_sites import resolved_radius
+
+    if not set(MESHED.split()) & set(scene.document.data):
+        return None
+    assert scene.model is not None
+    site = scene.model.arguments["site"].made
+    if (site.point, site.face, site.node) == (None, None, None):
+        return None
+    radius = resolved_radius(with_parts(structure), site)
+    return None if radius is None else rounded_up(radius)
+
+
+def _is_sheet(structure: Structure) -> bool:
+    """Whether a part of the structure is a sheet."""
+    from antiosc.extension import with_parts
+
+    try:
+        return any(member.part.kind.sheet for member in with_parts(structure).members())
+    except (AttributeError, InputError):  # matrices of other programs have no parts
+        return False

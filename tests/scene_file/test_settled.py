@@ -1,0 +1,90 @@
+"""The radius of a patch and the duration that a scene leaves to its runs ("auto")."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.settled import settled
+
+#: A lid of 50 × 40 × 6 mm, held at one end.
+LID = """\
+[geometry]
+source = "lid.geo"
+size = 4e-3
+[material]
+name = "ABS"
+[[supports]]
+plane = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+[sites.tip]
+point = [0.04, 0.02, 0.006]
+direction = [0.0, 0.0, -1.0]
+radius = RADIUS
+snap = true
+[extract]
+n = 12
+[impactor]
+kind = "Sphere"
+radius = 0.01
+material = "bearing steel 100Cr6"
+velocity = 1.0
+[simulate]
+duration = DURATION
+"""
+BOX = 'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 0.05, 0.04, 0.006};\n'
+
+
+def scene(folder, radius='"auto"', duration='"auto"', more=""):
+    (folder / "lid.geo").write_text(BOX)
+    path = folder / "lid.toml"
+    path.write_text(LID.replace("RADIUS", radius).replace("DURATION", duration) + more)
+    return path
+
+
+def hit_of(document):
+    found = settled(document)
+    return found.scene.document.data, found.evaluate(found.scene.history)
+
+
+def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path):
+    alone, first = hit_of(read(scene(tmp_path, duration="4e-4")))
+    sweep = "[sweep]\nimpactor.velocity = [1.0, 20.0, 5.0]\n"
+    swept, _ = hit_of(read(scene(tmp_path, duration="4e-4", more=sweep)))
+    small, large = (data["sites"]["tip"]["radius"] for data in (alone, swept))
+    assert small < large
+    assert swept["impactor"]["velocity"] == 1.0
+    assert np.sqrt(0.01 * first.deepest) < 0.6 * small  # Hertz's radius √(R δ)
+    faster = read(scene(tmp_path, str(large), "4e-4"))
+    faster.data["impactor"]["velocity"] = 20.0
+    _, hit = hit_of(faster)
+    assert hit.peak_force > first.peak_force
+    faster.data["sites"]["tip"]["radius"] = small  # a number is kept
+    with pytest.raises(ao.AccuracyError, match="radius"):
+        hit_of(faster)
+
+
+def test_a_run_that_nobody_limited_goes_on_until_the_largest_deflection_is_past(tmp_path):
+    data, hit = hit_of(read(scene(tmp_path, "5e-3")))
+    duration = data["simulate"]["duration"]
+    assert hit.run.time[-1] == duration
+    # a cantilever's lowest frequency, 3.516 √(E I / m L³) / 2π, is that of the lid within 20 %
+    abs_ = ao.material("ABS")
+    lowest = 3.516 * 0.006 / 0.05**2 * np.sqrt(abs_.E / (12 * abs_.rho)) / (2 * np.pi)
+    assert 0.8 * 0.5 / lowest < duration - hit.contacts[-1][1]
+    deflection = np.abs(hit.at(np.linspace(0, duration, 400))["structure"].displacement())
+    longer = read(scene(tmp_path, "5e-3", str(3 * duration)))
+    whole = np.abs(
+        hit_of(longer)[1].at(np.linspace(0, 3 * duration, 1200))["structure"].displacement()
+    )
+    assert deflection.max() == pytest.approx(whole.max(), rel=0.02)
+
+
+def test_a_slow_contact_is_run_to_its_end(tmp_path):
+    path = scene(tmp_path, "5e-3")
+    heavy = 'kind = "RigidMass"\nmass = 0.5\ntip_radius = 0.01\n'
+    path.write_text(path.read_text().replace('kind = "Sphere"\nradius = 0.01\n', heavy))
+    data, hit = hit_of(read(path))
+    assert 1e-3 < hit.contacts[-1][1] < data["simulate"]["duration"]
+    assert hit.restitution >= 0
