@@ -77,6 +77,22 @@ def test_bad_input(size, striker, material, words):
         advise(size, striker, **material)
 
 
+@pytest.mark.fem
+@pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
+def test_a_solid_that_is_no_block_gets_no_advice_by_its_box(tmp_path):
+    """A T of webs of 15 mm in a box of 100 x 100 mm is no beam of 100 mm thickness."""
+    boxes = "Box(1) = {0, 0, 0, 1, 0.1, 0.015};\nBox(2) = {0, 0.04, 0.015, 1, 0.015, 0.085};\n"
+    (tmp_path / "t.geo").write_text(
+        f'SetFactory("OpenCASCADE");\n{boxes}BooleanUnion{{Volume{{1}}; Delete;}}{{Volume{{2}}; '
+        "Delete;}\n"
+    )
+    web = ao.Structure(ao.read_mesh(tmp_path / "t.geo", size=0.05), ao.Solid(**STEEL))
+    with pytest.raises(ao.InputError, match="thickness"):
+        advise(web, sphere(0.01, 1.0))
+    block = ao.Structure(ao.box_mesh((1.0, 0.1, 0.1), size=0.05), ao.Solid(**STEEL))
+    assert advise(block, sphere(0.01, 1.0)).family == "beam"
+
+
 @pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")

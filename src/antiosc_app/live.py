@@ -650,7 +650,7 @@ def _body(body: LinearBody | None) -> str:
 
 def _named(described: str) -> str:
     """The name of the mesh in a description of `Structure.describe`."""
-    return re.split("[:,]", described, maxsplit=1)[0]
+    return re.split(r"[:,]|(?<=of \d part) \(|(?<=parts) \(", described, maxsplit=1)[0]
 
 
 def _time_label(hit: History) -> str:

@@ -25,7 +25,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import FieldsRepr
+from antiosc.base.texts import FieldsRepr, percent
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.bodies import RigidMass, Sphere
@@ -44,6 +44,8 @@ UNMOVED = 0.02
 SLENDER = 5.0
 #: Largest contact radius over thickness for a family whose thickness is rigid.
 CONTACT = 0.25
+#: Least share of its bounding box that a block, a plate or a bar of solids fills.
+BLOCK = 0.8
 #: Elements per wavelength (cubic or quadratic ones).
 PER_WAVE = 4.0
 #: Factor of Hertz's contact time, 2.943 δ/v with a rigid partner.
@@ -108,7 +110,7 @@ def advise(
     ------
     InputError
         Dimensions that are not positive or not in falling order, no material, an impactor at rest
-        or without Hertz's law.
+        or without Hertz's law; a structure of solids that is no block.
     """
     length, width, thickness, material = _measures(part, E, nu, rho)
     E, nu, rho = material
@@ -156,6 +158,12 @@ def advise(
     )
 
 
+def _is_solid(part: Structure) -> bool:
+    """Whether the part is a mesh of solids, or an assembly."""
+    kind = getattr(part.matrices, "kind", None)
+    return kind is None or bool(kind.outside)
+
+
 def _measures(
     part: Sequence[float] | Structure, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
@@ -163,6 +171,12 @@ def _measures(
     if isinstance(part, Structure):
         size = np.array(part.dimensions)
         E, nu, rho = part.constants()
+        filled = part.mass / (rho * size.prod())
+        if _is_solid(part) and filled < BLOCK:
+            raise InputError(
+                f"the part fills {percent(filled)} of its bounding box, whose sides do not tell "
+                "its thickness: give advise the length, width and thickness at the site."
+            )
     else:
         size = checks.floats("part's dimensions", part, (3,))
     if E is None or rho is None:

@@ -446,8 +446,9 @@ class AssembledMatrices(StructureMatrices):
     def describe(self, dofs: int) -> str:
         names = self.layout.names
         names_text = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
+        parts = "1 part" if len(names) == 1 else f"{len(names)} parts"
         return (
-            f"assembly of {len(names)} parts ({names_text}), {dofs} dofs, "
+            f"assembly of {parts} ({names_text}), {dofs} dofs, "
             f"{self.rigid_modes.shape[1]} rigid-body modes{self.loads_told}"
         )
 

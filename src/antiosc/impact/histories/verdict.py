@@ -220,7 +220,7 @@ def law_text(contact: OneContact) -> str:
     law = contact.law
     name = type(law).__name__
     if choice is None or choice.law != law:
-        return f"{name}, as given"
+        return f"{name}, from the input"
     return f"{name}: {choice.reason}"
 
 
