@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import hypot, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc_studies.drops.blunt import RADIUS, Corner, _tip
+from antiosc.engine.contact.peak_error import force_after
+from antiosc_studies.drops.blunt import RADIUS, Corner, _tip, _work
 from antiosc_studies.drops.body import free_body
+from antiosc_studies.drops.floor import law_at
 
 pytestmark = pytest.mark.fem
 PLASTIC = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=(38e6, 46e6))
@@ -100,3 +104,42 @@ def test_what_is_known_on_breaking_is_told(name: str, word: str) -> None:
     (note,) = (note for note in fall.notes if "break" in note)
     assert word in note
     assert "across its layers" in note
+
+
+def test_vertices_of_one_corner_are_one_contact() -> None:
+    """A cube's corner and its edges face 35.3° apart. A vertex on a ball is of it."""
+    body = free_body(
+        ao.Structure(ao.box_mesh((0.02, 0.02, 0.02), size=0.01), PLASTIC), 0, None, None
+    )
+    corner, edge = np.ones(3) / sqrt(3), np.array([0.0, 1.0, 1.0]) / sqrt(2)
+    vertices = np.outer([0.0, 0.5e-3, 1.2e-3, 20e-3, 20.4e-3], [-1.0, 0.0, 0.0])
+    facing = np.array([corner, edge, edge, edge, edge])
+    balls = np.array([0.0, 0.0, 0.0, 2e-3, 0.0])
+    several = replace(body, points=vertices - balls[:, None] * facing, facing=facing, balls=balls)
+    assert several.touching_as([0]).tolist() == [True, True, False, False, False]
+    for one in (3, 4):
+        assert several.touching_as([one]).tolist() == [False, False, False, True, True]
+
+
+@pytest.mark.slow
+def test_the_bar_of_a_ball_has_no_line_beside_it(tmp_path: Path) -> None:
+    """A rounded corner has no more force than its ball under a rigid part, at equal work, and cells
+    of other sizes give the same force within the bar.
+    """
+    box = "Box(1) = {0, 0, 0, 0.03, 0.02, 0.01}; Fillet{1}{1:12}{0.002}"
+    (tmp_path / "part.geo").write_text(f'SetFactory("OpenCASCADE"); {box}')
+    floor = ao.Floor("concrete C30/37")
+    falls = []
+    for size in (2.5e-3, 1.8e-3):
+        part = ao.Structure(ao.read_mesh(tmp_path / "part.geo", size=size), PLASTIC)
+        falls.append(ao.drop(part, 0.8, (8, 40, 0), floor, 1, modes=6))
+    for fall in falls:
+        episode = fall.episodes[0]
+        which = int(episode.which[np.argmax(episode.forces()[1].max(axis=0))])
+        law = law_at(episode.body, floor, which)
+        rigid = force_after(law, _work(episode.body, episode.start, which))
+        assert fall.peak_force < rigid
+        assert not fall.unsure
+        assert fall.law_error is not None
+        assert fall.law_error < 0.3
+    assert falls[1].peak_force == pytest.approx(falls[0].peak_force, rel=falls[0].law_error)

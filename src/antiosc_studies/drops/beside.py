@@ -10,7 +10,7 @@ times this force; with edges inclined by 25° and more both lie below the bar of
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -36,7 +36,8 @@ def share_beside(floor: Floor, current: Episode) -> float:
         energy, *_ = current.start.energies(current.body, 0.0)
         matter = _matter(floor, current, line.point)
         return force_along(matter, line.radius, line.length, energy) / peak
-    return max(_force_of_cut(floor, current) / peak - 1, 0.0)
+    beside = max(_force_of_cut(floor, current) - peak, _force_beside_balls(floor, current))
+    return max(beside / peak, 0.0)
 
 
 def _force_of_cut(floor: Floor, current: Episode) -> float:
@@ -51,9 +52,10 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
         return 0.0
     times, forces = current.forces()
     peak = int(np.argmax(forces.sum(axis=1)))
-    pressing = current.which[forces[peak] > 0]
+    presses = forces[peak] > 0
+    pressing = current.which[presses]
     nearest = cKDTree(skin.points).query(body.points[pressing] + body.centre)[1]
-    if not skin.sharp[nearest].any() or body.cut.issuperset(pressing.tolist()):
+    if not skin.sharp[nearest].any() or current.complete(presses):
         return 0.0
     depths = current.history.run.depth[: peak + 1, : len(current.which)]
     work = float(trapezoid(forces[: peak + 1], depths, axis=0).sum())
@@ -68,6 +70,31 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     force = np.fmin(TABOR * strength * area, punch)
     works = cumulative_trapezoid(force, d, initial=0.0)
     return float(np.interp(work, works, force))
+
+
+def _force_beside_balls(floor: Floor, current: Episode) -> float:
+    """Tabor's pressure [N] on what the floor cuts of the part next to balls, outside of them."""
+    body = current.body
+    skin = body.skin
+    depths = current.sunk()
+    balls = np.flatnonzero((depths > 0) & (body.balls[current.which] > 0))
+    if skin is None or skin.half.any() or not len(skin.triangles) or not len(balls):
+        return 0.0
+    up = current.start.R[2]
+    lowest = body.points[current.which] - body.balls[current.which, None] * up
+    corners = skin.points[skin.outward] - body.centre
+    nearest = cKDTree(lowest).query(corners.mean(axis=1))[1]
+    force = 0.0
+    for k in balls.tolist():
+        own = corners[nearest == k]
+        d = depths[k] * DEPTHS
+        heights = (own - lowest[k]) @ up
+        area = float(np.interp(depths[k], d, cut_areas(own, heights, up, d)))
+        beyond = area - 2 * pi * float(body.balls[current.which[k]]) * depths[k]
+        modulus, strength = _matter(floor, current, int(current.which[k]))
+        elastic = 2 * modulus * sqrt(max(beyond, 0.0) / pi) * depths[k]
+        force += float(np.fmin(TABOR * strength * max(beyond, 0.0), elastic))
+    return force
 
 
 def _matter(floor: Floor, current: Episode, vertex: int) -> tuple[float, float]:

@@ -165,6 +165,7 @@ def _elastic(
         notes=tuple(notes),
         facing=None if skin.half.any() else skin.normals[hull_points],
         assumed=corner is None,
+        corner=rounded,
         structure=structure,
         basis=phi,
         skin=skin,

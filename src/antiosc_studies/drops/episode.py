@@ -20,7 +20,7 @@ from scipy.linalg import block_diag
 from scipy.spatial import cKDTree
 
 from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import AccuracyError, without_warnings
 from antiosc.base.texts import COMPLETED, STOPPED
 from antiosc.engine.march import FINE as FINEST, Run, run as march_once
@@ -630,6 +630,13 @@ class Episode:
         run = self.history.run
         return run.depth[run.time <= self.duration * (1 + 1e-12), : len(self.which)].max(axis=0)
 
+    def complete(self, pressing: BoolArray) -> bool:
+        """Whether those of its points that press stand for all of the surface there.
+
+        They are balls, or have what the floor cuts of the part.
+        """
+        return all(i in self.body.cut or self.body.balls[i] for i in self.which[pressing].tolist())
+
     @property
     def deepest(self) -> float:
         """Largest depth [m] in the laws, or on a layer the depth of the body's lowest vertex."""
@@ -660,7 +667,7 @@ class Episode:
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return None
-        if body.cut.issuperset(self.which[self.sunk() > 0].tolist()):
+        if self.complete(self.sunk() > 0):
             return None  # the vertices have what the lines carry
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]

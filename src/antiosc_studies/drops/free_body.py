@@ -67,6 +67,7 @@ class FreeBody:
     laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
     idle : (V,) whether a point makes no contact.
     assumed : whether nobody gave the radius of sharp corners.
+    corner : that radius [m], within which the points of a solid are one contact.
     blunt : number of a sharp vertex -> the ball as which it touches.
     cut : vertices that stand for what the floor cuts of the part there.
     cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
@@ -100,6 +101,8 @@ class FreeBody:
     stations: tuple[IntArray, ...] = ()
     #: whether nobody gave the radius of sharp corners
     assumed: bool = False
+    #: radius [m] of sharp corners
+    corner: float = 0.0
     #: number of a sharp vertex -> the ball as which it touches
     blunt: dict[int, Blunt] = field(default_factory=dict)
     cut: set[int] = field(default_factory=set)
@@ -167,18 +170,20 @@ class FreeBody:
         """(V,) mask of points that share a contact with one of the points `which`.
 
         Points of a solid share a contact if they are close together and face the same way, as on a
-        round edge, or belong to one ball. Two corners of a slender bar are two contacts.
+        round edge, or belong to one ball, or lie on one rounded corner. Two corners of a slender
+        bar are two contacts.
         """
         touching = np.zeros(len(self.points), dtype=bool)
         touching[which] = True
         if self.facing is not None:
             by_itself = ~self.facing.any(axis=1)
+            vertices = self.points + self.balls[:, None] * self.facing
             for i in which:
-                is_near = (
-                    np.linalg.norm(self.points - self.points[i], axis=1) <= APART * self.extent
-                )
-                is_near &= ~(by_itself | by_itself[i])
-                touching |= is_near & ((self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0))
+                apart = self.points - self.points[i], vertices - vertices[i]  # one ball, one place
+                distance = np.linalg.norm(apart, axis=2).min(axis=0)
+                alike = (self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0)
+                is_near = (distance <= APART * self.extent) & alike | (distance < self.corner)
+                touching |= is_near & ~(by_itself | by_itself[i])
         return touching
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
