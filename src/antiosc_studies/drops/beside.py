@@ -77,7 +77,8 @@ def _force_beside_balls(floor: Floor, current: Episode) -> float:
     body = current.body
     skin = body.skin
     depths = current.sunk()
-    balls = np.flatnonzero((depths > 0) & (body.balls[current.which] > 0))
+    whole = np.isin(current.which, [*body.cut])
+    balls = np.flatnonzero((depths > 0) & (body.balls[current.which] > 0) & ~whole)
     if skin is None or skin.half.any() or not len(skin.triangles) or not len(balls):
         return 0.0
     up = current.start.R[2]

@@ -174,15 +174,16 @@ def flatten(
     skin = body.skin
     if skin is None or skin.half.any() or not len(skin.triangles) or body.layer_contact is not None:
         return
-    on_skin = cKDTree(skin.points).query(body.points[which] + body.centre)[1]
     done = body.cut | body.blunt.keys() | body.laws.keys()
-    new = [k for k, i in enumerate(which.tolist()) if i not in done and not body.balls[i]]
+    new = [k for k, i in enumerate(which.tolist()) if i not in done]
     if not new:
         return
-    lowest = which[np.argmin(body.points[which] @ start.R[2])]
+    on_skin = cKDTree(skin.points).query(body.vertices[which] + body.centre)[1]
+    places = body.points[which] - body.balls[which, None] * start.R[2]
+    lowest = places[np.argmin(places @ start.R[2])]
     triangles = skin.outward
     corners = skin.points[triangles] - body.centre
-    nearest = cKDTree(body.points[which]).query(corners.mean(axis=1))[1]
+    nearest = cKDTree(places).query(corners.mean(axis=1))[1]
     for k in new:
         i = int(which[k])
         vertex = int(on_skin[k])
@@ -191,8 +192,8 @@ def flatten(
             continue
         depths = DEPTHS * body.extent
         own = corners[nearest == k]
-        up = _level(start.R[2], body.points[i] - body.points[lowest])
-        heights = (own - body.points[i]) @ up
+        up = _level(start.R[2], places[k] - lowest)
+        heights = (own - places[k]) @ up
         areas = cut_areas(own, heights, up, depths)
         tip, sagitta = 0.0, float(skin.sizes[vertex]) ** 2 / (8 * law.radius)
         if skin.sharp[vertex]:
@@ -201,8 +202,8 @@ def flatten(
         corner = Corner(law, depths, areas, tip, sagitta)
         work = works.get(i) or _work(body, start, i)
         radius, area = corner.ball(work), corner.area_at(work)
-        if not area > TINY:
-            continue
+        if not area > TINY or (body.balls[i] and radius < BROADER * law.radius):
+            continue  # a ball stays one
         body.cut.add(i)
         if skin.sharp[vertex] or not law.radius / BROADER < radius < BROADER * law.radius:
             share = min(1.0, law.radius / sqrt(area / pi))

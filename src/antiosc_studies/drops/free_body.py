@@ -162,6 +162,13 @@ class FreeBody:
             )
         return reach
 
+    @property
+    def vertices(self) -> Array:
+        """(V, 3) vertices of the surface relative to the centre [m]."""
+        if self.facing is None:
+            return self.points
+        return self.points + self.balls[:, None] * self.facing
+
     def surface(self, which: int) -> Curvature:
         """Curvature at a point."""
         return Curvature.of_radii(*self.radii[which].tolist())
@@ -177,9 +184,9 @@ class FreeBody:
         touching[which] = True
         if self.facing is not None:
             by_itself = ~self.facing.any(axis=1)
-            vertices = self.points + self.balls[:, None] * self.facing
+            places = self.vertices
             for i in which:
-                apart = self.points - self.points[i], vertices - vertices[i]  # one ball, one place
+                apart = self.points - self.points[i], places - places[i]  # one ball, one place
                 distance = np.linalg.norm(apart, axis=2).min(axis=0)
                 alike = (self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0)
                 is_near = (distance <= APART * self.extent) & alike | (distance < self.corner)
