@@ -1142,6 +1142,7 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             assert "sites of +z" in browser.run("return about.textContent")
             barred = browser.run("return page.cells.peak_force[0].textContent")
             assert "±" in barred  # the hardest site was struck by itself
+            assert "the band: the error bar" in browser.run("return told.textContent")
             browser.run("page.choose((page.site + 1) % page.sites.count)")
             told = "return page.remarks.peak_force.textContent"
             assert browser.run(told).startswith("no error bar at this site")

@@ -173,8 +173,8 @@ class Page {
     this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
     this.until = this.used < SHORT * duration ? this.used : duration;
     hit.stress = hit.deflection = NaN; // until the picture follows
-    this.write(hit, bars);
     this.bar = bars.peak_force ?? this.bars_here().peak_force ?? 0;
+    this.write(hit, bars);
     this.draw_chart();
     document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
     clearTimeout(this.later);
@@ -266,7 +266,7 @@ class Page {
     if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
-      + (bars.peak_force ? "; the band: the error bar" : "")
+      + (this.bar ? "; the band: the error bar" : "")
       + (this.until < hit.duration ? `; none from ${engineering(hit.last, "s")} to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 
