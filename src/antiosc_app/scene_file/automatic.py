@@ -8,12 +8,15 @@ from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.document import Document, Table
 from antiosc_app.until_parted import Choice
 
+#: Sections of an impact at one site; `strike` gives the patch of a solid a radius by itself.
+STRUCK = ("simulate", "strike")
+
 
 def started(document: Document) -> Document:
     """The document with first values in place of "auto"; itself if it has none, or several sites
     or contacts, for which they are numbers.
     """
-    if only_site(document) and isinstance(document.data.get("simulate"), dict):
+    if only_site(document) and any(isinstance(document.data.get(s), dict) for s in STRUCK):
         return with_values(document, Choice(None))
     return document
 
@@ -27,8 +30,9 @@ def with_values(document: Document, choice: Choice) -> Document:
         others = {key: value for key, value in site.items() if key != "radius"}
         radius = {} if choice.radius is None else {"radius": choice.radius}
         data["sites"] = {name: {**others, **radius}}
-    if data["simulate"].get("duration") == AUTO:
-        data["simulate"] = {**data["simulate"], "duration": choice.duration}
+    simulate = data.get("simulate")
+    if isinstance(simulate, dict) and simulate.get("duration") == AUTO:
+        data["simulate"] = {**simulate, "duration": choice.duration}
     if data == document.data:
         return document
     return replace(document, data=data)

@@ -62,7 +62,11 @@ def settled(document: Document) -> Settled:
     """
     scene = compiled(document)
     evaluate = Evaluation(scene.document)
-    if scene.document is document or None in (scene.structure, scene.model, scene.history):
+    if (
+        scene.striking
+        or scene.document is document
+        or None in (scene.structure, scene.model, scene.history)
+    ):
         return Settled(scene, evaluate)
     structure = evaluate(scene.structure)
     first = Choice(None, keeps_radius=True)
