@@ -78,7 +78,7 @@ from antiosc_app.set_up import (
     scene_of,
     toml,
 )
-from antiosc_app.until_parted import DURATION, LONGER, Choice, until_parted
+from antiosc_app.until_parted import DURATION, LONGER, Choice, duration_of_map, until_parted
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
@@ -124,9 +124,6 @@ MOST_OF_CELLS = 0.3
 #: Beside the first number where better ones follow by themselves.
 COARSE = "coarse mesh, refining …"
 FEW = "few anti-oscillators, more follow …"
-#: Duration of the impacts of a map over that at the site that is struck: softer sites are touched
-#: longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it, none with.
-LONGER_OF_MAP = 2.0
 #: The stress of the blows on a map that takes longer [s] is asked for, with as many sites as take
 #: so long; at least so many sites.
 SOON, FEWEST = 60.0, 10
@@ -626,7 +623,7 @@ class Opened:
     def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
         """The impacts of a set-up at all points of a group of faces."""
         is_solid = self._opened().look.family == "Solid"
-        duration = set_up.duration or LONGER_OF_MAP * float(blow.hit.run.time[-1])
+        duration = set_up.duration or duration_of_map(blow.hit)
         return antiosc.impact_map(
             blow.structure,
             group,

@@ -21,6 +21,10 @@ LONGER, MOST_RUNS = 32, 12
 #: A striker that leaves a sheet with less of its speed may meet it again: one sheet returned
 #: 0.0113 within 2 ms and 0.841 within 8 ms, with the largest force in between.
 LEAST_RETURN = 0.2
+#: Duration of the impacts of a map over the contact at the site that is struck: softer sites are
+#: touched longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it,
+#: none with.
+LONGER_OF_MAP = 2.0
 #: Frequencies over the highest one below which modes are rigid motions.
 RIGID = 1e-6
 
@@ -97,6 +101,13 @@ def parted(hit: History, least: float = 0.0) -> bool:
     contacts = hit.contacts
     touching = bool(contacts) and contacts[-1][1] >= hit.time[-1]
     return not touching and (hit.restitution is None or hit.restitution >= least)
+
+
+def duration_of_map(hit: History) -> float:
+    """Duration [s] of the impacts of a map around the site of `hit`: that of `hit`, or longer."""
+    released = hit.contacts[-1][1] if hit.contacts else 0.0
+    contact = LONGER_OF_MAP * max(released, DURATION)
+    return max(contact, float(hit.run.time[-1]))
 
 
 def rounded_up(value: float) -> float:

@@ -329,6 +329,10 @@ def test_the_schema_knows_every_section_and_key(capsys):
     kinds = [one["properties"]["kind"].get("const") for one in laws]
     assert {"Hertz", "Hertz.from_radii", "Linear", "Tabulated"} <= set(kinds)
     assert "trust" not in json.dumps(found["properties"]["geometry"])
+    site = found["properties"]["sites"]["additionalProperties"]
+    simulate = found["properties"]["simulate"]
+    for table, key in ((site, "radius"), (simulate, "duration")):
+        assert {"const": "auto"} in table["properties"][key]["anyOf"]
 
 
 def test_an_impactor_by_name(tmp_path, capsys):

@@ -568,6 +568,8 @@ def _section(name: str, section: SceneSection) -> dict[str, object]:
 
 #: A material by its name.
 _NAME = {"type": "string"}
+#: Function and parameter of the numbers that a scene may leave to its runs.
+AUTOMATIC = ("Site.radius", "simulate.duration")
 
 
 def _one_of(
@@ -579,7 +581,8 @@ def _one_of(
         keys = {n: p for n, p in parameters(name).items() if n not in set(passed)}
         kind: dict[str, object] = {KIND: {"const": name}} if len(makes) > 1 else {}
         required_keys = [*kind, *(n for n, p in keys.items() if p.needed)]
-        table = _closed(kind | {n: _parameter(p) for n, p in keys.items()})
+        values = {n: _parameter(p, f"{name}.{n}" in AUTOMATIC) for n, p in keys.items()}
+        table = _closed(kind | values)
         tables.append(table | ({"required": required_keys} if required_keys else {}))
     if methods:  # as "impactor.hertz"
         kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
@@ -590,8 +593,11 @@ def _one_of(
     return {"anyOf": tables}
 
 
-def _parameter(parameter: Parameter) -> dict[str, object]:
+def _parameter(parameter: Parameter, automatic: bool = False) -> dict[str, object]:
+    """JSON schema of a value; `automatic`: whether it may be "auto", too."""
     kinds = _any(parameter.kinds)
+    if automatic:
+        kinds = {"anyOf": [kinds, {"const": "auto"}]}
     if parameter.about:
         kinds["description"] = parameter.about
     if isinstance(parameter.default, bool | int | float | str) and parameter.default != "":
