@@ -221,6 +221,7 @@ class Inspection:
     meshed : whether its file is a geometry that is meshed here.
     largest : largest distance between two corners of a cell of its mesh.
     kept : as of a `ForeignPart`.
+    dofs : of its structure, where they are counted; 0: not.
     points, faces, held : nodes (P, 3), corners (F, k), mask of fixed nodes: for the picture.
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
@@ -264,6 +265,7 @@ class Inspection:
     meshed: bool = False
     largest: float = 0.0
     kept: str = ""
+    dofs: int = 0
 
     @property
     def cells(self) -> str:
@@ -285,7 +287,8 @@ class Inspection:
         elif size is not None:
             finer = self.size / size if self.meshed else 2.0 ** halvings(self.largest, size)
             cells *= finer**dim
-        dofs, cost = before_meshing(self.shape, dim, cells, n or self.count)
+        of_cell = self.dofs / self.n_cells
+        dofs, cost = before_meshing(self.shape, dim, cells, n or self.count, of_cell)
         return Forecast(cells, dofs, cost.seconds or 0.0, cost.bytes)
 
     @property
@@ -466,8 +469,10 @@ class Inspection:
         if self.radius is not None:
             rows.append(("patch", self._patch_text(), "[sites.tip] radius"))
         rows.append(("striker", f"{self.ball_text()}, 1 m/s", "[impactor]"))
-        if self.flat is not None:
-            rows.append(("contact", "as on a flat face: nothing is known of it", "[contact]"))
+        kind = "Hertz, as on a flat face: of the surface nothing is known"
+        if self.flat is None:
+            kind = "a law by curvatures and yield strengths: ElasticPlastic, Hertz, …"
+        rows.append(("contact", kind, "[contact] kind"))
         return rows
 
     def _patch_text(self) -> str:
@@ -647,7 +652,20 @@ def _inspect_mesh(
         bars=_has_bars(structure),
         meshed=meshed,
         largest=longest_cell(x[nodes[:, : len(mesh.geometry.corners)]]),
+        dofs=_counted(mesh) if structure is None else structure.dofs,
     )
+
+
+def _counted(mesh: Mesh) -> int:
+    """Number of dofs of solids that are no tetrahedra, of which few lie through a thickness often;
+    0 for others.
+    """
+    from antiosc.fem.platform import compat
+
+    if mesh.tdim < 3 or mesh.cell == "tetrahedron":
+        return 0
+    space = compat.lagrange(mesh.dolfinx, 2, 0)
+    return 3 * int(space.dofmap.index_map.size_global)
 
 
 def _areas(corners: Array) -> Array:

@@ -24,6 +24,7 @@ from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
+from mesh_files import write
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
 
@@ -335,3 +336,25 @@ def test_the_cells_of_a_finer_mesh_are_forecast_within_two_thirds():
     size = look.size / 2
     cells = ao.read_mesh(MESHES / "bracket.step", **{**look.read, "size": size}).n_cells
     assert cells / 1.2 < look.forecast(size).cells < 1.67 * cells
+
+
+def test_the_dofs_of_a_slender_part_are_forecast_by_those_of_its_mesh(tmp_path):
+    ring = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    points = 0.01 * np.vstack([np.insert(ring, 0, x, axis=1) for x in range(21)])
+    cells = np.arange(8) + 4 * np.arange(20)[:, None]  # 20 x 1 x 1 hexahedra
+    look = inspect_part(write(tmp_path / "bar.vtk", points, ("hexahedron", cells)))
+    assert look.n_cells == 20
+    assert look.forecast().dofs == pytest.approx(3 * 41 * 3 * 3)
+
+
+def test_the_dofs_of_a_part_that_is_built_are_forecast_as_counted():
+    mesh = ao.box_mesh((0.2, 0.1, 0.004), size=0.02)
+    solid = ao.Structure(mesh, ao.Solid(210e9, 0.3, 7850.0), [ao.Support("-x")])
+    assert template._inspect_mesh(mesh, {}, solid).forecast().dofs == pytest.approx(solid.dofs)
+
+
+def test_a_new_scene_says_that_its_law_is_a_choice_and_what_changes_it():
+    look = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    law, key = next(row[1:] for row in look.taken(drop=False) if row[0] == "contact")
+    assert "ElasticPlastic" in law
+    assert key == "[contact] kind"

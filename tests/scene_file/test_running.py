@@ -331,8 +331,8 @@ def test_the_schema_knows_every_section_and_key(capsys):
     assert "trust" not in json.dumps(found["properties"]["geometry"])
     site = found["properties"]["sites"]["additionalProperties"]
     simulate = found["properties"]["simulate"]
-    for table, key in ((site, "radius"), (simulate, "duration")):
-        assert {"const": "auto"} in table["properties"][key]["anyOf"]
+    for section, key in ((site, "radius"), (simulate, "duration")):
+        assert {"const": "auto"} in section["properties"][key]["anyOf"]
 
 
 def test_an_impactor_by_name(tmp_path, capsys):

@@ -110,12 +110,15 @@ OF_SHELLS = 2700.0
 TWO_LEVELS = 3e5
 
 
-def before_meshing(shape: str, dim: int, cells: float, n: int) -> tuple[float, Cost]:
+def before_meshing(
+    shape: str, dim: int, cells: float, n: int, of_cell: float = 0.0
+) -> tuple[float, Cost]:
     """(dofs, cost) of a model of `n` anti-oscillators on a mesh that is not made yet, roughly.
 
-    shape, dim : of its cells.
+    shape, dim : of its cells; of_cell : dofs for each of them, as counted on a like mesh; 0: as in
+        one of many cells in all directions.
     """
-    dofs = DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS) * cells
+    dofs = (of_cell or DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS)) * cells
     entries = _entries(dim, dofs)
     of_solver = BYTES * entries
     if dim == 3 and dofs > TWO_LEVELS:
