@@ -157,15 +157,16 @@ class Page {
   // a run of many steps wait until then too, that every move is answered within a frame.
   change(resting = false) {
     const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse;
+    const known = this.at_start() && blow.computed; // by the program: the march draws them alone
     let duration = blow.duration;
     const strike = (tol) => engine.strike(pose(this.body(), blow, this.set), duration, tol);
-    let hit = strike(rough);
+    let hit = strike(known ? blow.coarse : rough);
     while (hit.touching && !this.at_start() && duration < LONGER * blow.duration) {
       duration *= 2;
       hit = strike(rough);
     }
     this.rough = !resting && !this.at_start() && hit.n_nodes * hit.modes > MANY;
-    if (!this.rough) hit = strike(blow.tol);
+    if (!known && !this.rough) hit = strike(blow.tol);
     const bars = this.known_bars = this.bars(hit, duration);
     if (this.at_start()) Object.assign(hit, this.blow.computed || {}, { answer: 0 });
     else if (hit.answer) Object.assign(hit, UNKNOWN);
@@ -184,22 +185,33 @@ class Page {
   // Relative errors of the present impact, as far as they are known. The bar of a cause with a body
   // of its own (mesh, truncation) grows as the difference that this body makes.
   bars(hit, duration) {
-    const { shares, variants } = this.blow.bars || { shares: {}, variants: {} };
-    const names = Object.keys(shares), total = {};
-    const now = {};
-    for (const [cause, body] of Object.entries(variants)) {
-      const other = this.engine.strike(pose(body, this.blow, this.set), duration, 0.1 * this.blow.coarse);
-      now[cause] = differences(hit, other, names);
-    }
-    this.known = this.known || now; // the first impact is the computed one
+    const { shares } = this.blow.bars || { shares: {} }, names = Object.keys(shares), total = {};
+    const now = this.at_start() ? {} : this.apart(hit, this.set, duration);
     for (const name of names) {
       total[name] = 0;
       for (const [cause, share] of Object.entries(shares[name])) {
-        const before = this.known[cause] && this.known[cause][name];
+        const before = now[cause] && this.apart_at_start()[cause][name];
         total[name] += before ? share * now[cause][name] / before : share;
       }
     }
     return total;
+  }
+
+  // By cause, how far an impact is from that of the cause's body.
+  apart(hit, set, duration) {
+    const { shares, variants } = this.blow.bars || { shares: {}, variants: {} };
+    return Object.fromEntries(Object.entries(variants).map(([cause, body]) => {
+      const other = this.engine.strike(pose(body, this.blow, set), duration, 0.1 * this.blow.coarse);
+      return [cause, differences(hit, other, Object.keys(shares))];
+    }));
+  }
+
+  apart_at_start() {
+    if (!this.known) {
+      const { blow, start } = this, hit = this.engine.strike(pose(this.body(), blow, start), blow.duration, blow.tol);
+      this.known = this.apart(hit, start, blow.duration);
+    }
+    return this.known;
   }
 
   // A number and its bar, with the word for what the bar leaves out: a line may end between both.
