@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from scipy.spatial import cKDTree
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
+from antiosc.io import remade
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
@@ -328,8 +330,8 @@ def read(
         "sizes": None if sizes is None else vars(sizes),
     }
 
-    def read_attempt(attempt: int, limit: float | None = timeout) -> RawMesh:
-        content = _content(path, limit, unit, merge, attempt=attempt, **options)
+    def read_attempt(attempt: int, limit: float | None = timeout, file: Path = path) -> RawMesh:
+        content = _content(file, limit, unit, merge, attempt=attempt, **options)
         raw = selected(content, cells, order, path.name)
         if piece is not None and not (one_solid and raw.kind.dim == 3):
             raw = one_piece(raw, piece, path.name)
@@ -344,9 +346,37 @@ def read(
             ) from None
 
     geometry = path.suffix.lower() in GEOMETRY
-    if geometry or options.get("solid"):
-        return _meshed(read_attempt, path.name, geometry)
-    return read_attempt(0)
+    if not (geometry or options.get("solid")):
+        return read_attempt(0)
+    if geometry:
+        return _meshed(read_attempt, path.name)
+    return _filled(read_attempt, path, timeout)
+
+
+#: The last surface that was made anew, by its file and the time of that, with the reason: a part is
+#: read several times for one scene, each time with finer elements at the site.
+_anew: dict[tuple[Path, int], tuple[FileMesh, str]] = {}
+
+
+def _filled(once: Callable[..., RawMesh], path: Path, timeout: float | None) -> RawMesh:
+    """The mesh of a closed surface; if gmsh cannot fill it as it is, of that made anew."""
+    key = (path.resolve(), path.stat().st_mtime_ns if path.exists() else 0)
+    if key not in _anew:
+        try:
+            return _meshed(once, path.name, is_cad=False)
+        except UnmeshableError as error:
+            if not remade.installed():
+                raise UnmeshableError(f"{str(error).rstrip('.')}; {remade.MISSING}.") from error
+            reason = str(error).partition("; nor ")[0].rstrip(".")
+        with progress.doing(f"making the surface of {path.name} anew, which takes minutes"):
+            surface = read_apart(path, geometry=False, options={"remade": True}, timeout=timeout)
+        _anew.clear()
+        _anew[key] = surface, reason
+    surface, reason = _anew[key]
+    with remade.as_file(surface, path.stem) as file:
+        raw = _meshed(partial(once, file=file), path.name, is_cad=False)
+    raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *raw.remarks]
+    return raw
 
 
 #: No further attempt to mesh a geometry begins after this processor time [s] of all before it: of

@@ -57,6 +57,8 @@ class Request:
     sizes: Json | None = None
     #: fill a closed surface
     solid: bool = False
+    #: make a surface of triangles anew, that it can be filled (`remade`)
+    remade: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
     fragments: bool = False
     #: the solid alone that is meshed, by its volume: 1 is the largest; None: all

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import meshio
@@ -16,6 +17,7 @@ pytest.importorskip("jinja2")
 
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.platform import compat
+from antiosc.io import remade
 from antiosc.io.cad import ATTEMPTS
 from antiosc.io.facets import (
     SIDES,
@@ -418,3 +420,30 @@ def test_a_mesh_with_less_volume_than_its_surface_is_told():
     (told,) = deviation(mesh, 0.95 / 6)
     assert "5.3 % more" in told
     assert deviation(mesh, 0.0) == []
+
+
+def pierced(path: Path, deep: float) -> Path:
+    """A unit cube whose top is a pyramid that points down and ends `deep` below the bottom."""
+    x = np.array([*np.ndindex(2, 2, 2), (0.5, 0.5, -deep)], dtype=float)
+    around = [0, 4, 6, 2, 0]  # the corners of the bottom; those of the top follow them
+    triangles = [(0, 2, 4), (2, 6, 4)]
+    for a, b in pairwise(around):
+        triangles += [(a, b, b + 1), (a, b + 1, a + 1), (a + 1, b + 1, 8)]
+    meshio.write(path, meshio.Mesh(x, [("triangle", np.array(triangles))]), binary=True)
+    return path
+
+
+def test_a_surface_that_pierces_itself_is_made_anew(tmp_path, monkeypatch):
+    file = pierced(tmp_path / "dent.stl", deep=0.3)
+    monkeypatch.setattr(remade, "installed", lambda: False)
+    with pytest.raises(ao.MeshError, match="pip install pytetwild"):
+        ao.read_mesh(file, size=0.2, solid=True, unit="m")
+    monkeypatch.undo()
+    pytest.importorskip("pytetwild")
+    with pytest.warns(ao.AntioscWarning, match="made anew by fTetWild, within 0.0019 units"):
+        mesh = ao.read_mesh(file, size=0.2, solid=True, unit="m")
+    held = 1 - (1.3 - 0.3**3 / 1.3**2) / 3  # the cube without the pyramid above its bottom
+    with pytest.warns(ao.AntioscWarning, match="units of the file"):
+        again = ao.read_mesh(file, size=0.1, solid=True, unit="m")
+    for one in (mesh, again):
+        assert ao.Structure(one, STEEL).mass == pytest.approx(7850 * held, rel=3e-3)
