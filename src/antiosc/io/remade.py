@@ -50,7 +50,7 @@ def made_anew(skin: FacetSkin, name: str) -> FacetSkin:
         stop_energy=ENERGY,
         num_threads=1,
     )
-    anew = cleaned(points, boundary(cells), name)
+    anew = cleaned(points, boundary(cells.astype(np.int64)), name)
     distance = ENVELOPE * float(np.linalg.norm(np.ptp(skin.points[skin.triangles], axis=(0, 1))))
     change = _volume(anew) / _volume(skin) - 1
     told = (
@@ -62,7 +62,7 @@ def made_anew(skin: FacetSkin, name: str) -> FacetSkin:
 
 def boundary(cells: IntArray) -> IntArray:
     """Triangles (t, 3) that belong to one tetrahedron (n, 4) alone."""
-    sides = np.vstack([cells[:, list(side)] for side in SIDES]).astype(np.int64)
+    sides = np.vstack([cells[:, list(side)] for side in SIDES])
     _, first, uses = np.unique(
         np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True
     )
