@@ -410,12 +410,11 @@ def _by_meshio(path: Path, name: str) -> tuple[Array, IntArray]:
 
 def read(ask: Request) -> FileMesh:
     """Read a surface as a sheet."""
-    skin = skin_of(ask)
-    if ask.remade:
-        from antiosc.io import remade
+    return as_sheet(skin_of(ask))
 
-        ask.allow(remade.TIME)
-        skin = remade.made_anew(skin, ask.name)
+
+def as_sheet(skin: FacetSkin) -> FileMesh:
+    """The triangles of a surface as a mesh."""
     groups = {}
     if skin.closed and skin.thick:
         groups = {CLOSED: {"triangle": np.arange(len(skin.triangles))}}

@@ -17,8 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from antiosc.io import facets
 from antiosc.io.facets import FacetSkin, cleaned, volumes
 from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.request import Request
 
 #: Distance of the new surface from the triangles, over the diagonal of their box. Three parts lost
 #: 0.1, 0.2 and 0.7 % of their volume.
@@ -37,6 +39,14 @@ MISSING = "pip install pytetwild==0.2.3 lets antiosc make the surface anew"
 def installed() -> bool:
     """Whether fTetWild is at hand."""
     return importlib.util.find_spec("pytetwild") is not None
+
+
+def read(ask: Request) -> FileMesh:
+    """Read a surface as a sheet, made anew if that is asked for."""
+    if not ask.remade:
+        return facets.read(ask)
+    ask.allow(TIME)
+    return facets.as_sheet(made_anew(facets.skin_of(ask), ask.name))
 
 
 def made_anew(skin: FacetSkin, name: str) -> FacetSkin:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.io import by_gmsh, exodus, facets
+from antiosc.io import by_gmsh, exodus, facets, remade
 from antiosc.io.mesh_files import read_by_meshio, read_universal
 from antiosc.io.request import FileReader, loaded, registered
 
@@ -24,7 +24,7 @@ BUILT_IN = {
     ".unv": FileReader(read_universal),
     **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
     **dict.fromkeys(exodus.ENDINGS, FileReader(exodus.read)),
-    **dict.fromkeys(facets.SURFACES, FileReader(facets.read, library="meshio")),
+    **dict.fromkeys(facets.SURFACES, FileReader(remade.read, library="meshio")),
 }
 MESHIO = FileReader(read_by_meshio, library="meshio")
 #: Bytes from its begin by which the type of a file is recognized.
