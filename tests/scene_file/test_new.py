@@ -317,8 +317,9 @@ def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, 
     out = ["--out", str(tmp_path / "out"), "--report", str(page)]
     assert cli.main(["run", str(scene), *out]) == 0
     for told, number in ((capsys.readouterr().out, "peak force"), (page.read_text(), "<dd")):
-        reason = "a rigid body, a coupling or a spring of a deck makes one of a single part"
+        reason = "a rigid body, a tie, a coupling or a spring of a deck makes one of a single part"
         assert told.index("There is no error bar") < told.index(reason) < told.index(number)
+        assert "two decks of the program that made it" in told  # `size` is refused
 
 
 def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path, capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc_app.scene_file.document import read
+from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import settled
 from antiosc_app.until_parted import duration_of_map
 
@@ -100,3 +100,15 @@ def test_a_slow_contact_is_run_to_its_end(tmp_path):
     assert 1e-3 < released < data["simulate"]["duration"]
     assert duration_of_map(hit) >= 2 * released  # softer sites are touched longer
     assert hit.restitution >= 0
+
+
+@pytest.mark.parametrize("site", ["", "[sites.other]\npoint = [0.02, 0.02, 0.006]\n"])
+def test_auto_that_is_not_taken_is_told_where_it_is(site, tmp_path):
+    text = '"auto"' if site else '"Auto"'
+    path = scene(tmp_path, text, "1e-3", site)
+    with pytest.raises(SceneFileError, match='"auto" stands for') as caught:
+        settled(read(path))
+    told = [line for line in str(caught.value).splitlines() if "radius" in line]
+    assert len(told) == 1
+    line = 1 + path.read_text().splitlines().index(f"radius = {text}")
+    assert f"lid.toml:{line}: " in told[0]

@@ -18,6 +18,7 @@ from antiosc.base.errors import (
     MissingDependencyError,
     warnings_to,
 )
+from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.document import (
     Document,
     Place,
@@ -43,6 +44,11 @@ from antiosc_app.scene_file.schema import (
     words,
 )
 
+#: End of the sentence on "auto" in place of a number where none is chosen.
+AUTOMATIC_HINT = (
+    '; "auto" stands for the duration of [simulate], and for the radius of the only site of it or'
+    " of [strike]."
+)
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
 #: Section -> what its call computes, in words for who waits.
@@ -400,6 +406,7 @@ class Builder:
             if any(k.name in ("number", "whole") for k in kinds) and _WITH_UNIT.fullmatch(value):
                 hint = "; write the number alone: all numbers are in SI units, lengths in m."
             hint = suggestion(value, choices) if choices else hint
+            hint = AUTOMATIC_HINT if value.strip().lower() == AUTO and not choices else hint
         if isinstance(value, list) and any(kind.each for kind in kinds):
             hint = f"; the list has {len(value)} entries."
         shown_value = str(value).lower() if isinstance(value, bool) else checks.shown(value)
