@@ -733,33 +733,35 @@ def without_mesh_error(peak: PeakField) -> str:
 def _lacks_mesh_error(peak: PeakField) -> bool:
     """Whether the judged stress is that of a mesh, without an estimate of its error."""
     by_hertz = peak.exposure is not None and peak.margin().at_edge
-    return not by_hertz and _mesh_bar(peak) is None
+    return not by_hertz and _bar(peak, 0.0) is None
 
 
-def stress_bar(peak: PeakField, force: float | None) -> float | None:
-    """Relative error of the judged stress by mesh, patch and force; None if not all are known."""
-    share = _mesh_bar(peak)
-    return None if share is None or force is None else share + force
-
-
-def _mesh_bar(peak: PeakField) -> float | None:
-    """Error of the judged stress by the mesh and the radius of the patch, over this stress; None
-    without an estimate of the mesh.
+def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | None:
+    """How far the judged stress may lie below and above, over itself, by mesh, patch and force; None
+    if not all are known.
     """
-    if peak.exposure is not None and peak.margin().at_edge:
-        return EDGE_ERROR
+    return None if force is None else _bar(peak, force)
+
+
+def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
+    """`stress_bar` with the relative error of the force; None without an estimate of the mesh."""
+    if peak.exposure is not None and peak.margin().criterion == "yield":
+        margin = _margin_with(peak, force)
+        if not margin.at_edge and not peak.largest_mesh_error:
+            return None
+        low, high = (end / margin.stress for end in margin.stresses)
+        return 1 - max(low, 0.0), high - 1
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None
-    return (peak.largest_mesh_error + _spread(peak)) / value
+    share = peak.largest_mesh_error / value + force
+    return min(share, 1.0), share
 
 
-def _spread(peak: PeakField) -> float:
-    """The part of the judged stress that stands for the radius of the patch, in its unit."""
-    if peak.exposure is None or peak.margin().criterion != "yield":
-        return 0.0
-    margin = peak.margin()
-    return margin.spread / (margin.strength if peak.quantity == "yield" else 1.0)
+def _plus_minus(bar: tuple[float, float]) -> str:
+    """A bar as text: "± 12 %", or "+13 % −79 %" if its sides differ."""
+    below, above = map(percent, bar)
+    return f"± {below}" if below == above else f"+{above} −{below}"
 
 
 def _judged(peak: PeakField) -> float:
@@ -773,18 +775,17 @@ def _judged(peak: PeakField) -> float:
 
 def stress_note(peak: PeakField, force: float | None) -> str:
     """Text: the judged stress with its error, and beyond yield that it is not reached."""
-    share = _mesh_bar(peak)
-    if share is None:
+    bar = _bar(peak, force or 0.0)
+    if bar is None:
         return ""
-    value = engineering(_judged(peak), peak.unit)
+    value = f"{engineering(_judged(peak), peak.unit)} {_plus_minus(bar)}"
     if force is None:
         text = (
-            f"mesh and patch make {percent(share)} of error in this stress, {value}; that of the"
-            " force adds to it, and is not known"
+            f"with the errors of mesh and patch this stress is {value}; that of the force adds to"
+            " it, and is not known"
         )
     else:
-        error = percent(share + force)
-        text = f"with the errors of mesh, patch and force this stress is {value} ± {error}"
+        text = f"with the errors of mesh, patch and force this stress is {value}"
     if peak.exposure is not None and peak.margin().reached:
         return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text
@@ -796,8 +797,8 @@ def largest_stress(
     """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
 
     `scope`: where it is judged, as text, "" anywhere; `stress_place` [m]: its place, null at the
-    edge of a contact's surroundings; `stress_bar`: its relative error by the mesh
-    and by the force, whose own is `force`; `stress_note`: what this leaves out.
+    edge of a contact's surroundings; `stress_bar`: how far it may lie below and above, over
+    itself, by mesh, patch and force, whose error is `force`; `stress_note`: what this leaves out.
     """
     for peak in fields.values():
         margin = None if peak.exposure is None else peak.margin()
@@ -817,10 +818,10 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
     """What the error bar of a judged stress leaves out, in a few words; "" if it has one."""
     if _lacks_mesh_error(peak):
         return NO_MESH_ERROR
-    share = _mesh_bar(peak)
-    if share is None or force is not None:
+    bar = _bar(peak, 0.0)
+    if bar is None or force is not None:
         return ""
-    return f"± {percent(share)} by mesh and patch, force not estimated"
+    return f"{_plus_minus(bar)} by mesh and patch, force not estimated"
 
 
 def _stretching(hit: History) -> str:

@@ -136,7 +136,7 @@ class Bench {
 
   // An error or a hint, the caution, and the warnings of what is shown.
   wrong(text, failed) {
-    const first = [text || this.refusal, this.caution].filter(Boolean), known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
+    const first = [text, this.caution].filter(Boolean), known = [...new Map(this.warned.map((one) => [one[1], one])).values()];
     const others = known.filter(([, one]) => !this.caution.includes(one)).sort((a, b) => a[0] - b[0]);
     notice(find("wrong"), [...first.map((one) => [0, one]), ...others]);
     if (failed) document.documentElement.dataset.failed = text;
@@ -574,30 +574,19 @@ class Bench {
     this.strike();
   }
 
-  // A set-up that is refused gives way to the last one that has an answer; the fields that asked for it
-  // keep what was typed, marked.
+  // A set-up that is refused stays, that one field of it can be mended; what is shown is of the last
+  // one that has an answer. The fields that asked for it are marked; Undo leads back.
   refused(text) {
-    const { answered, past } = this, at = past.indexOf(answered);
     this.caution = "";
-    if (!answered || this.moving || answered === this.setup) {
-      this.wrong(text, true);
-      this.outdated(true);
-      return;
-    }
-    for (const input of this.inputs) mark(input, text);
-    if (at >= 0) past.splice(at);
-    this.setup = answered;
-    this.show_fields();
-    this.strike(text);
-    document.documentElement.dataset.failed = text;
+    this.wrong(text, true);
+    this.outdated(true);
+    for (const input of this.moving ? [] : this.inputs) mark(input, text);
   }
 
   // -- the answer: at once, settled, and with motion and stress
 
-  // `refusal`: why the set-up before it was refused.
-  async strike(refusal = "") {
+  async strike() {
     const turn = ++this.turn;
-    this.refusal = refusal;
     clearTimeout(this.later);
     if (!this.moving) this.keep();
     this.outdated(true);
@@ -610,7 +599,6 @@ class Bench {
     this.draw_awaited();
     const found = await this.step("blow");
     if (!found) return;
-    this.answered = this.setup;
     if (found.fall) return this.fall(found);
     if (this.shown_blow !== turn) this.before = this.page && this.page.hit || null;
     this.shown_blow = turn;

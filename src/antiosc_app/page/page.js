@@ -217,7 +217,7 @@ class Page {
   // A number and its bar, with the word for what the bar leaves out: a line may end between both.
   with_bar(plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
-    return [`${plain}${word ? "," : ""}`, `${word}± ${percent(bar)}`];
+    return [`${plain}${word ? "," : ""}`, `${word}${plus_minus(bar)}`];
   }
 
   // What is said below a number: where it holds, or why it has no bar.
@@ -254,9 +254,10 @@ class Page {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = this.plain(name, value, unit, unknown);
       const bar = name === "stress" ? this.data.stress_bar : bars[name] ?? this.bars_here()[name];
-      const parts = Number.isFinite(bar) && Number.isFinite(value) ? this.with_bar(plain, bar) : [plain];
+      const has_bar = (Array.isArray(bar) || Number.isFinite(bar)) && Number.isFinite(value);
+      const parts = has_bar ? this.with_bar(plain, bar) : [plain];
       unbroken(now, parts);
-      const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, parts.length > 1) : "";
+      const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, has_bar) : "";
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
       now.dataset.value = value;
       this.head(name, now.textContent);

@@ -23,3 +23,9 @@ function approaching(e) { return e < 0 ? ", still approaching" : ""; }
 function percent(share) {
   return Number.isFinite(share) ? `${Number((100 * share).toPrecision(2))} %` : "unknown";
 }
+
+// An error bar as text, whose sides [below, above] may differ: "± 12 %" or "+13 % −79 %".
+function plus_minus(bar) {
+  const [below, above] = [bar].flat().map(percent);
+  return !above || below === above ? `± ${below}` : `+${above} −${below}`;
+}
