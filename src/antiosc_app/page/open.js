@@ -548,6 +548,7 @@ class Bench {
   // Another set-up, by some fields; while a slider moves (`done` false) it is the same one for Undo.
   change(values, done = true, inputs = []) {
     this.inputs = inputs;
+    if (!inputs.length) forget(); // a click has given what was typed
     this.chosen = null; // before the fields show it again
     if (!this.moving) {
       this.past.push(this.setup);
@@ -580,7 +581,8 @@ class Bench {
     this.caution = "";
     this.wrong(text, true);
     this.outdated(true);
-    for (const input of this.moving ? [] : this.inputs) mark(input, text);
+    const marked = this.moving || document.querySelector("[aria-invalid=true]"); // a field changed before
+    for (const input of marked ? [] : this.inputs) mark(input, text);
   }
 
   // -- the answer: at once, settled, and with motion and stress
