@@ -10,8 +10,15 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, exceeds, percent, point_text
-from antiosc_app.live import FIRST_TO_LAST, WIDE, Data, Headline, bar_of_fall, stress_sentences
+from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent, point_text
+from antiosc_app.live import (
+    FIRST_TO_LAST,
+    Data,
+    Headline,
+    bar_of_fall,
+    rough_force,
+    stress_sentences,
+)
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended, stresses_of_impacts
 from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
@@ -176,25 +183,38 @@ def _caution(fall: Fall, hardest: int) -> str:
     """What must be read before the numbers: that the bar is missing or wide, and the remedy."""
     if reason := fall.no_bar(hardest):
         return f"There is no error bar: {reason}."
-    bar = _law_bar(fall.impacts[hardest])
-    if not exceeds(bar, WIDE, 2) or fall.error_shares(hardest):
-        return ""
+    start = rough_force(_law_bar(fall.impacts[hardest]))
+    return f"{start}{_narrows(fall, hardest)}." if start else ""
+
+
+def _narrows(fall: Fall, hardest: int) -> str:
+    """The end of a sentence on a wide bar: of what it is made, and what narrows it."""
+    if shares := _shares(fall, hardest):
+        return f"the bar is made of {shares}"
     remedy = "a soft layer on the floor, or a larger corner radius where the corners are blunter,"
     if fall.setting.floor.layer is not None:
         remedy = "a stiffer layer, whose modulus is known,"
-    return f"The force is a rough one, ± {percent(bar)}: {remedy} narrows the bar."
+    return f"{remedy} narrows the bar"
 
 
 def _made_of(fall: Fall, hardest: int) -> str:
-    """Sentence on the shares of the bar of a sharp corner, and what narrows the largest."""
+    """Sentence on the shares of the bar of a sharp corner, if it is not told before."""
+    bar = _law_bar(fall.impacts[hardest])
+    shares = _shares(fall, hardest)
+    if not shares or rough_force(bar):
+        return ""
+    return f"the bar of the force, ± {percent(bar)}, is made of {shares}"
+
+
+def _shares(fall: Fall, hardest: int) -> str:
+    """The shares of the bar of a sharp corner, and what narrows the largest; "" if unknown."""
     shares = fall.error_shares(hardest)
     told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
     if not told:
         return ""
     parts = ", ".join(f"{cause} {percent(error)}" for error, cause in told)
     remedy = next(REMEDIES[cause] for _, cause in told)
-    bar = percent(_law_bar(fall.impacts[hardest]))
-    return f"the bar of the force, ± {bar}, is made of {parts} (root of the squares): {remedy}"
+    return f"{parts} (root of the squares): {remedy}"
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:

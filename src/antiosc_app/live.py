@@ -896,12 +896,19 @@ ALL_MODES = "use an explicit finite element program, for no more second-order mo
 WIDE = 0.5
 
 
+def rough_force(bar: float | None) -> str:
+    """Start of the sentence, before the numbers, on a force with a wide bar; "" if it is not
+    wide. The sentence goes on with what narrows it.
+    """
+    if bar is None or not exceeds(bar, WIDE, 2):
+        return ""
+    return f"The force is a rough one, ± {percent(bar)}: "
+
+
 def rough(hit: History, budget: ErrorBudget | None) -> str:
     """Sentence, before the numbers, on a force with a wide bar, and what narrows it; "" if not."""
-    bar = force_bar(budget)
-    if budget is None or bar is None or not exceeds(bar, WIDE, 2):
-        return ""
-    return f"The force is a rough one, ± {percent(bar)}: {_narrows(hit, budget)}"
+    start = rough_force(force_bar(budget))
+    return start + _narrows(hit, budget) if start and budget is not None else ""
 
 
 def _accuracy(hit: History, budget: ErrorBudget) -> str:

@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 import sheets
-from antiosc_app import live
+from antiosc_app import falls, live
 from antiosc_app.scene_file.run import error_budget
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -56,6 +56,22 @@ def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
     assert "to narrow it" not in " ".join(rough.sentences)
     assert "rough" not in fine.caution
     assert "to narrow it" in " ".join(fine.sentences)
+
+
+@pytest.mark.parametrize(("strengths", "is_wide"), [((38e6, 46e6), False), ((6e6, 400e6), True)])
+def test_a_fall_with_a_wide_bar_says_so_first_and_what_narrows_it_once(strengths, is_wide):
+    plastic = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=strengths)
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), plastic)
+    floor = ao.Floor("concrete C30/37")
+    fall = ao.drop(part, 0.8, floor=floor, until=1, modes=6, corner="+x-y-z")
+    assert (fall.impacts[0].law_error > live.WIDE) == is_wide
+    head = falls.headline_of_fall(fall, None)
+    share = live.percent(fall.impacts[0].law_error)
+    assert head.caution.startswith(f"The force is a rough one, ± {share}: " if is_wide else "")
+    assert bool(head.caution) == is_wide
+    remedy = "narrows it most"
+    assert (remedy in head.caution) == is_wide
+    assert (remedy in " ".join(head.sentences)) != is_wide
 
 
 def test_a_linear_sheet_tells_its_deflection_over_its_thickness():
