@@ -125,7 +125,6 @@ from antiosc.impact.histories.run_end import (
     open_contacts as open_contacts,
 )
 from antiosc.impact.histories.verdict import (
-    EDGE_ERROR as EDGE_ERROR,
     YieldingZone as YieldingZone,
     unknown_dent as unknown_dent,
     weaker_side as weaker_side,

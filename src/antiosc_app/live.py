@@ -48,7 +48,6 @@ from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
     CUT_PATCH,
-    EDGE_ERROR,
     QUANTITIES,
     ErrorBudget,
     hardest,
@@ -737,8 +736,8 @@ def _lacks_mesh_error(peak: PeakField) -> bool:
 
 
 def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | None:
-    """How far the judged stress may lie below and above, over itself, by mesh, patch and force; None
-    if not all are known.
+    """How far the judged stress may lie below and above, over itself, by mesh, patch and force;
+    None if not all are known.
     """
     return None if force is None else _bar(peak, force)
 
