@@ -13,7 +13,7 @@ from scipy.special import j1
 
 import antiosc as ao
 from antiosc.engine.contact.line import line_indentation
-from antiosc_studies.drops import corners
+from antiosc_studies.drops import corners, lines
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.trajectory import Impacts
@@ -235,6 +235,24 @@ def test_bars_along_a_line_hold_the_force_of_a_disc(tmp_path: Path) -> None:
             rough = ao.drop(fall.body, height, (roll, 0, 0), ao.Floor(restitution=0.999), until=1)
         assert 0.2 < known / rough.peak_force - 1 < rough.law_error
         assert rough.no_bar() == ""
+
+
+def test_a_line_with_gaps_is_taken_at_its_vertices_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arcs that lie on one cylinder with nothing in between have no surface at its line."""
+
+    def gap(*_: object) -> float:
+        raise ao.InputError("the patch finds no surface")
+
+    R, L, height = 0.01, 0.05, 0.02
+    mesh = meshed(tmp_path, f"Cylinder(1) = {{0, 0, 0, {L}, 0, 0, {R}}}", 0.01)
+    monkeypatch.setattr(lines, "_compliance", gap)
+    with pytest.warns(ao.AccuracyWarning, match="vertices"):
+        fall = ao.drop(ao.Structure(mesh, STEEL), height, floor=ao.Floor(), until=1, modes=12)
+    assert fall.body.cylinders == ()
+    assert fall.peak_force < landing(STEEL, R, L, fall.body.mass, height)
+    assert fall.no_bar()
 
 
 def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ the line on the mesh, minus their compliance on a half-space.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from math import inf, log, pi, sqrt
 from typing import Any
@@ -300,12 +301,11 @@ def _cylinder(
         nodes=skin.points[on_cylinder] - body.centre,
         shapes=np.moveaxis(displacements[nearest], 1, 2).copy(),
     )
-    try:
-        compliance = _compliance(body, cylinder, down)
-    except InputError:  # a plane cuts the arc in its middle: no surface is there
-        facing = radial[fit] / np.linalg.norm(radial[fit], axis=1, keepdims=True)
-        compliance = _compliance(body, cylinder, facing[np.argmax(facing @ down)])
-    return replace(cylinder, compliance=compliance)
+    facing = radial[fit] / np.linalg.norm(radial[fit], axis=1, keepdims=True)
+    for outward in (down, facing[np.argmax(facing @ down)]):
+        with suppress(InputError):  # a plane cuts the arc in its middle: no surface is there
+            return replace(cylinder, compliance=_compliance(body, cylinder, outward))
+    return None  # its line has gaps
 
 
 def _split(vectors: Array, axis: Array) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ from antiosc.base import plausible
 from antiosc.base._types import Array
 from antiosc.base.checks import point_text as text
 from antiosc.base.errors import InputError, SiteError
+from antiosc.base.texts import engineering, point_text
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import EndMotion
@@ -371,10 +372,10 @@ def _check(sites_found: Sites, placed: Callable[[Array], Array]) -> None:
                 "point on it."
             )
         if sites_found.share[i] <= 0:
+            least, facets = (engineering(x, "m") for x in (radius, sites_found.size[i]))
             raise InputError(
-                f"the patch of radius {radius:g} m at {text(points[i])} finds no surface: "
-                f"the facets there measure {sites_found.size[i]:.3g} m; refine around the site to "
-                f"{radius:g} m."
+                f"the patch of radius {least} at {point_text(points[i])} finds no surface: the "
+                f"facets there measure {facets}; refine around the site to {least}."
             )
         if sites_found.moving[i] <= LEAST_FREE_SHARE:
             raise SiteError(constrained(f"the site at {text(points[i])}"))
