@@ -223,7 +223,7 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     sentences = [contact := fall.contact_verdict, _made_of(fall, hardest)]
     if worst is not None and worst.exposure is not None:
         sentences += stress_sentences({worst.quantity: worst}, None, bar_of_fall(fall, worst))
-        sentences.append(fall.stress_limits)
+        sentences += [fall.stress_limits, _other_order(fall, worst)]
     sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
     if fall.missed:
         sentences.append(
@@ -231,6 +231,18 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
         )
     plain = (sentence.rstrip(".") for sentence in sentences if sentence)
     return [f"{capitalised(sentence)}." for sentence in plain]
+
+
+def _other_order(fall: Fall, worst: WorstField) -> str:
+    """Sentence on an impact with a larger stress than one with a larger force; "" if none has."""
+    forces = fall.impacts.column("peak_force")
+    stresses = stresses_of_impacts(worst)
+    if not stresses or np.array_equal(np.argsort(forces), np.argsort(stresses)):
+        return ""
+    return (
+        "the stresses of the impacts are not in the order of their forces: each strikes at another "
+        "place, and what is left out around its contact has another size"
+    )
 
 
 def part_text(fall: Fall) -> str:

@@ -13,6 +13,7 @@ from scipy.special import j1
 
 import antiosc as ao
 from antiosc.engine.contact.line import line_indentation
+from antiosc_app import falls
 from antiosc_studies.drops import corners, lines
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
@@ -506,6 +507,18 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     assert f"yield may be reached in impact {other + 1} " in margin_with(wide).sentence
     fall_on_one = ao.drop(fall.body, 0.1, (10, 5, 0), ao.Floor(STEEL), until=1)
     assert "impact" not in fall_on_one.worst().margin().sentence
+
+
+def test_stresses_in_another_order_than_the_forces_are_told(monkeypatch) -> None:
+    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
+    fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
+    worst = fall.worst()
+    forces = fall.impacts.column("peak_force")
+    for stresses, is_told in ((1e4 * forces, False), (1e9 / forces, True)):
+        monkeypatch.setattr(falls, "stresses_of_impacts", lambda _, s=stresses: s.tolist())
+        told = " ".join(falls.headline_of_fall(fall, worst).sentences)
+        assert ("order of their forces" in told) == is_told
 
 
 def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:

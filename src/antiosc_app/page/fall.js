@@ -65,8 +65,8 @@ class FallPage {
       const { time, force } = one.curve;
       this.chart.show({ until: time[time.length - 1], now: { time, force }, computed: null, bar: one.bar, at: null });
       find("told").textContent = `Impact ${k + 1} at ${engineering(one.time, "s")}, on ${one.at}: impulse `
-        + `${engineering(one.impulse, "N s")}, ${engineering(one.speed_before, "m/s")} before, `
-        + `${engineering(one.speed_after, "m/s")} after, ${engineering(one.lost, "J")} lost.`;
+        + `${engineering(one.impulse, "N s")}; this point meets the floor with ${engineering(one.speed_before, "m/s")} `
+        + `and leaves it with ${engineering(one.speed_after, "m/s")}; ${engineering(one.lost, "J")} are lost.`;
     }
     this.picture();
   }
