@@ -24,6 +24,8 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 import antiosc
 from antiosc import AntiOscillators, History, ImpactMap
 from antiosc.base import checks, progress
@@ -42,6 +44,7 @@ from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
 from antiosc.extension import stress_seconds, with_stresses
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
+from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, new, report, results
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
@@ -86,6 +89,9 @@ if TYPE_CHECKING:
     from antiosc_studies.drops.fall import WorstField
     from antiosc_studies.drops.free_body import FreeBody
 
+#: Share of the sites of a map that may stay without an answer, since their patch is too small for
+#: the force; above it the patches grow. On a pin of PLA with cells of 0.12 mm it was a third.
+UNANSWERED = 0.02
 #: Names in messages of a program -> the words of the page.
 PAGE_WORDS = {
     "'structure'": "the part",
@@ -622,6 +628,26 @@ class Opened:
 
     def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
         """The impacts of a set-up at all points of a group of faces."""
+        if self._opened().look.family != "Solid" or set_up.radius:
+            return self._map_with(set_up, blow, group, set_up.radius or blow.model.patch_radius)
+        least = 0.0
+        while True:
+            messages: list[str] = []
+            with warnings_to(messages.append):
+                result = self._map_with(set_up, blow, group, Resolved(least))
+            assert result.peak_force is not None
+            unanswered = np.isnan(result.peak_force) & ~result.doubtful
+            least = 2 * max(least, float(blow.model.patch_radius or 0.0) / 2)
+            if unanswered.mean() <= UNANSWERED or least > set_up.striker.radius:
+                break
+        for message in messages:
+            warn(message)
+        return result
+
+    def _map_with(
+        self, set_up: SetUp, blow: PageImpact, group: str | None, radius: Radius
+    ) -> ImpactMap:
+        """The map with patches of a radius."""
         is_solid = self._opened().look.family == "Solid"
         duration = set_up.duration or duration_of_map(blow.hit)
         return antiosc.impact_map(
@@ -631,7 +657,7 @@ class Opened:
             AUTO,
             duration,
             direction=None if is_solid else set_up.direction,
-            radius=set_up.radius or ("facets" if is_solid else blow.model.patch_radius),
+            radius=radius,
             longest=None if set_up.duration else max(duration, LONGER * DURATION),
         )
 

@@ -82,7 +82,7 @@ from antiosc.reduce.extraction.oscillators import (
 )
 from antiosc.reduce.extraction.stretching import candidates, part_of, stretch_of_map
 from antiosc.reduce.site.doubts import doubtful_patches
-from antiosc.reduce.site.map_sites import FACETS, Radius
+from antiosc.reduce.site.map_sites import FACETS, Radius, Resolved
 from antiosc.reduce.site.sites import Sites
 from antiosc.reduce.site.surface import PlaneOf, surface_at
 from antiosc.strikes.free_sites import ABOVE, FREE_MODES, FreeSites, free_sites
@@ -194,7 +194,7 @@ def impact_map(
     """
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
-    if radius is not None and not (isinstance(radius, str) and radius == FACETS):
+    if not (radius is None or isinstance(radius, Resolved) or radius == FACETS):
         radius = positive("radius", radius, "m")
     if longest is not None:
         longest = positive("longest", longest, "s")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse
@@ -30,7 +30,15 @@ from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, Sites, located
 
 #: As the radius of the patches: at each site of a solid, what the facets there resolve.
 FACETS = "facets"
-Radius: TypeAlias = float | Literal["facets"] | None
+
+
+class Resolved(NamedTuple):
+    """As the radius of the patches: what the facets resolve, and at least so much, m."""
+
+    least: float = 0.0
+
+
+Radius: TypeAlias = float | Literal["facets"] | Resolved | None
 #: Radius of a patch that facets resolve over their size.
 RESOLVED = 1.05
 #: Distance over the size of the mesh within which facets touch a point.
@@ -276,7 +284,9 @@ def sites_on(
     unit_direction = None if direction is None else _in_space(direction)
     if unit_direction is not None:
         unit_direction = unit_direction / np.linalg.norm(unit_direction)
-    if radius is not None and radius != FACETS:
+    if radius == FACETS:
+        radius = Resolved()
+    if radius is not None and not isinstance(radius, Resolved):
         positive("radius", radius, "m")
     ground = (
         surface(structure, where)
@@ -284,13 +294,13 @@ def sites_on(
         else _sample(structure, where, unit_direction)
     )
     edges = 0
-    if radius == FACETS and structure.kind.outside:
+    if isinstance(radius, Resolved) and structure.kind.outside:
         ground, edges = clear_of_edges(structure, ground)
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = (
-        resolved_radii(structure, ground.points, directions)
-        if radius == FACETS
+        np.maximum(resolved_radii(structure, ground.points, directions), radius.least)
+        if isinstance(radius, Resolved)
         else np.full(count, np.nan if radius is None else radius)
     )
     candidates = located(structure, ground.points, directions, radii, most_rings=MOST_RINGS_OF_MAP)
@@ -305,7 +315,7 @@ def sites_on(
     all_sites = MapSites(candidates, ground.elements, numbers, count, names, dimension, edges)
     result = all_sites.only(is_movable)
     if is_movable.any():
-        warn_of_doubts(structure, result.sites, True, radius == FACETS)
+        warn_of_doubts(structure, result.sites, True, isinstance(radius, Resolved))
     return result
 
 
