@@ -25,7 +25,7 @@ return {complete: document.documentElement.dataset.complete,
   failed: document.documentElement.dataset.failed || "",
   shown: shown("wrong").map((e) => e.textContent),
   folded: [...document.querySelectorAll("details p")].map((e) => e.textContent),
-  stress: page.cells && page.cells.stress ? page.cells.stress[0].textContent : "",
+  stress: page.remarks && page.remarks.stress ? page.remarks.stress.textContent : "",
   asks: document.getElementById("ask").open, size: bench.setup.size};
 """
 
