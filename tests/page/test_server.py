@@ -15,8 +15,8 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import on_page, where_to_change
 from antiosc_app import server
 from antiosc_app.live import policy, script
-from antiosc_app.opened import _parted
 from antiosc_app.server import TOKEN, Server
+from antiosc_app.until_parted import parted
 
 OK, NO = b"200", b"403"
 
@@ -244,8 +244,8 @@ def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
             contacts=[(0.0, end)], time=np.array([0.0, 2e-4]), restitution=restitution
         )
 
-    assert _parted(run(0.0))
-    assert not _parted(run(-0.1))  # they approach
-    assert not _parted(run(0.5, end=2e-4))  # they touch
-    assert not _parted(run(0.19), least=0.2)
-    assert _parted(run(0.21), least=0.2)
+    assert parted(run(0.0))
+    assert not parted(run(-0.1))  # they approach
+    assert not parted(run(0.5, end=2e-4))  # they touch
+    assert not parted(run(0.19), least=0.2)
+    assert parted(run(0.21), least=0.2)
