@@ -24,7 +24,7 @@ from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import NEAR
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.map_sites import sites_of, surface
+from antiosc.reduce.site.map_sites import Resolved, sites_of, surface
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results
 from antiosc.strikes.map_results import hardest
@@ -449,11 +449,11 @@ def test_the_largest_stress_is_that_of_the_impact_by_itself(supports):
         assert found.stress_points[i] == pytest.approx(place, abs=1e-9)
 
 
-def finely(supports=True, where="top", **options):
+def finely(supports=True, where="top", radius="facets", **options):
     part = block((12, 8, 3), supported=supports, cell="tetrahedron")
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        found = ao.impact_map(part, where, BALL, duration=2e-4, radius="facets", **options)
+        found = ao.impact_map(part, where, BALL, duration=2e-4, radius=radius, **options)
     return part, found, [str(one.message) for one in told]
 
 
@@ -477,6 +477,11 @@ def test_the_facets_at_a_site_give_its_radius_and_sharp_edges_are_no_sites():
     assert set(found.reasons[near]) == {NEAR}
     assert not found.doubtful[~near & (found.points[:, 0] > 0.03)].any()
     assert NEAR not in finely(supports=False)[1].reasons
+    least = float(found.radius[0]) * 1.2
+    _, larger, _ = finely(radius=Resolved(least))
+    assert larger.radius == pytest.approx(np.full(len(inner), least))
+    with pytest.raises(ao.InputError, match="radius"):
+        finely(radius=np.array([least, least]))
 
 
 def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():

@@ -38,6 +38,7 @@ from antiosc.base.texts import (
     engineering,
     exceeds,
     percent,
+    plus_minus,
     point_text,
     restitution_text,
     where_to_change,
@@ -757,12 +758,6 @@ def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
     return min(share, 1.0), share
 
 
-def _plus_minus(bar: tuple[float, float]) -> str:
-    """A bar as text: "± 12 %", or "+13 % −79 %" if its sides differ."""
-    below, above = map(percent, bar)
-    return f"± {below}" if below == above else f"+{above} −{below}"
-
-
 def _judged(peak: PeakField) -> float:
     """The judged stress, as `Margin.stress` where there is a strength, in its unit."""
     value = float(peak.values[peak.judged])
@@ -777,7 +772,7 @@ def stress_note(peak: PeakField, force: float | None) -> str:
     bar = _bar(peak, force or 0.0)
     if bar is None:
         return ""
-    value = f"{engineering(_judged(peak), peak.unit)} {_plus_minus(bar)}"
+    value = f"{engineering(_judged(peak), peak.unit)} {plus_minus(bar)}"
     if force is None:
         text = (
             f"with the errors of mesh and patch this stress is {value}; that of the force adds to"
@@ -820,7 +815,7 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
     bar = _bar(peak, 0.0)
     if bar is None or force is not None:
         return ""
-    return f"{_plus_minus(bar)} by mesh and patch, force not estimated"
+    return f"{plus_minus(bar)} by mesh and patch, force not estimated"
 
 
 def _stretching(hit: History) -> str:

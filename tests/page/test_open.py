@@ -290,7 +290,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
 
 
 def test_patches_of_a_map_grow_until_they_carry_its_forces(opened, monkeypatch):
-    """A third of 305 sites of a pin with cells of 0.12 mm had none that carried its force."""
+    """A third of 305 sites of a pin with cells of 0.15 mm had none that carried its force."""
     asked_for = []
 
     def struck(set_up, blow, group, radius):
@@ -303,6 +303,10 @@ def test_patches_of_a_map_grow_until_they_carry_its_forces(opened, monkeypatch):
     found = opened._impact_map(set_up.read(asked(opened)), blow, None)
     assert np.isfinite(found.peak_force).all()
     assert asked_for == pytest.approx([0.0, 3e-4, 6e-4])
+    asked_for.clear()
+    blow.model.patch_radius = None  # of a point load: there is no patch that could grow
+    opened._impact_map(set_up.read(asked(opened)), blow, None)
+    assert asked_for == [0.0]
 
 
 def test_the_stress_has_the_errors_of_mesh_and_force(opened):

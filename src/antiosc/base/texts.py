@@ -303,3 +303,9 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
 def percent(share: float) -> str:
     """A ratio in per cent with two significant digits: "0.34 %"."""
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
+
+
+def plus_minus(bar: tuple[float, float]) -> str:
+    """An error bar (below, above) as text: "± 12 %", or "+13 % −79 %" if its sides differ."""
+    below, above = map(percent, bar)
+    return f"± {below}" if below == above else f"+{above} −{below}"

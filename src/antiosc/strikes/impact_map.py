@@ -194,7 +194,9 @@ def impact_map(
     """
     instance("structure", structure, Structure, "a Structure")
     accuracy = positive("accuracy", accuracy)
-    if not (radius is None or isinstance(radius, Resolved) or radius == FACETS):
+    if isinstance(radius, str) and radius == FACETS:
+        radius = Resolved()
+    if radius is not None and not isinstance(radius, Resolved):
         radius = positive("radius", radius, "m")
     if longest is not None:
         longest = positive("longest", longest, "s")

@@ -284,7 +284,7 @@ def sites_on(
     unit_direction = None if direction is None else _in_space(direction)
     if unit_direction is not None:
         unit_direction = unit_direction / np.linalg.norm(unit_direction)
-    if radius == FACETS:
+    if isinstance(radius, str) and radius == FACETS:
         radius = Resolved()
     if radius is not None and not isinstance(radius, Resolved):
         positive("radius", radius, "m")
