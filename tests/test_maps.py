@@ -19,6 +19,7 @@ import meshio
 
 import antiosc as ao
 import parts
+from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import engineering, percent
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import NEAR
@@ -26,7 +27,7 @@ from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, sites_of, surface
 from antiosc.reduce.site.sites import located
-from antiosc.strikes import impact_map as maps, map_results
+from antiosc.strikes import impact_map as maps, map_results, map_stresses
 from antiosc.strikes.map_results import hardest
 from antiosc_app import live as verdict, live_meshes as sites
 from antiosc_app.live import headline_of_map
@@ -502,6 +503,44 @@ def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():
     assert "duration" not in " ".join(str(one.message) for one in told)
 
 
+def test_only_impacts_with_a_result_that_have_not_parted_are_made_longer(monkeypatch):
+    """All 294 impacts of a pin, with contacts of 1.3 ms, lasted 32 ms where one site had no
+    result.
+    """
+    times = np.array([1e-4, np.nan, 3e-4])  # that the bodies take to part
+    numbers = []
+
+    def simulated(models, impactor, laws, durations):
+        numbers.append(len(models))
+        lasts = times[[int(model) for model in models]]
+        force = np.where(np.isnan(lasts), np.nan, 1.0)
+        return SimpleNamespace(
+            peak_force=force, restitution=np.where(lasts <= durations, 0.5, np.nan)
+        )
+
+    monkeypatch.setattr(maps, "simulate_many", simulated)
+    _, durations = maps._parted(["0", "1", "2"], None, [None] * 3, 1e-4, 32e-3)
+    assert durations == pytest.approx([1e-4, 1e-4, 4e-4])
+    assert numbers == [3, 1, 1, 3]  # those that are kept are run together
+    _, durations = maps._parted(["0", "1", "2"], None, [None] * 3, 1e-4, 2e-4)
+    assert durations == pytest.approx([1e-4, 1e-4, 2e-4])
+
+
+def test_the_largest_stress_is_that_of_all_tensors_at_all_times():
+    random = np.random.default_rng(7)
+    scales = 10.0 ** -np.arange(9)
+    columns = random.standard_normal((400, 6, 9)) * scales
+    x = np.cumsum(random.standard_normal((3000, 9)), axis=0) / scales
+    weights = random.uniform(0, 1, 400)
+    stress = equivalent(np.moveaxis(columns @ x.T, 1, -1)).max(axis=1) * weights
+    parts = (DEVIATOR @ columns).astype(np.float32)
+    most, at = map_stresses._largest(parts, x, weights)
+    assert at == stress.argmax()
+    assert most == pytest.approx(stress.max(), rel=1e-4)
+    _, _, bounds = map_stresses._bounded(parts, x)
+    assert (bounds * weights * (1 + map_stresses.ROUNDING) >= stress).all()
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
 def test_stresses_of_a_map_leave_out_held_faces_as_those_of_an_impact_do():
@@ -526,6 +565,13 @@ def test_stresses_are_those_of_sound_sites_and_of_no_more_than_asked_for():
     sound = np.flatnonzero(~found.doubtful)
     gaps = np.linalg.norm(found.points[sound][:, None] - found.points[sought], axis=2).min(axis=1)
     assert gaps.max() < 0.035  # spread over the face: five of a face of 120 x 80 mm
+    # the worst: three with the largest forces, then two of the others with the largest deflections
+    worst = map_results.worst_sites(found, 5)
+    by_force = sound[np.argsort(-found.peak_force[sound])]
+    assert set(by_force[:3]) <= set(worst)
+    rest = by_force[3:]
+    by_deflection = rest[np.argsort(-found.peak_deflection[rest])]
+    assert set(worst) == {*by_force[:3], *by_deflection[:2]}
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes

@@ -351,6 +351,9 @@ def sites_of_map(
         "alone": _dots(impact_map).tolist(),
         "radii": np.zeros(0) if impact_map.radius is None else impact_map.radius,
         "first": hardest(impact_map),
+        "durations": np.full(len(impact_map), duration)
+        if impact_map.durations is None
+        else impact_map.durations,
         "doubtful": impact_map.doubtful.tolist(),
         "names": {
             name: MAP_QUANTITIES[name][0] + " (computed case)" * (name in COMPUTED)

@@ -133,6 +133,8 @@ FEW = "few anti-oscillators, more follow …"
 #: The stress of the blows on a map that takes longer [s] is asked for, with as many sites as take
 #: so long; at least so many sites.
 SOON, FEWEST = 60.0, 10
+#: Seconds of stresses over those that were forecast, and over those by the rate of fewer sites.
+FORECAST, MEASURED = (1.0, 3.0), (0.7, 1.5)
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
@@ -623,7 +625,8 @@ class Opened:
         work = partial(self._impact_map, set_up, blow, group)
         impact_map, alone = self._mapped.of(repr((set_up, group)), lambda: (work(), {}))
         if stress:
-            impact_map = with_stresses(blow.structure, impact_map, stress, sharp_edges=False)
+            options = {"sharp_edges": False, "worst": True}
+            impact_map = with_stresses(blow.structure, impact_map, stress, **options)
         return self._told_of_map(impact_map, blow.structure, values, alone)
 
     def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
@@ -675,13 +678,12 @@ class Opened:
         headline = live.headline_of_map(impact_map, structure, live.ON_PAGE, alone)
         took = time.perf_counter() - began
         where = "the part" if values.get("where") is None else str(values["where"])
-        assert impact_map.duration is not None
-        lasted = engineering(impact_map.duration, "s")
+        about = f"{headline.about} {len(impact_map)} sites of {where}, {_lasting(impact_map)}."
         return {
             "map": {**data, "barred": {i: _bars_of(hit) for i, hit in alone.items()}},
-            "about": f"{headline.about} {len(impact_map)} sites of {where}, each for {lasted}.",
+            "about": about,
             "caution": headline.caution,
-            "verdict": headline.sentences,
+            "verdict": [*headline.sentences, *_with_stress(impact_map)],
             "offer": _offer(impact_map, structure, took),
         }
 
@@ -749,18 +751,57 @@ def _bars_of(hit: History) -> dict[str, float | None]:
     return {name: budget.shares(name)["total"] for name in budget}
 
 
+def _lasting(impact_map: ImpactMap) -> str:
+    """How long the impacts of a map are followed, in words."""
+    assert impact_map.durations is not None
+    ends = impact_map.durations.min(), impact_map.durations.max()
+    shortest, longest = (engineering(float(end), "s") for end in ends)
+    if shortest == longest:
+        return f"each for {longest}"
+    return f"each until the bodies part, {shortest} to {longest}"
+
+
+def _sought(impact_map: ImpactMap) -> int:
+    """Number of the sites of a map with the stress of their blow."""
+    stress = impact_map.peak_stress
+    return 0 if stress is None else int(np.isfinite(stress).sum())
+
+
+def _sound(impact_map: ImpactMap) -> int:
+    """Number of the sites of a map whose stress may be sought."""
+    return int(len(impact_map) - impact_map.doubtful.sum()) or len(impact_map)
+
+
+def _with_stress(impact_map: ImpactMap) -> list[str]:
+    """The sentence that only some sites of a map have a stress, and which; none if all have."""
+    sought, sound = _sought(impact_map), _sound(impact_map)
+    if not 0 < sought < sound:
+        return []
+    return [
+        f"Stresses are known of the blows at {sought} of {sound} sites, those with the largest"
+        " forces and the largest deflections: another may cause a larger one."
+    ]
+
+
 def _offer(impact_map: ImpactMap, structure: Structure, alone: float) -> Data | None:
-    """The offer of the stress at each site: sites and seconds of all sound ones, and the number of
-    them that takes `SOON`; None of a map that has stresses. `alone`: seconds of an impact alone.
+    """The offer of the stress at each site: sites, the least and the largest number of seconds, and
+    the number of sites that takes `SOON`; None where all have it. `alone`: seconds of an impact
+    alone.
+
+    Seconds are forecast, or of stresses of fewer sites measured.
     """
-    if impact_map.peak_stress is not None:
+    count, sought = _sound(impact_map), _sought(impact_map)
+    if sought >= count:
         return None
-    count = int(len(impact_map) - impact_map.doubtful.sum()) or len(impact_map)
-    assert impact_map.duration is not None
-    seconds = partial(stress_seconds, structure, impact_map.info, impact_map.duration)
+    seconds = partial(stress_seconds, structure, impact_map)
     begins, all_sites = (alone + seconds(number) for number in (0, count))
-    fewer = max(FEWEST, int(count * (SOON - begins) / max(all_sites - begins, 1e-9)))
-    return {"sites": count, "seconds": all_sites, "fewer": min(fewer, count)}
+    scatter = FORECAST
+    if sought:
+        all_sites = alone + impact_map.info["seconds"]["stresses"] * count / sought
+        scatter = MEASURED
+    least, most = (all_sites * factor for factor in scatter)
+    fewer = max(FEWEST, int(count * (SOON - begins) / max(most - begins, 1e-9)))
+    return {"sites": count, "seconds": [least, most], "fewer": min(fewer, count)}
 
 
 def _told_of_file(look: new.Inspection) -> str:

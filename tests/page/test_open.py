@@ -264,10 +264,13 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     free = next(name for name in faces if name not in setup["held"])
     forces = call(opened, "map", setup, where=free)
     assert not any(sentence.startswith("An edge cuts") for sentence in warned(forces))
-    assert f"sites of {free}, each for" in forces["about"]  # not the site that was struck before
+    assert f"sites of {free}, each" in forces["about"]  # not the site that was struck before
     offer = forces["offer"]
     assert 0 < offer["fewer"] <= offer["sites"]
-    assert offer["seconds"] > 0
+    assert 0 < offer["seconds"][0] < offer["seconds"][1]
+    some = call(opened, "map", setup, where=free, stress=offer["sites"] - 1)
+    assert f"at {offer['sites'] - 1} of {offer['sites']} sites" in " ".join(some["verdict"])
+    assert some["offer"]["seconds"][0] > 0  # by the rate of these
     stressed = call(opened, "map", setup, where=free, stress=offer["sites"])
     assert stressed["offer"] is None
     sites = stressed["map"]["sites"]

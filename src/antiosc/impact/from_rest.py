@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from antiosc.base import checks
-from antiosc.base._types import Array
+from antiosc.base._types import Array, IntArray
 from antiosc.engine import library
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody
@@ -25,33 +25,33 @@ Force = tuple[Array, Array]
 
 
 def peak_deflections(
-    bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float
+    bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float | Array
 ) -> Array:
-    """Largest displacement u (S,) [m] of each body's site along the impact, up to `duration` [s].
+    """Largest displacement u (S,) [m] of each body's site along the impact, up to `duration` [s],
+    of all or of each (S,).
 
     The bodies are at rest at the start. forces : times [s] and the force [N] on each body, linear
     between the times and zero outside. The result is exact at the times of the force, and at 200
     times over the duration or more: 40 a period of the first mode.
     """
-    duration = checks.positive("duration", duration, "s")
-    peaks = [
-        _peaks(bodies[i : i + BODIES_AT_ONCE], forces[i : i + BODIES_AT_ONCE], duration)
-        for i in range(0, len(bodies), BODIES_AT_ONCE)
-    ]
+    longest = checks.positive("duration", float(np.max(duration)), "s")
+    durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])
+    spans = (slice(i, i + BODIES_AT_ONCE) for i in range(0, len(bodies), BODIES_AT_ONCE))
+    peaks = [_peaks(bodies[span], forces[span], durations[span]) for span in spans]
     return np.concatenate([np.zeros(0), *peaks])
 
 
-def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], duration: float) -> Array:
+def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Array) -> Array:
     modes = [body.modal() for body in bodies]
     omega = _padded_rows([body.omega for body in modes], 0.0)
     b = _padded_rows([body.b for body in modes], 0.0)
     decay = _padded_rows([_decay(body) for body in modes], 0.0)
     residual = np.array([body.r for body in modes])
     first = max((row[row > 0].min() for row in omega if (row > 0).any()), default=0.0)
-    periods = duration * first / (2 * np.pi)
-    samples = int(np.clip(SAMPLES_PER_PERIOD * periods, SAMPLES, MOST_SAMPLES))
+    periods = durations * first / (2 * np.pi)
+    samples = np.clip(SAMPLES_PER_PERIOD * periods, SAMPLES, MOST_SAMPLES).astype(int)
     peak = np.zeros(len(modes))
-    for _, q, force in motions(omega, b, decay, forces, duration, samples):
+    for _, q, force in motions(omega, b, decay, forces, durations, samples):
         u = np.sum(b * q, axis=1) + residual * force
         peak = np.maximum(peak, u)
     return peak
@@ -64,15 +64,20 @@ def _decay(modes: ModalBody) -> Array:
 
 
 def motions(
-    omega: Array, b: Array, decay: Array, forces: Sequence[Force], duration: float, samples: int
+    omega: Array,
+    b: Array,
+    decay: Array,
+    forces: Sequence[Force],
+    durations: Array,
+    samples: IntArray,
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Yield (times, modal displacements (S, J), forces) of S bodies from rest, step by step.
 
-    The times [s] are those of each force and `samples` over the duration; a body with fewer times
-    than another repeats its last one. omega, b, decay : (S, J) of the modes.
+    The times [s] are those of each force and `samples` (S,) over its duration; a body with fewer
+    times than another repeats its last one. omega, b, decay : (S, J) of the modes.
     """
-    even_times = np.linspace(0, duration, samples)
-    times = [np.union1d(even_times, force_times) for force_times, _ in forces]
+    even_times = map(np.linspace, np.zeros(len(forces)), durations, samples)
+    times = [np.union1d(even, own) for even, (own, _) in zip(even_times, forces, strict=True)]
     values = [_force_at(body_times, force) for body_times, force in zip(times, forces, strict=True)]
     time = _padded_rows(times, None)
     force = _padded_rows(values, 0.0)

@@ -31,7 +31,13 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import instance, positive, whole, within_range
-from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to
+from antiosc.base.errors import (
+    AccuracyWarning,
+    InputError,
+    warn,
+    warnings_to,
+    without_warnings,
+)
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
 from antiosc.base.texts import engineering, percent, point_text as placed
@@ -43,7 +49,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.second_order import is_flat
 from antiosc.fem.platform import agree, collective, on_root
 from antiosc.fem.structure.structure import Structure, refuse_dampers
-from antiosc.impact.batch import simulate_many
+from antiosc.impact.batch import Batch, simulate_many
 from antiosc.impact.bodies import Obstacle
 from antiosc.impact.from_rest import peak_deflections
 from antiosc.impact.histories import History
@@ -58,6 +64,7 @@ from antiosc.impact.reference import Settings
 from antiosc.impact.scene import DEFAULT_TOL, check_range, simulate_impact
 from antiosc.impact.two_bodies import Impact
 from antiosc.models import driving_point, free_modes
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import (
     AUTO,
     AnyLaw,
@@ -95,6 +102,7 @@ from antiosc.strikes.map_results import (
     left_out_text,
     low_band,
     spread_sites,
+    worst_sites,
 )
 from antiosc.strikes.map_stresses import largest_stresses
 
@@ -184,8 +192,8 @@ def impact_map(
         0.04 thicknesses or less stay linear. The models of the map are linear, and it has no
         stresses. Only for supported parts.
     longest : float, optional
-        The impacts are computed again for twice the duration, up to this one, s, as long as the
-        bodies touch or approach at the end at a site. Default: once, for the duration.
+        The impact at a site is computed again for twice its duration, up to this one, s, as long
+        as the bodies touch or approach at its end. Default: once, for the duration.
 
     Raises
     ------
@@ -504,36 +512,32 @@ def _struck(
     comm = structure.comm
     on_root(comm, partial(_tell_band, result, impactor, contact))
     sites_of_rank = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
-    while True:
-        part = None
-        error = None
-        messages: list[str] = []  # of the run that is kept
-        try:
-            if len(sites_of_rank):
-                models = [result.model(i) for i in sites_of_rank]
-                laws_here = contact if laws is None else [laws[i] for i in sites_of_rank]
-                with warnings_to(messages.append):
-                    batch = simulate_many(models, impactor, laws_here, duration)
-                part = batch, peak_deflections(models, batch.force, duration)
-        except Exception as caught:
-            error = caught
-        agree(comm, error)
-        parts = [p for p in comm.allgather(part) if p is not None]
-        restitution = np.concatenate([batch.restitution for batch, _ in parts])
-        parted = bool(np.all(restitution >= 0))
-        if parted or longest is None or duration >= longest:
-            break
-        duration = min(2 * duration, longest)
+    part = None
+    error = None
+    messages: list[str] = []
+    try:
+        if len(sites_of_rank):
+            models = [result.model(i) for i in sites_of_rank]
+            laws_here = [contact if laws is None else laws[i] for i in sites_of_rank]
+            scenes = models, impactor, laws_here
+            with warnings_to(messages.append):
+                batch, durations = _parted(*scenes, duration, longest)
+            part = batch, peak_deflections(models, batch.force, durations), durations
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    parts = [p for p in comm.allgather(part) if p is not None]
     for message in messages:
         warn(message, AccuracyWarning)
-    deflections = np.concatenate([deflection for _, deflection in parts])
+    deflections = np.concatenate([deflection for _, deflection, _ in parts])
+    durations = np.concatenate([of_part for _, _, of_part in parts])
 
     def gathered(name: str) -> Array:
-        return np.concatenate([getattr(batch, name) for batch, _ in parts])
+        return np.concatenate([getattr(batch, name) for batch, *_ in parts])
 
     # nothing is harder than a rigid wall: where the force is larger, the patch is at fault
     stiffest = max(laws or [contact], key=lambda law: getattr(law, "stiffness", 0.0))
-    wall = Impact(Obstacle(), impactor, stiffest, duration)
+    wall = Impact(Obstacle(), impactor, stiffest, float(durations.max()))
     on_wall = simulate_impact(wall, Settings(COARSE))[0].peak_force
     peaks = gathered("peak_force")
     impact_time = time.perf_counter()
@@ -545,27 +549,66 @@ def _struck(
         impactor=impactor,
         contact=contact,
         laws=None if laws is None or all(law == contact for law in laws) else tuple(laws),
-        duration=duration,
+        duration=float(durations.max()),
+        durations=durations,
         peak_force=peaks,
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),
         peak_deflection=deflections,
-        forces=tuple(force for batch, _ in parts for force in batch.force),
+        forces=tuple(force for batch, *_ in parts for force in batch.force),
     )
 
 
+def _parted(
+    models: list[AntiOscillators],
+    impactor: LinearBody,
+    laws: list[ContactLaw],
+    duration: float,
+    longest: float | None,
+) -> tuple[Batch, Array]:
+    """(impacts, their durations [s]), each made longer until its bodies have parted, up to
+    `longest`; those without a result are not.
+    """
+    durations = np.full(len(models), duration)
+    messages: list[str] = []
+    with warnings_to(messages.append):
+        batch = simulate_many(models, impactor, laws, durations)
+    going_on = np.flatnonzero(_not_parted(batch) & (durations < (longest or 0.0)))
+    if longest is None or not going_on.size:
+        for message in messages:
+            warn(message, AccuracyWarning)
+        return batch, durations
+    with without_warnings():  # of runs that are not kept
+        while going_on.size and durations[going_on[0]] < longest:
+            durations[going_on] = min(2 * durations[going_on[0]], longest)
+            lists = ([of_sites[i] for i in going_on] for of_sites in (models, laws))
+            trial = simulate_many(next(lists), impactor, next(lists), durations[going_on])
+            going_on = going_on[_not_parted(trial)]
+    return simulate_many(models, impactor, laws, durations), durations
+
+
+def _not_parted(batch: Batch) -> BoolArray:
+    """Mask of the impacts with a result whose bodies touch or approach at the end."""
+    return np.asarray((batch.peak_force > 0) & ~(batch.restitution >= 0))
+
+
 def with_stresses(
-    structure: Structure, struck: ImpactMap, most: int | None, sharp_edges: bool = True
+    structure: Structure,
+    struck: ImpactMap,
+    most: int | None,
+    sharp_edges: bool = True,
+    worst: bool = False,
 ) -> ImpactMap:
-    """A map of impacts with the largest stress of those at no more than `most` sound sites; None:
-    at all sites. `sharp_edges`: whether these and rigid supports count.
+    """A map of impacts with the largest stress of those at no more than `most` sound sites, spread
+    or the `worst`; None: at all sites. `sharp_edges`: whether these and rigid supports count.
     """
     start_time = time.perf_counter()
     assert struck.forces is not None
-    assert struck.duration is not None
+    assert struck.durations is not None
     assert struck.free_sites is not None
-    which = np.arange(len(struck)) if most is None else spread_sites(struck, most)
+    choice = worst_sites if worst else spread_sites
+    which = np.arange(len(struck)) if most is None else choice(struck, most)
     forces = [struck.forces[i] for i in which]
     zones = np.zeros(len(struck))
     if with_parts(structure).members()[0].part.kind.outside:
@@ -574,7 +617,7 @@ def with_stresses(
         radii = [*map(_yielding_radius, laws, struck.peak_force.tolist())]
         zones = CONTACT_RADII * np.array(radii)
     balls = np.column_stack([struck.points, zones])
-    arguments = forces, struck.duration, which, balls, sharp_edges
+    arguments = forces, struck.durations[which], which, balls, sharp_edges
     stresses = largest_stresses(structure, struck.free_sites, *arguments)
     seconds = {**struck.info["seconds"], "stresses": time.perf_counter() - start_time}
     info = MapInfo(**{**struck.info, "seconds": seconds})

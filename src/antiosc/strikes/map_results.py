@@ -79,7 +79,8 @@ class ImpactMap(Completed):
         yield strength and large strains; None where that is not known, or the law was given.
     info : a `MapInfo`: free modes, seconds, …; JSON values.
     impactor, contact, duration : those of the impacts, or None; `contact` is the law on a flat
-        face.
+        face, `duration` the longest [s].
+    durations : (P,) of the impacts [s], or None; they differ only with `longest`.
     laws : (P,) laws of the sites; None if `contact` is the law of all.
     free_sites : the sites in the free modes of the structure, of which stresses are made.
     forces : (P,) pairs of times [s] and forces [N] of the impacts; None without impacts.
@@ -115,6 +116,7 @@ class ImpactMap(Completed):
     law_error: float | None = None
     forces: Sequence[Force] | None = None
     free_sites: FreeSites | None = None
+    durations: Array | None = None
 
     def __post_init__(self) -> None:
         if not self.doubtful.size:
@@ -315,6 +317,24 @@ def spread_sites(impact_map: ImpactMap, most: int) -> IntArray:
         taken.append(int(np.argmax(gap)))
         gap = np.minimum(gap, np.linalg.norm(points - points[taken[-1]], axis=1))
     return np.sort(sites[taken])
+
+
+def worst_sites(impact_map: ImpactMap, most: int) -> IntArray:
+    """Numbers, in order, of at most `most` reliable sites: half of them with the largest forces,
+    the others with the largest deflections of the rest.
+    """
+    sites = trusted(impact_map)
+    taken: list[int] = []
+    assert impact_map.peak_force is not None
+    assert impact_map.peak_deflection is not None
+    for values, count in (
+        (impact_map.peak_force, (most + 1) // 2),
+        (impact_map.peak_deflection, most),
+    ):
+        rest = np.setdiff1d(sites, taken)
+        order = np.argsort(-np.nan_to_num(values[rest], nan=-1.0), kind="stable")
+        taken += rest[order][: count - len(taken)].tolist()
+    return np.sort(np.array(taken, dtype=int))
 
 
 def excited_by(impactor: LinearBody | None, contact: ContactLaw | None) -> float | None:

@@ -699,12 +699,12 @@ class Bench {
     if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
+    find("case").textContent = ""; // nor does its refining go on
     const setup = this.is_lent() ? { ...this.setup, radius: null } : this.setup;
     const found = await this.step("map", { ...(where ? { where } : {}), stress, setup });
     if (!found) return;
     this.mapped = where;
     this.page.stop();
-    this.lasts = found.map.blow.duration;
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
     if (stress) this.page.show_kind(["exposure", "peak_stress"]);
     this.follow(this.page.site);
@@ -713,7 +713,7 @@ class Bench {
     this.tell(found.verdict);
     this.heads("computed");
     this.offer = found.offer;
-    Object.assign(find("stresses"), { hidden: !this.offer, textContent: this.offer ? `Stress of each blow (${lasting(this.offer.seconds)})` : "" });
+    Object.assign(find("stresses"), { hidden: !this.offer, textContent: this.offer ? `Stress of each blow (${lasting(...this.offer.seconds)})` : "" });
   }
 
   // The stress of the blow at each site; what takes long is asked for, with fewer sites as the other way.
@@ -721,13 +721,15 @@ class Bench {
     const { sites, seconds, fewer } = this.offer;
     const map = (count) => this.map(count, this.mapped);
     if (fewer >= sites) return map(sites);
-    const all = `all ${sites}, ${lasting(seconds)}`, some = `${fewer} of them, ${lasting(seconds * fewer / sites)}`;
-    this.ask(`The stress of the blow at each of ${sites} sites takes ${lasting(seconds)}.`, some, () => map(fewer), () => {}, [all, () => map(sites)]);
+    const all = `all ${sites}, ${lasting(...seconds)}`, part = seconds.map((end) => end * fewer / sites);
+    const some = `the ${fewer} with the largest forces and deflections, ${lasting(...part)}`;
+    this.ask(`The stress of the blow at each of ${sites} sites takes ${lasting(...seconds)}.`, some, () => map(fewer), () => {}, [all, () => map(sites)]);
   }
 
   // The fields of the site show the site that is chosen on the map.
   follow(i) {
     const { sites } = this.page;
+    this.lasts = sites.data.durations[i];
     if (sites.data.radii.length) this.site = { ...this.site, radius: sites.data.radii[i] };
     this.chosen = { point: this.placed(sites.at(i)), direction: aimed(sites.along(i)) };
     this.show_fields();
@@ -818,8 +820,11 @@ function fill(input, value) {
   if (input.getAttribute("aria-invalid") !== "true") input.value = value;
 }
 
-// A time that is expected, in words.
-const lasting = (seconds) => (seconds < 100 ? `about ${Math.max(1, Math.round(seconds))} s` : `about ${Math.round(seconds / 60)} min`);
+// A time that is expected between two ends, in words.
+function lasting(least, most) {
+  const long = most >= 100, ends = [Math.floor(least / (long ? 60 : 1)), Math.ceil(most / (long ? 60 : 1))].map((end) => Math.max(1, end));
+  return `${[...new Set(ends)].join(" to ")} ${long ? "min" : "s"}`;
+}
 const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself
 // The range of a yield strength, which grows with it.
 const grown = ({ yield_strength: before, yield_range: range }, strength) =>

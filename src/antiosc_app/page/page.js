@@ -66,6 +66,9 @@ class Page {
     document.documentElement.dataset.ready = performance.now().toFixed(0);
   }
 
+  // The duration of the impact, of a map of that at its site.
+  lasts() { return this.sites ? this.sites.data.durations[this.site] : this.blow.duration; }
+
   body() { return this.sites ? this.sites.body(this.site) : this.blow.body; }
 
   // -- what is shown
@@ -156,12 +159,12 @@ class Page {
   // Strike: numbers and chart follow at once, the picture when the sliders rest; the last digits of
   // a run of many steps wait until then too, that every move is answered within a frame.
   change(resting = false) {
-    const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse;
+    const began = performance.now(), { engine, blow } = this, rough = 0.1 * blow.coarse, lasts = this.lasts();
     const known = this.at_start() && blow.computed; // by the program: the march draws them alone
-    let duration = blow.duration;
+    let duration = lasts;
     const strike = (tol) => engine.strike(pose(this.body(), blow, this.set), duration, tol);
     let hit = strike(known ? blow.coarse : rough);
-    while (hit.touching && !this.at_start() && duration < LONGER * blow.duration) {
+    while (hit.touching && !this.at_start() && duration < LONGER * lasts) {
       duration *= 2;
       hit = strike(rough);
     }
