@@ -102,18 +102,26 @@ class Whole:
     #: (NSET or ELSET, rows of the file) -> rows with their copies, where the mesh is revolved
     everywhere: Callable[[str, IntArray], IntArray] = field(default=lambda _keyword, rows: rows)
 
-    def spread(self, nodes_at: IntArray, elements: int, sectors: int) -> None:
+    def spread(
+        self,
+        nodes_at: IntArray,
+        elements: int,
+        sectors: int,
+        first: Callable[[str, IntArray], IntArray] | None = None,
+    ) -> None:
         """Let all sets, and names from now on, mean also their copies in all sectors.
 
         `nodes_at`: nodes of all sectors for each node of the first; `elements`: number of cells of
-        a sector.
+        a sector; `first`: gives rows of the file their nodes (NSET) or cells (ELSET) in the first.
         """
 
         def everywhere(keyword: str, rows: IntArray) -> IntArray:
             """The nodes (NSET) or elements (ELSET) of all sectors."""
+            cells = rows if keyword == "NSET" else rows[rows < OTHER]
+            if first is not None:
+                cells = first(keyword, cells)
             if keyword == "NSET":
-                return np.unique(nodes_at[rows])
-            cells = rows[rows < OTHER]
+                return np.unique(nodes_at[cells])
             return np.unique(np.add.outer(elements * np.arange(sectors), cells))
 
         self.everywhere = everywhere

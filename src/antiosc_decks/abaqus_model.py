@@ -17,7 +17,7 @@ from antiosc_decks.builder import UNITS, ModelBuilder, Unstated, add_mass, add_t
 from antiosc_decks.constraints import axis_terms
 from antiosc_decks.finished import finished
 from antiosc_decks.properties import axes_of
-from antiosc_decks.revolved import hold_rings, revolve
+from antiosc_decks.revolved import revolve
 from antiosc_decks.unfolded import unfolded
 
 #: Cards with the values of elements that are not cells -> what they give, types of the elements.
@@ -41,7 +41,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
     assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
     assembled.deck.remarks += assembled.account.unknown(options=True)
-    along_axis = revolve(assembled)
+    revolved = revolve(assembled)
     ring = unfolded(assembled, first)
     builder = ModelBuilder(assembled.deck, units, unstated, bool(assembled.named("MASS")))
     sections = Sections(assembled, builder)
@@ -57,8 +57,8 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
         builder.fixed[:] = False  # those of the model end
     for card in boundaries:
         _boundary(builder, card)
-    if along_axis:
-        hold_rings(builder, along_axis)
+    if revolved is not None:
+        revolved.hold(builder)
     if ring is not None:
         ring.hold(builder)
     builder.hold()

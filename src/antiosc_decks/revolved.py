@@ -7,19 +7,31 @@ middle nodes, so that the surface is curved.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
+from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Block, Deck, IntArray
 from antiosc.io.neutral import EDGES
 from antiosc_decks.abaqus_assembly import Whole
+from antiosc_decks.abaqus_cards import OTHER
 from antiosc_decks.abaqus_joints import READERS
+from antiosc_decks.abaqus_mesh import NONE
 from antiosc_decks.builder import ModelBuilder
+from antiosc_decks.coarser import CoarsePlane, Plane
 
 #: Number of sectors by the largest number of plane elements. A ring on 16 sectors had its first six
 #: frequencies within 1e-3 of a fine mesh of tetrahedra; 1500 elements on the axis became 585 000
 #: dofs in 35 s. The area of a circle on 8 sectors is 8e-4 too small.
 SECTORS = ((1500, 16), (3000, 8))
+#: A plane mesh of more elements is made coarser: number of solids, sectors, and length of a solid
+#: around the axis over that in the plane, at the middle radius.
+SOLIDS_OF_COARSE, COARSE_SECTORS, AROUND_OVER_PLANE = 20_000, (16, 64), 4.0
+#: Solids of the coarse mesh over that number, beyond which it is refused.
+MOST_OVER = 1.5
 #: Radii below this share of the largest lie on the axis.
 ON_AXIS = 1e-9
 #: Plane shape -> that of a sector.
@@ -28,11 +40,42 @@ SOLIDS = {"triangle": "wedge", "quad": "hexahedron"}
 REFUSED = (*(name for name in READERS if name != "TIE"), "TRANSFORM", "ORIENTATION")
 
 
-def revolve(whole: Whole) -> tuple[int, ...]:
-    """Revolve the mesh of an axisymmetric deck, with its sets; () for other decks.
+@dataclass(frozen=True)
+class Revolved:
+    """An axisymmetric mesh that is revolved.
 
-    Returns the motions (0 to 5) that mean one along the axis: of a mesh that is drawn in x, z
-    both y, as in all axisymmetric elements, and z.
+    Attributes
+    ----------
+    along : motions (0 to 5) that mean one along the axis: of a mesh that is drawn in x, z both y,
+        as in all axisymmetric elements, and z.
+    nodes_at : (nodes of the plane, angles) rows of the copies of each node.
+    between : (n, 4) nodes of the file between which the last n nodes of the plane lie, of a mesh
+        that is made coarser.
+    """
+
+    along: tuple[int, ...]
+    nodes_at: IntArray
+    between: IntArray
+
+    def hold(self, builder: ModelBuilder) -> None:
+        """Turn motions fixed along the radius and the axis into those of the revolved mesh.
+
+        Nodes held along the radius are held around the axis too, where an axisymmetric model has no
+        motion. On the axis the radial motion is zero by symmetry alone, and is not held.
+        """
+        coarse = self.nodes_at[len(self.nodes_at) - len(self.between) :]
+        held = builder.fixed[self.between].all(axis=1)
+        builder.fixed[coarse] |= held[:, None]
+        radial = builder.fixed[:, 0]
+        axial = builder.fixed[:, self.along].any(axis=1)
+        x = builder.deck.points
+        off_axis = np.hypot(x[:, 0], x[:, 2]) > ON_AXIS * np.abs(x).max()
+        across = radial & off_axis
+        builder.fixed = np.pad(np.stack([across, axial, across], axis=1), ((0, 0), (0, 3)))
+
+
+def revolve(whole: Whole) -> Revolved | None:
+    """Revolve the mesh of an axisymmetric deck, with its sets; None for other decks.
 
     Raises
     ------
@@ -42,25 +85,98 @@ def revolve(whole: Whole) -> tuple[int, ...]:
     deck = whole.deck
     roles = {block.role for block in deck.blocks if len(block)}
     if "axisymmetric" not in roles:
-        return ()
+        return None
     upright = _upright(deck)
     _check(whole, roles)
+    count = len(deck.points)
+    sectors = next((n for most, n in SECTORS if deck.n_elements <= most), 0)
+    coarse = None if sectors else _coarser(whole)
+    if coarse is not None:
+        mesh, sectors = coarse
+        deck.points = np.vstack([deck.points, np.pad(mesh.points, ((0, 0), (0, 1)))])
+        missing = np.zeros((len(mesh.cells), 0), dtype=np.int64)
+        corners = mesh.cells + count
+        deck.blocks = [Block("quad", deck.blocks[0].type, corners, missing, missing)]
     elements = deck.n_elements
-    sectors = next((n for most, n in SECTORS if elements <= most), 0)
-    if not sectors:
-        raise MeshError(
-            f"{deck.name} has {elements} axisymmetric elements; at most {SECTORS[-1][0]} are"
-            " revolved to solids: mesh it coarser."
-        )
     nodes_at = _turned_nodes(deck, sectors)
     plane = deck.blocks
     deck.blocks = [_sector(block, nodes_at, k) for k in range(sectors) for block in plane]
-    whole.spread(nodes_at, elements, sectors)
+    in_plane = _in_plane(mesh, count) if coarse is not None else None
+    whole.spread(nodes_at, elements, sectors, in_plane)
     deck.remarks.append(
         f"the axisymmetric mesh of {deck.name} is revolved about y into {sectors} sectors of"
         " solids; what it holds along the radius is held around the axis too."
     )
-    return (1, 2) if upright else (1,)
+    between = mesh.between if coarse is not None else np.zeros((0, 4), dtype=np.int64)
+    return Revolved((1, 2) if upright else (1,), nodes_at, between)
+
+
+def _in_plane(mesh: CoarsePlane, count: int) -> Callable[[str, IntArray], IntArray]:
+    """A function that gives members of a set of the file their counterparts in a coarse mesh."""
+
+    def members(keyword: str, rows: IntArray) -> IntArray:
+        """The nodes (NSET), those of the file among them, or elements (ELSET)."""
+        if keyword == "NSET":
+            mask = np.zeros(count, dtype=bool)
+            mask[rows] = True
+            return np.concatenate([rows, count + mesh.nodes(mask)])
+        return np.flatnonzero(np.isin(mesh.within, rows))
+
+    return members
+
+
+def _coarser(whole: Whole) -> tuple[CoarsePlane, int]:
+    """A mesh in the plane of fewer elements, and the number of sectors for it."""
+    deck = whole.deck
+    if ties := whole.named("TIE"):
+        raise ties[0].place.error(
+            f"*TIE of {deck.n_elements} axisymmetric elements, which are more than"
+            f" {SECTORS[-1][0]} and would be made coarser: join the nodes, or mesh it coarser."
+        )
+    plane = Plane.of(deck.blocks, deck.points, _kinds(whole), _held(whole))
+    around = 2 * np.pi * plane.moment() / plane.area()
+    size = (plane.area() * around / AROUND_OVER_PLANE / SOLIDS_OF_COARSE) ** (1 / 3)
+    sectors = int(np.clip(round(around / AROUND_OVER_PLANE / size), *COARSE_SECTORS))
+    most = SOLIDS_OF_COARSE // sectors
+    mesh = plane.coarser(float(np.sqrt(plane.area() / most)), most)
+    if len(mesh.cells) > MOST_OVER * most:
+        raise MeshError(
+            f"{deck.name} has {deck.n_elements} axisymmetric elements, which are revolved to solids"
+            f" after they are made coarser; its outline needs {len(mesh.cells)} of them, and"
+            f" {sectors} sectors carry {most}: leave out details of the outline."
+        )
+    change = 100 * (mesh.moment() / plane.moment() - 1)
+    deck.remarks.append(
+        f"the {deck.n_elements} axisymmetric elements of {deck.name} are made coarser before they"
+        f" are revolved, {len(mesh.cells)} of them, with middle nodes; the volume changes by"
+        f" {change:.2g} %."
+    )
+    return mesh, sectors
+
+
+def _held(whole: Whole) -> BoolArray:
+    """(nodes, s) the nodes that each of the distinct supports of the deck holds."""
+    top = whole.instances[""]
+    steps = [card.of(top) for step in whole.steps for card in step]
+    held: dict[tuple[str, ...], BoolArray] = {}
+    for card in [*whole.cards, *steps]:
+        for row in card.rows() if card.keyword == "BOUNDARY" else ():
+            nothing = np.zeros(len(whole.deck.points), dtype=bool)
+            held.setdefault(tuple(row.fields[1:]), nothing)[row.nodes()] = True
+    return np.array(list(held.values()), dtype=bool).reshape(len(held), len(whole.deck.points)).T
+
+
+def _kinds(whole: Whole) -> IntArray:
+    """Number of the section, and of the part that is wanted, of each element."""
+    deck = whole.deck
+    sets = [card.elements() for card in whole.named("SOLIDSECTION")]
+    sets += [whole.sets.get(("ELSET", name.upper()), NONE) for name in deck.wanted or ()]
+    kinds = np.zeros(deck.n_elements, dtype=np.int64)
+    for rows in sets:
+        members = np.zeros(len(kinds), dtype=bool)
+        members[rows[rows < OTHER]] = True
+        kinds = np.unique(2 * kinds + members, return_inverse=True)[1].ravel()
+    return kinds
 
 
 def _upright(deck: Deck) -> bool:
@@ -144,17 +260,3 @@ def _sector(block: Block, nodes_at: IntArray, k: int) -> Block:
     return Block(
         SOLIDS[block.shape], block.type, corners, np.hstack(mids), corners[:, :0], role="solid"
     )
-
-
-def hold_rings(builder: ModelBuilder, along: tuple[int, ...]) -> None:
-    """Turn motions fixed along the radius and the axis (`along`) into those of the revolved mesh.
-
-    Nodes held along the radius are held around the axis too, where an axisymmetric model has no
-    motion. On the axis the radial motion is zero by symmetry alone, and is not held.
-    """
-    radial = builder.fixed[:, 0]
-    axial = builder.fixed[:, along].any(axis=1)
-    x = builder.deck.points
-    off_axis = np.hypot(x[:, 0], x[:, 2]) > ON_AXIS * np.abs(x).max()
-    across = radial & off_axis
-    builder.fixed = np.pad(np.stack([across, axial, across], axis=1), ((0, 0), (0, 3)))

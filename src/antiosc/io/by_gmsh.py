@@ -333,7 +333,7 @@ def _merged(script: Path, script_name: str, name: str) -> Path:
 
 def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     """The mesh of a file that gmsh opens."""
-    gmsh = _session()
+    gmsh = session()
     ask.seal()
     suffix = Path(ask.path).suffix.lower()
     attempt = ATTEMPTS[ask.attempt]
@@ -409,7 +409,7 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
 
 
-def _session() -> ModuleType:
+def session() -> ModuleType:
     """A gmsh session without output."""
     try:
         import gmsh
