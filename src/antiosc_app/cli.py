@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
-from antiosc.base.errors import AntioscError
+from antiosc.base.errors import AntioscError, warnings_to
 from antiosc.base.progress import print_text
 from antiosc_app import info
 
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code; antiosc's own errors become one line."""
     try:
         try:
-            with _terminable():
+            with _terminable(), warnings_to(_Warned().tell):
                 return _run(arguments)
         finally:
             if sys.stdout is not None:
@@ -45,6 +45,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("antiosc: interrupted", file=sys.stderr)
         return 130
+
+
+class _Warned:
+    """Prints warnings that no command collects, each once, as one line."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+
+    def tell(self, message: str) -> None:
+        """Print a warning, unless it was printed before."""
+        if message not in self._told:
+            self._told.add(str(message))
+            print_text(f"warning: {message}", sys.stderr)
 
 
 @contextmanager

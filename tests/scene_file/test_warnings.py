@@ -12,7 +12,7 @@ from abaqus_decks import plate_deck
 from antiosc.base.errors import AccuracyWarning, NotTakenWarning, by_weight, warn, warnings_to
 from antiosc.base.texts import percent
 from antiosc.impact import stretching
-from antiosc_app import live
+from antiosc_app import cli, live
 from antiosc_app.scene_file import run
 from scene_files import antiosc, written
 
@@ -135,3 +135,14 @@ def test_more_second_order_modes_are_the_remedy_only_where_there_are_more(stretc
     assert "comes from the stretch" in verdict
     assert ("larger number of motions" in verdict) == (stretch == 2)
     assert ("explicit finite element program" in verdict) == (stretch == "auto")
+
+
+def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, monkeypatch):
+    def warning(_arguments: object) -> int:
+        for _ in range(2):
+            warn("The mesh\nis coarse.")
+        return 0
+
+    monkeypatch.setattr(cli, "_run", warning)
+    assert cli.main([]) == 0
+    assert capsys.readouterr().err == "warning: The mesh is coarse.\n"

@@ -19,7 +19,11 @@ def grid(bulge: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     share = np.arange(ROWS + 1) / ROWS
     top = HEIGHT + bulge * 4 * (r - INNER) * (OUTER - r)
     points = np.stack(
-        [np.repeat(r[:, None], ROWS + 1, axis=1), top[:, None] * share, np.zeros((len(r), ROWS + 1))]
+        [
+            np.repeat(r[:, None], ROWS + 1, axis=1),
+            top[:, None] * share,
+            np.zeros((len(r), ROWS + 1)),
+        ]
     )
     number = np.arange(points[0].size).reshape(points[0].shape)
     cells = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]])
