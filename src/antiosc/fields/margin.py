@@ -121,6 +121,8 @@ class Margin(ReprMixin):
         larger than that radius; else inf.
     mesh_error : error of the value by the mesh, in its unit; of shells, where it is not estimated,
         40 % of the value.
+    others : least and largest stress that some other place has within its own error by the mesh,
+        with the spread in the largest: the stress of the part is no less and no more either.
     force_error : relative error of the forces of the contacts, which the stresses follow; 0 if it
         is not known. Like `mesh_error` it counts in the verdict alone.
     nearer : the worst point in the balls that are left out; None without balls.
@@ -142,6 +144,7 @@ class Margin(ReprMixin):
     spread: float = 0.0
     edge_stress: float = 0.0
     mesh_error: float = 0.0
+    others: tuple[float, float] = (0.0, 0.0)
     force_error: float = 0.0
     thin: float = inf
     impact: int = 0
@@ -193,8 +196,10 @@ class Margin(ReprMixin):
     @property
     def stresses(self) -> tuple[float, float]:
         """Least and largest stress within the errors of mesh, edge of the balls, and force."""
-        least = max(self.value - self.mesh_error, (1 - EDGE_ERROR) * self.edge_stress)
-        largest = max(self.stress + self.mesh_error, (1 + EDGE_ERROR) * self.edge_stress)
+        error, at_edge = self.mesh_error, EDGE_ERROR * self.edge_stress
+        of_mesh = self.value - error, self.value + self.spread + error
+        of_hertz = self.edge_stress - at_edge, self.edge_stress + at_edge
+        least, largest = map(max, of_mesh, of_hertz, self.others)
         return least * (1 - self.force_error), largest * (1 + self.force_error)
 
     @property
@@ -212,11 +217,6 @@ class Margin(ReprMixin):
         if not self.scope and not self.contact:
             return f"{self._verdict}: {self._largest}"
         sentences = [self._verdict, self._largest]
-        if self.at_edge:
-            sentences.append(
-                "the mesh is too coarse there: its largest stress is"
-                f" {engineering(self.value, 'Pa')} {self._place}"
-            )
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             stress = engineering(self.nearer.value, "Pa")
             sentences.append(f"nearer it is up to {stress} at {point_text(self.nearer.point)}")
@@ -283,7 +283,9 @@ class Margin(ReprMixin):
         """Text: the judged stress, its place, and what makes it larger than that of the model."""
         stress, of_model = (engineering(stress, "Pa") for stress in (self.stress, self.value))
         if self.at_edge:
-            return f"{stress} at this distance by Hertz's pressure on a half-space"
+            distance = f"{CONTACT_RADII:g} radii of the contact"
+            by_mesh = f"by the mesh up to {of_model} {self._place}"
+            return f"{stress} at {distance} by Hertz's pressure on a half-space ({by_mesh})"
         if stress == of_model:
             return f"{stress} {self._place}"
         spread = engineering(self.spread, "Pa")

@@ -601,12 +601,13 @@ def peak_field(
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = mesh_error(structure, shapes, part, history, peak_times, body)
         result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
-        if result.mesh_error is not None and result.values.any():
+        by_hertz = result._margin is not None and result._margin.at_edge
+        if result.mesh_error is not None and result.values.any() and not by_hertz:
             k = result.judged
             share = float(result.mesh_error[k] / (result.values[k] or 1.0))
             sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=sentence)
-        elif result.values.any():
+        elif result.mesh_error is None and result.values.any():
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.criterion == "yield":
         judged = replace(
@@ -615,10 +616,9 @@ def peak_field(
             strength_range=margin.strength_range(structure, result._margin.strength),
         )
         judged = _with_errors(result, judged, zones)
-        spans = tuple(
-            _with_errors(result, replace(span, strength_range=judged.strength_range), zones)
-            for span in judged.spans
-        )
+        known = judged.strength_range
+        known_spans = [replace(span, strength_range=known) for span in judged.spans]
+        spans = tuple(_of_one(_with_errors(result, span, zones)) for span in known_spans)
         result = replace(result, _margin=replace(judged, spans=spans))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
@@ -742,25 +742,27 @@ UNKNOWN = 1.0
 
 
 def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margin:
-    """A margin with the mesh error of the field, relative to the stress, at its worst point.
-
-    Where sharp edges are left out, it is at least that by which another place that is judged may
-    have more, within its own error.
+    """A margin with the mesh error of the field, relative to the stress, at its worst point, and
+    where sharp edges are left out with the stresses of the other places that are judged.
     """
-    if judged.at_edge:
-        return judged
     if field.mesh_error is None:
         return replace(judged, mesh_error=NOT_ESTIMATED * judged.value if field.doubt else 0.0)
     k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
     shares = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
-    error = float(shares[k]) * judged.value
-    if judged.away is not None and field.exposure is not None:
-        others = ~zones.left_out(field.points)
-        spread = zones.spread_error(field.points[others]) / judged.strength
-        possible = field.exposure[others] * (1 + np.minimum(shares[others], UNKNOWN))
-        most = float((possible + spread).max(initial=0.0))
-        error = max(error, most * judged.strength - judged.stress)
-    return replace(judged, mesh_error=error)
+    judged = replace(judged, mesh_error=float(shares[k]) * judged.value)
+    if judged.away is None or field.exposure is None:
+        return judged
+    others = ~zones.left_out(field.points)
+    spread = zones.spread_error(field.points[others])
+    stresses, shares = judged.strength * field.exposure[others], shares[others]
+    least = float((stresses * (1 - shares)).max(initial=0.0))
+    largest = float((stresses * (1 + np.minimum(shares, UNKNOWN)) + spread).max(initial=0.0))
+    return replace(judged, others=(least, largest))
+
+
+def _of_one(span: Margin) -> Margin:
+    """The margin of one impact of a fall: the least stress elsewhere is that of all impacts."""
+    return replace(span, others=(0.0, span.others[1]))
 
 
 def _places(

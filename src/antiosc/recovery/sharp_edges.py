@@ -29,6 +29,9 @@ PLANE_EDGES = {
 SAME = 1e-9
 #: Angle (rad) that may lack of the full circle around an edge within the solid.
 WITHIN = 1e-3
+#: Distance of the middle node of a curved edge from that of its ends, over their distance: an arc
+#: of 90° has 0.21, one of 60° 0.13.
+CURVED = 0.25
 #: Interior angle in degrees from which a corner is re-entrant; fillets of three cells have 210.
 RE_ENTRANT = 215.0
 #: Distance from such a place over the thickness of the walls beyond which a stress is judged. Of
@@ -41,20 +44,18 @@ POINTS = 5
 
 
 def interior_angle(part: MeshedStructure, x: Array) -> float:
-    """Largest angle [degree] between outer faces that meet at the cell corner nearest to x (3,).
+    """Largest angle [degree] between outer faces that meet in x (3,), a node of the mesh: at the
+    edges that end there, or of a node between two corners at its own edge.
 
     0 for a point within the solid. To be called on all ranks.
     """
     mesh = part.mesh
-    cells = _corners(part)
-    distance = np.linalg.norm(cells - x, axis=-1)
-    nearest = np.unravel_index(distance.argmin(), distance.shape) if len(cells) else None
-    nearest_cell = [] if nearest is None else [(float(distance[nearest]), cells[nearest])]
-    vertex = min(chain(*mesh.comm.allgather(nearest_cell)), key=lambda pair: pair[0])[1]
     tolerance = SAME * mesh.extent()
-    around = cells[(np.linalg.norm(cells - vertex, axis=-1) < tolerance).any(axis=1)]
-    ends, angles = _angles(mesh.cell, around)
-    touching = (np.linalg.norm(ends - vertex, axis=-1) < tolerance).any(axis=1)
+    ends, angles = _angles(mesh.cell, _corners(part))
+    touching = (np.linalg.norm(ends - x, axis=-1) < tolerance).any(axis=1)
+    if not any(mesh.comm.allgather(bool(touching.any()))):
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        touching = np.linalg.norm(ends.mean(axis=1) - x, axis=1) < CURVED * lengths
     _, joined = _joined(part, ends[touching], angles[touching])
     return float(np.degrees(joined[joined < 2 * np.pi - WITHIN].max(initial=0.0)))
 

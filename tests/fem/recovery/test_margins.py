@@ -288,7 +288,10 @@ def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
     assert margin.at_edge
     assert margin.exposure == pytest.approx(zone.edge_stress / alu.yield_strength)
     assert peak.largest_mesh_error is None
-    assert "at this distance by Hertz's pressure" in margin.sentence
+    assert "at 3 radii of the contact by Hertz's pressure" in margin.sentence
+    of_mesh = f"by the mesh up to {engineering(margin.value, 'Pa')} at"
+    assert of_mesh in margin.sentence
+    assert "too coarse" not in margin.sentence  # the mesh's own may be anywhere
 
 
 @pytest.mark.parametrize("radii", [3.0, 12.0])
@@ -393,6 +396,20 @@ def test_a_stress_is_told_once_and_its_uncertain_part_where_it_shows(spread):
         judged = dataclasses.replace(margin, value=value * YIELD, force_error=share)
         is_open = value * (1 - share) < 1 <= value * (1 + share)
         assert ("may be" in judged.sentence) == is_open
+
+
+def test_a_stress_by_hertz_has_the_error_of_the_mesh_s_own_too():
+    """A place of the mesh with nearly as much may have more, and another one within its error."""
+    ball = np.array([[0.0, 0.0, 0.0, 3.2e-3]])
+    own = 0.95 * YIELD, YIELD, np.array([0.1, 0.0, 0.0]), 0.0
+    margin = ao.results.Margin("yield", *own, contact=True, beyond=ball, edge_stress=0.98 * YIELD)
+    assert margin.at_edge
+    margin = dataclasses.replace(margin, mesh_error=0.1 * YIELD)
+    assert margin.stresses == pytest.approx((0.9 * 0.98 * YIELD, 1.1 * 0.98 * YIELD))
+    rough = dataclasses.replace(margin, mesh_error=0.3 * YIELD)
+    assert rough.stresses == pytest.approx((0.9 * 0.98 * YIELD, 1.25 * YIELD))
+    among = dataclasses.replace(rough, others=(0.97 * YIELD, 1.4 * YIELD), force_error=0.1)
+    assert among.stresses == pytest.approx((0.9 * 0.97 * YIELD, 1.1 * 1.4 * YIELD))
 
 
 def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():

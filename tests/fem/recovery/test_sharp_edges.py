@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fields.margin import is_within
-from antiosc.recovery.sharp_edges import sharp_edges
+from antiosc.recovery.sharp_edges import _corners, interior_angle, sharp_edges
 from static_loads import held
 
 pytestmark = pytest.mark.fem
@@ -76,6 +76,21 @@ def test_the_sharp_edge_of_an_angle_is_its_inner_one(tmp_path):
     np.testing.assert_allclose(edges[:, :2] - (0.02, 0.01), 0, atol=1e-9)
     assert (edges[:, 2].min(), edges[:, 2].max()) == pytest.approx((0.0, 0.01))
     assert np.diff(np.sort(edges[:, 2])).max() < edges[0, 3] / 2
+
+
+def test_a_node_between_two_corners_has_the_angle_of_its_own_edge(tmp_path):
+    """Not that of a sharp edge at the end of it, where it was said to lie in the corner."""
+    part = angle(tmp_path, 6e-3)
+    inner = np.array([0.02, 0.01])
+    cells = _corners(part)
+    pairs = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
+    ends = cells[:, pairs].reshape(-1, 2, 3)
+    at_edge = np.linalg.norm(ends[..., :2] - inner, axis=-1) < 1e-9
+    for middle in ends[at_edge.all(axis=1)].mean(axis=1)[:4]:
+        assert interior_angle(part, middle) == pytest.approx(270)
+    from_edge = ends[at_edge.sum(axis=1) == 1].mean(axis=1)
+    angles = [interior_angle(part, middle) for middle in from_edge[:40]]
+    assert max(angles) < 215
 
 
 def test_points_within_any_of_many_balls_are_found():
