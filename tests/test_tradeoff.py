@@ -17,9 +17,17 @@ import antiosc as ao
 from antiosc.base import clock
 from antiosc.fem.elements import products
 from antiosc.fem.platform import compat
+from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.reduce.error.remeshing import OfGeometry, source_of
 from antiosc.strikes import tradeoff
-from antiosc.strikes.tradeoff import BRACKET, WHOLE, Made, Tradeoff, TradeoffMember
+from antiosc.strikes.tradeoff import (
+    BRACKET,
+    WHOLE,
+    Made,
+    Tradeoff,
+    TradeoffMember,
+    number_between,
+)
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.compiled import compiled
@@ -98,11 +106,38 @@ def test_members_take_no_seconds_to_compile(monkeypatch):
     assert found.numbers()["compilation"] == found.compilation
 
 
+def ended(*notes: str, law: float | None = 0.0, why: str = "") -> SimpleNamespace:
+    """A history whose contact law has this error, for the reason `why` if it is not known."""
+    bars = {name: ErrorBar(1.0, 0.0, 0.0, 0.0, 0.0, law=law) for name in QUANTITIES}
+    return SimpleNamespace(error_budget=ErrorBudget(bars, 0.0, notes, law=why))
+
+
 def some(*each: tuple[float, float]) -> Tradeoff:
     """Members with these seconds and bars."""
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     table = tuple(replace(one, seconds=seconds, bar=bar) for seconds, bar in each)
-    return Tradeoff(table, 0.01, None)  # type: ignore[arg-type]
+    return Tradeoff(table, 0.01, ended(), given=True)  # type: ignore[arg-type]
+
+
+def test_the_message_tells_the_share_of_the_law_and_the_whole_bar():
+    found = some((1.0, 0.1), (2.0, 0.008))
+    assert "its bar, 0.8 %, has no error of the contact law" in found.message
+    known = replace(found, hit=ended(law=0.11))
+    assert "leaves out the error of the contact law, 11 %: with it the bar is 12 %" in known.message
+    unknown = replace(found, hit=ended(law=None, why="It was measured by nobody."))
+    assert "the error of the contact law. It was measured by nobody." in unknown.message
+    assert "[strike], makes such a mesh" not in known.message  # of a structure that is given
+    assert "[strike], makes such a mesh" in replace(known, given=False).message
+
+
+def test_a_number_between_two_has_the_forecast_bar():
+    """The bar falls by the power 1.5 of the number: 0.09 at 4, 0.00142 at 64; 0.018 at 11.7."""
+    one = TradeoffMember("Solid", 1e-3, 2, 100, 4, 1e-6, 1.0, 0.1, 1.0, 0.09)
+    many = replace(one, n=64, bar=0.09 * (4 / 64) ** 1.5)
+    assert number_between(one, many, 0.02) == 12
+    assert number_between(one, replace(many, n=5), 0.02) == 0  # too close
+    assert number_between(one, many, 0.0015) == 0  # about the larger one
+    assert number_between(replace(one, bar=0.0201), many, 0.02) == 5  # at least a little more
 
 
 def test_the_message_names_what_misses_the_tolerance_beside_the_force():
@@ -111,12 +146,12 @@ def test_the_message_names_what_misses_the_tolerance_beside_the_force():
     fine = {"peak_force": 0.001, "impulse": 0.001, "contact_time": 0.009}
     fast = replace(one, bars=bars)
     slow = replace(one, seconds=9.0, bar=0.009, bars=fine, n=60)
-    ended = SimpleNamespace(error_budget=SimpleNamespace(notes=("No room.",)))
+    missed = ended("No room.")
     told = "The peak force alone meets 1 % at N = 20, 100 dofs, 1.00 s (± 0.8 %); the contact time"
     for table in ((fast, slow), (fast,)):
-        found = Tradeoff(table, 0.01, ended)  # type: ignore[arg-type]
+        found = Tradeoff(table, 0.01, missed)  # type: ignore[arg-type]
         assert f"{told} does not there (± 10 %)" in found.message, table
-    assert "alone" not in Tradeoff((slow,), 0.01, ended).message  # type: ignore[arg-type]
+    assert "alone" not in Tradeoff((slow,), 0.01, missed).message  # type: ignore[arg-type]
     early = replace(fast, difference=np.nan)
     row = dict(zip(tradeoff.COLUMNS, early.cells(), strict=True))
     assert (row["force ± %"], row["all ± %"], row["to finest %"]) == ("0.8", "10", "–")
@@ -126,14 +161,14 @@ def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys
     one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1.0, 0.1, 1.0, 0.1)
     printed = []
 
-    def ended(*, ready, limit, **_) -> None:
+    def interrupted(*, ready, limit, **_) -> None:
         for n in (20, 8):
             ready(replace(one, n=n))
             printed.append(capsys.readouterr().out)  # at once, not at the end
         assert limit == 60.0
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(ao, "tradeoff", ended)
+    monkeypatch.setattr(ao, "tradeoff", interrupted)
     bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
     text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
     (tmp_path / "scene.toml").write_text(text)
@@ -151,8 +186,7 @@ def test_the_best_and_the_front():
         0,
         "The cheapest within 1 %: N = 20, 100 dofs, 4.00 s",
     )
-    ended = SimpleNamespace(error_budget=SimpleNamespace(notes=("A doubt.", "No room.")))
-    missed = replace(found, tol=0.005, hit=ended)
+    missed = replace(found, tol=0.005, hit=ended("A doubt.", "No room."))
     assert missed.message == "The least bar is 1 %, tol 0.5 %. No room."
     with pytest.raises(ao.InputError, match="no member has a bar"):
         found.best(tol=0.001)
@@ -164,9 +198,8 @@ def test_the_best_and_the_front():
 
 
 def test_no_line_is_told_with_the_end_of_the_meshes(tried):
-    budget = SimpleNamespace(notes=("A doubt.", "The mesh was used as it is."))
-    ended = SimpleNamespace(error_budget=budget)
-    found = replace(some((1.0, 0.1)), tol=0.01, hit=ended)
+    hit = ended("A doubt.", "The mesh was used as it is.")
+    found = replace(some((1.0, 0.1)), tol=0.01, hit=hit)
     with pytest.raises(ao.InputError, match=r"least is 10 %\. The mesh was used as it is"):
         found.best(tol=0.05)
 
@@ -189,6 +222,36 @@ def test_the_whole_costs_few_times_its_finest_member(began, monkeypatch):
     fewer = tradeoff._fewer(made, None, 0.01, 0.0)
     assert now[0] <= WHOLE * 4.0
     assert [len(fewer[one]) for one in made] == {7.0: [0, 1, 1], 9.5: [1, 1, 0]}[began]
+
+
+def test_numbers_between_two_are_tried_on_the_mesh_of_the_cheapest(monkeypatch):
+    """Bars of 0.4 / n^0.9: 20 has 2.7 %, 200 has 0.34 %; within 2 % is 28, tried at 1.8 %."""
+    mesh = Made(simple(4.0), SITE, of_n(200, 4.0))
+    fewer = {mesh: [Made(simple(1.0), SITE, of_n(n, 1.0)) for n in (3, 8, 20)]}
+    tried = []
+
+    def of_number(structure, _site, _run, _accuracy, n):
+        tried.append(n)
+        return of_n(n, 1.0 + n / 100)
+
+    monkeypatch.setattr(tradeoff, "clock", lambda: 5.0)
+    monkeypatch.setattr(tradeoff, "of_number", of_number)
+    monkeypatch.setattr(tradeoff, "member_of", lambda answer: answer)
+    while tradeoff._between([mesh], fewer, None, 0.02, 0.0):
+        pass
+    assert tried[0] == np.ceil((0.4 / 0.018) ** (1 / 0.9))
+    assert len(tried) <= tradeoff.MOST_BETWEEN
+    numbers = [made.member.n for made in fewer[mesh]]
+    assert numbers == sorted(numbers)
+    assert set(tried) < set(numbers)
+    late = {mesh: fewer[mesh][:3]}
+    monkeypatch.setattr(tradeoff, "clock", lambda: 11.0)  # 12 s is the limit
+    assert tradeoff._between([mesh], late, None, 0.02, 0.0) is None
+
+
+def of_n(n: int, seconds: float) -> TradeoffMember:
+    """A member whose bar falls by the power 0.9 of its number."""
+    return TradeoffMember("Solid", 1e-3, 2, 1000, n, 1e-6, seconds, 0.1, 1.0, 0.4 / n**0.9)
 
 
 @pytest.mark.parametrize(("peak", "bar"), [(0.996, 0.005), (0.99, 0.012)])
@@ -353,9 +416,13 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     assert main([*given, "--report", str(tmp_path / "page.html")]) == 0
     assert chart.exists()
     assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
-    assert "unreduced: not run" in (tmp_path / "page.html").read_text()
+    page = (tmp_path / "page.html").read_text()
+    assert "unreduced: not run" in page
+    assert "<h2>Scene</h2>" in page
+    assert "scene.toml, antiosc" in page  # the origin
     printed = capsys.readouterr().out
     assert "all, to finest: the largest of those of peak force" in printed
+    assert "The contact's law was given: its error is not in these bars." in printed
     assert "unreduced: not run" in printed
 
 

@@ -129,7 +129,10 @@ def _export(options: Namespace) -> int:
 #: Tolerance of a trade-off if neither the command nor [strike] gives one.
 USUAL_TOL = 0.02
 #: What its bars are of.
-WORST = "all, to finest: the largest of those of peak force, impulse and contact time."
+WORST = (
+    "force, all: bars without the error of the contact law; all, to finest: the largest of those of"
+    " peak force, impulse and contact time."
+)
 #: What is said of a trade-off that is ended before its end.
 ENDED = (
     "Ended after {} methods, which are not compared with a finest one: none is the cheapest yet."
@@ -173,9 +176,7 @@ def _tradeoff(options: Namespace) -> int:
     if options.chart is not None:
         print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
-        print_text(
-            f"wrote {report.write_report(tradeoff, page, title=scene.document.data.get('title'))}"
-        )
+        print_text(f"wrote {report.write_report_of(scene, tradeoff, page)}")
     return 0
 
 

@@ -53,6 +53,7 @@ from antiosc_app.scene_file.schema import Output
 if TYPE_CHECKING:
     from antiosc import Structure
     from antiosc.extension import Tradeoff
+    from antiosc_app.scene_file.scene import CompiledScene
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -187,7 +188,23 @@ def write_report(
     """
     reported, file = checks.what_and_path(result, path)
     target = checked(os.fspath(checks.path("path", file)))
-    compared = reported if hasattr(reported, "front") else None
+    title = target.stem if title is None else checks.text("title", title)
+    page_results = _results_of(reported, structure, title)
+    return write_page(page_results, presentations(page_results), target)[0]
+
+
+def write_report_of(scene: CompiledScene, compared: Tradeoff, path: Path) -> Path:
+    """Write the report of a trade-off of a scene, with its text and its warnings."""
+    title = str(scene.document.data.get("title") or scene.document.path.stem)
+    page_results = _results_of(compared, None, title)
+    page_results.compiled = scene
+    page_results.warnings = list(scene.warnings)
+    return write_page(page_results, presentations(page_results), path)[0]
+
+
+def _results_of(reported: Any, structure: Structure | None, title: str) -> SceneResults:
+    """The results that the page of one result shows, with the stresses of its part."""
+    compared: Any = reported if hasattr(reported, "front") else None
     reported = reported if compared is None else compared.hit
     checks.instance(
         "result", reported, (History, ImpactMap, Fall), "a History, ImpactMap, Fall or Tradeoff"
@@ -196,7 +213,7 @@ def write_report(
         from antiosc import Structure
 
         checks.instance("structure", structure, Structure, "a Structure")
-    page_results = SceneResults(title=target.stem if title is None else checks.text("title", title))
+    page_results = SceneResults(title=title)
     page_results.tradeoff = compared
     if isinstance(reported, ImpactMap):
         page_results.map = reported
@@ -214,7 +231,7 @@ def write_report(
         if page_results.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
                 page_results.stresses = by_strengths(page_results.structure, reported)
-    return write_page(page_results, presentations(page_results), target)[0]
+    return page_results
 
 
 def write_page(results: SceneResults, parts: Sequence[Presentation], path: Path) -> list[Path]:

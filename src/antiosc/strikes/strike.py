@@ -324,7 +324,7 @@ def _contact_radius(impactor: LinearBody, material: object, thickness: float) ->
 @dataclass(frozen=True)
 class Answer:
     """The result on one mesh: the run of the raw model, that of the corrected model with its
-    budget, seconds.
+    budget, seconds; `before`: those of smaller numbers of anti-oscillators among them.
 
     For shells the raw model is not corrected, and both runs are the same.
     """
@@ -335,6 +335,7 @@ class Answer:
     budget: ErrorBudget
     n: int
     seconds: float
+    before: float = 0.0
 
 
 def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: int) -> Answer:
@@ -345,6 +346,7 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     accuracy = accuracy_of_steps(tol)
     limit = min(MOST_N, structure.dofs - 1)
     n = min(n, limit)
+    before = 0.0  # without the factorization, which all numbers share
     while True:
         model = extract(structure, site, n=n, error="estimate")
         hit = second_order.simulated(structure, model, partial(run, error=accuracy))
@@ -353,7 +355,8 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
         if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
             break
         n = int(np.clip(_count(model, run, truncation, tol), n + n // 2, min(3 * n, limit)))
-    return corrected(structure, hit, run, accuracy, n, start_time)
+        before = max(clock() - start_time - structure.seconds["factorization"], 0.0)
+    return replace(corrected(structure, hit, run, accuracy, n, start_time), before=before)
 
 
 def accuracy_of_steps(tol: float) -> float:

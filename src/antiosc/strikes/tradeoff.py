@@ -5,14 +5,15 @@ has the bar of its own error budget. The meshes end with the first whose bar is 
 tolerance: the tolerance then lies between members, and the difference of each member to the finest
 is an error that does not come from an estimate. Members with fewer anti-oscillators are computed
 afterwards, those of the finest mesh first, as long as the total time is at most `WHOLE` times that
-of the finest member. No seconds are counted while finite elements are compiled or loaded, which is
-done once for all members; `Tradeoff.compilation` has them.
+of the finest member; then numbers between one whose bar is too large and one that is enough. No
+seconds are counted while finite elements are compiled or loaded, which is done once for all
+members; `Tradeoff.compilation` has them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -67,6 +68,9 @@ if TYPE_CHECKING:
 FEW, FEWER = (3, 8, 20, 60), 2.5
 #: Most seconds of all members over those of the finest one, by the same clock.
 WHOLE = 3.0
+#: Bar over the tolerance for which a number between two is forecast, most such numbers, and the
+#: least ratio of two numbers between which one is tried.
+FORECAST, MOST_BETWEEN, APART = 0.9, 2, 1.3
 #: The last mesh has a bar of at most this share of the tolerance.
 BRACKET = 0.5
 #: Bytes of an entry of K and of M, both together.
@@ -81,10 +85,11 @@ class TradeoffMember:
     ----------
     family, order, dofs, n : element family, degree of the elements, number of dofs, number of
         anti-oscillators.
-    size : mean size of the cells [m], the root of their mean volume (area, length).
+    size : mean size of the cells [m], the root of their mean volume (area, length): they differ,
+        and `size` of `read_mesh` is the largest.
     step : mean time step in contact [s].
     seconds : measured time [s] of assembly, factorization, extraction with error estimates, and
-        runs.
+        runs, with this number of anti-oscillators from the start.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : that of the corrected model [N].
     bars : relative error bars of peak_force, impulse and contact_time in its error budget; the sum
@@ -143,7 +148,7 @@ OTHERS = ("s", "D")
 AXES = {"seconds": "time (s)", "gigabytes": "memory (GB)"}
 #: Names and widths of the columns of the printed table.
 COLUMNS = {
-    "method": -10, "family": -6, "size": 9, "order": 6, "dofs": 9, "N": 5, "step": 9,
+    "method": -10, "family": -6, "mean cell": 11, "order": 6, "dofs": 9, "N": 5, "step": 9,
     "seconds": 9, "GB": 9, "peak N": 11, "force ± %": 11, "all ± %": 9, "to finest %": 12,
 }  # fmt: skip
 
@@ -166,6 +171,7 @@ class Tradeoff(Result):
     others : other methods (`compare`) on the mesh of `best(tol)`, or of the finest member.
     notes : sentences on methods that were not run, and on a single mesh.
     compilation : seconds in which finite elements were compiled or loaded, in no member's seconds.
+    given : whether the mesh was that of a given structure.
     """
 
     table: tuple[TradeoffMember, ...]
@@ -174,6 +180,7 @@ class Tradeoff(Result):
     others: tuple[TradeoffMember, ...] = ()
     notes: tuple[str, ...] = ()
     compilation: float = 0.0
+    given: bool = False
 
     def best(self, tol: float | None = None, seconds: float | None = None) -> TradeoffMember:
         """The cheapest member whose bar is at most `tol`, or the most accurate within `seconds`.
@@ -230,13 +237,30 @@ class Tradeoff(Result):
         best = self.best(tol=self.tol)
         sentence = (
             f"The cheapest within {percent(self.tol)}: N = {best.n}, {best.dofs} dofs,"
-            f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, leaves out the error"
-            " of the contact law."
+            f" {engineering(best.seconds, 's')}; its bar, {percent(best.bar)}, {self._law_of(best)}"
         )
         sentence = f"{sentence} {self._of_force()}".rstrip()
-        if len({member.dofs for member in self.table}) == 1:
+        if self.given:
             return sentence
-        return f"{sentence} strike, in a scene [strike], makes such a mesh with tol = {self.tol:g}."
+        return (
+            f"{sentence} strike, in a scene [strike], makes such a mesh with tol = {self.tol:g};"
+            " its cells differ, and no single size gives it."
+        )
+
+    def _law_of(self, member: TradeoffMember) -> str:
+        """End of a sentence on a bar: what the error of the contact law adds to it."""
+        budget = self.hit.error_budget
+        if budget.law:
+            return f"leaves out the error of the contact law. {budget.law}"
+        shares = {name: bar.law or 0.0 for name, bar in budget.items()}
+        wholes = [member.bars.get(name, member.bar) + law for name, law in shares.items()]
+        law, whole = (max(values, default=0.0) for values in (shares.values(), wholes))
+        if not law:
+            return "has no error of the contact law."
+        return (
+            f"leaves out the error of the contact law, {percent(law)}: with it the bar is"
+            f" {percent(whole)}, whatever the method."
+        )
 
     def _of_force(self) -> str:
         """Sentence on the cheapest method whose force alone is within `tol`; "" if it is that
@@ -392,11 +416,14 @@ def tradeoff(
         hit = struck(source, site, impactor, run, BRACKET * tol, *arguments, seen, asked=tol)
         fewer = _fewer(meshes, run, BRACKET * tol, start_time, early)
         finest = meshes[-1]
+        while between := _between(meshes, fewer, run, tol, start_time):
+            early(between.member)
         members = [member for mesh in meshes for member in (*fewer[mesh], mesh)]
         table = tuple(made.beside(finest) for made in members)
         compilation = uncounted_seconds() - compiled
         single = one_mesh(source, meshes, BRACKET * tol)
-        result = Tradeoff(table, tol, hit, notes=single, compilation=compilation)
+        given = isinstance(source, Structure)
+        result = Tradeoff(table, tol, hit, (), single, compilation, given)
         if compare is None:
             return result
         best = result.best(tol=tol) if result.status == 0 else table[-1]
@@ -483,13 +510,7 @@ def _fewer(
     """
     accuracy = accuracy_of_steps(tol)
     finest = meshes[-1].answer
-    seconds_limit = WHOLE * meshes[-1].member.seconds
     fewer: dict[Made, list[Made]] = {}
-
-    def too_long(seconds: float) -> bool:
-        return on_root(
-            finest.structure.comm, lambda: clock() - start_time + seconds > seconds_limit
-        )
 
     for mesh in reversed(meshes):
         fewer[mesh] = []
@@ -498,7 +519,7 @@ def _fewer(
             expected = min(mesh.answer.seconds, finest.seconds)  # the first run may compile
             if mesh.answer is finest:
                 expected -= structure.seconds["factorization"]
-            if too_long(expected):
+            if _too_long(finest, start_time, expected):
                 break
             if FEWER * n <= min(mesh.answer.n, structure.dofs):
                 answer = of_number(structure, mesh.site, run, accuracy, n)
@@ -507,6 +528,60 @@ def _fewer(
         if mesh.answer is not finest:
             structure.drop_factor()
     return fewer
+
+
+def _too_long(finest: Answer, start_time: float, seconds: float) -> bool:
+    """Whether a member of these seconds would make the whole too long."""
+    most = WHOLE * finest.seconds
+    return on_root(finest.structure.comm, lambda: clock() - start_time + seconds > most)
+
+
+def _between(
+    meshes: Sequence[Made],
+    fewer: Mapping[Made, list[Made]],
+    run: RunFunction,
+    tol: float,
+    start_time: float,
+) -> Made | None:
+    """One more member, of the mesh of the cheapest within tol, put into `fewer`; None if no number
+    below its own is worth it.
+    """
+    rows = [(made, mesh) for mesh in meshes for made in (*fewer[mesh], mesh)]
+    enough = [row for row in rows if row[0].member.bar <= tol]
+    if not enough:
+        return None
+    best, mesh = min(enough, key=lambda row: row[0].member.seconds)
+    lower = [made for made in fewer[mesh] if made.member.n < best.member.n]
+    few = max(lower, key=lambda made: made.member.n, default=None)
+    tried = sum(made.member.n not in FEW for made in fewer[mesh])
+    if few is None or few.member.bar <= tol or tried >= MOST_BETWEEN:
+        return None
+    n = number_between(few.member, best.member, tol)
+    if not n or _too_long(meshes[-1].answer, start_time, best.member.seconds):
+        return None
+    structure = mesh.answer.structure
+    answer = of_number(structure, mesh.site, run, accuracy_of_steps(BRACKET * tol), n)
+    if mesh is not meshes[-1]:
+        structure.drop_factor()
+    found = Made(answer, mesh.site, member_of(answer))
+    fewer[mesh].append(found)
+    fewer[mesh].sort(key=lambda made: made.member.n)
+    return found
+
+
+def number_between(few: TradeoffMember, many: TradeoffMember, tol: float) -> int:
+    """The number of anti-oscillators, between those of two members, whose bar is forecast to be
+    `FORECAST` of tol; 0 if both are close, or that number is about the larger one.
+
+    The bar is taken to fall by a power of the number.
+    """
+    goal = FORECAST * tol
+    if many.n < APART * few.n or many.bar >= goal:
+        return 0
+    rate = math.log(few.bar / many.bar) / math.log(many.n / few.n)
+    n = math.ceil(few.n * (few.bar / goal) ** (1 / rate))
+    n = max(n, math.ceil(math.sqrt(APART) * few.n))
+    return n if math.sqrt(APART) * n <= many.n else 0
 
 
 def of_number(
@@ -534,6 +609,7 @@ def member_of(answer: Answer) -> TradeoffMember:
     cost = solver.cost or of_factor(getattr(solver, "entries", 0.0), 1.0)
     integrand = compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 1)
     volume = compat.integrate(integrand, mesh.dolfinx)
+    seconds = structure.seconds["assembly"] + answer.seconds - answer.before
     return TradeoffMember(
         family=type(matrices.parts[0][0]).__name__,
         size=float((volume / mesh.n_cells) ** (1 / mesh.tdim)),
@@ -541,7 +617,7 @@ def member_of(answer: Answer) -> TradeoffMember:
         dofs=structure.dofs,
         n=answer.n,
         step=answer.hit.step,
-        seconds=max(structure.comm.allgather(structure.seconds["assembly"] + answer.seconds)),
+        seconds=max(structure.comm.allgather(seconds)),
         gigabytes=(_kept(structure) + cost.bytes) / 1e9,
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
