@@ -40,6 +40,7 @@ class MaterialRecord:
     rate : D [1/s] and q of Cowper and Symonds, and the strength [Pa] that grows if it is not the
         yield strength; None: not in the sources.
     loss : loss factor; 0: not in the sources.
+    tensile : least and largest strength in tension [Pa] of a material that cracks, or None.
     source, note : sources of the numbers (read, or from memory), and their limits.
     typical : numbers that no available source gives, with their range; "" for none.
     breaks : what is known on breaking, in words; "" for nothing.
@@ -59,12 +60,16 @@ class MaterialRecord:
     G: Any = None
     typical: str = ""
     breaks: str = ""
+    tensile: tuple[float, float] | None = None
 
     @property
     def line(self) -> str:
         """The material in one line."""
         modulus = self.E if self.G is None else self.E[0]
         strength = "no yield"
+        if self.tensile is not None:
+            low, high = (engineering(bound, "Pa") for bound in self.tensile)
+            strength = f"no yield, cracks in tension from {low} to {high} on"
         if self.yield_range is not None:
             low, high = (engineering(bound, "Pa") for bound in self.yield_range)
             strength = f"{engineering(self.yield_strength or 0.0, 'Pa')} ({low} to {high})"
@@ -143,6 +148,7 @@ def _read(name: str, row: Mapping[str, Any]) -> MaterialRecord:
         G=row.get("G"),
         typical=row.get("typical", ""),
         breaks=row.get("breaks", ""),
+        tensile=tuple(row["tensile"]) if "tensile" in row else None,
     )
 
 

@@ -9,6 +9,7 @@ the load, so that 1/exposure − 1 is a margin of safety.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -185,8 +186,26 @@ def equivalent_parts(columns: Array) -> Array:
     return reduced[:, :rank]
 
 
+class Tensile(NamedTuple):
+    """Least and largest strength in tension [Pa] of a material that cracks."""
+
+    low: float
+    high: float
+
+
 def extreme_principal(components: Array) -> Array:
-    """Size (...,) of the principal value of largest size, of components (..., 6).
+    """Size (...,) of the principal value of largest size, of components (..., 6)."""
+    highest, lowest = principal_ends(components)
+    return np.maximum(np.abs(highest), np.abs(lowest))
+
+
+def tension(components: Array) -> Array:
+    """The largest principal value (...,) of components (..., 6), 0 where all are negative."""
+    return np.maximum(principal_ends(components)[0], 0.0)
+
+
+def principal_ends(components: Array) -> tuple[Array, Array]:
+    """Highest and lowest principal value (...,) of components (..., 6).
 
     The trigonometric solution of the cubic (O. K. Smith, Commun. ACM 4 (1961) 168).
     """
@@ -202,7 +221,7 @@ def extreme_principal(components: Array) -> Array:
     angle = np.arccos(np.clip(determinant / 2, -1, 1)) / 3
     highest = mean + 2 * size * np.cos(angle)
     lowest = mean + 2 * size * np.cos(angle + 2 * np.pi / 3)
-    return np.maximum(np.abs(highest), np.abs(lowest))
+    return highest, lowest
 
 
 def tensors_of(components: Array) -> Array:

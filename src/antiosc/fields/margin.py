@@ -22,10 +22,12 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.stresses import (
     Strengths,
+    Tensile,
     equivalent_parts,
     exposure,
     extreme_principal,
     length,
+    tension,
 )
 from antiosc.base.texts import (
     SMALLER_CELLS,
@@ -50,7 +52,7 @@ from antiosc.impact.histories.verdict import (
     yields,
 )
 from antiosc.recovery import source
-from antiosc.recovery.place import NodeTensors, Place, layers_of
+from antiosc.recovery.place import NodeTensors, Place, layers_of, strength_of
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -58,10 +60,22 @@ if TYPE_CHECKING:
 #: Criterion -> event at an exposure of 1, and the name of the criterion.
 CRITERIA: dict[str, tuple[str, str]] = {
     "yield": ("yield", "von Mises"),
+    "tension": ("the strength in tension", "tension"),
     "tsai_hill": ("failure of a ply", "Tsai–Hill"),
     "tsai_wu": ("failure of a ply", "Tsai–Wu"),
     "delamination": ("delamination", "interlaminar shear"),
 }
+
+
+#: Criteria whose value is a stress -> its name, and that of the strength.
+STRESSES = {
+    "yield": ("von Mises stress", "yield strength"),
+    "tension": ("tension", "strength in bending tests"),
+}
+
+
+#: Beside a strength without a range.
+EXACT = " (taken as exact: no range was given)"
 
 
 class Away(NamedTuple):
@@ -99,10 +113,13 @@ class Margin(ReprMixin):
 
     Attributes
     ----------
-    criterion : "yield" (von Mises), "tsai_hill", "tsai_wu" or "delamination".
-    value : the von Mises stress for "yield", Pa; otherwise the exposure.
-    strength : the yield strength for "yield", Pa; otherwise 1.
-    strength_range : least and largest yield strength of batches of the material [Pa], if known.
+    criterion : "yield" (von Mises), "tension" (of what cracks), "tsai_hill", "tsai_wu" or
+        "delamination".
+    value : the von Mises stress for "yield", the largest principal stress for "tension", Pa;
+        otherwise the exposure.
+    strength : the yield strength for "yield", the least strength in tension for "tension", Pa;
+        otherwise 1.
+    strength_range : least and largest strength of batches of the material [Pa], if known.
     point : (3,) place of the worst point, m.
     time : time at which it occurs, s.
     layer, surface : for a laminate: number of the layer, from the bottom, and its surface.
@@ -153,6 +170,11 @@ class Margin(ReprMixin):
     asked: int = 0
     sharp: Margin | None = None
     away: Away | None = None
+
+    @property
+    def is_stress(self) -> bool:
+        """Whether the value is a stress [Pa], and no exposure."""
+        return self.criterion in STRESSES
 
     @property
     def at_edge(self) -> bool:
@@ -214,7 +236,7 @@ class Margin(ReprMixin):
     @property
     def sentence(self) -> str:
         """The verdict with its scope, the stress that decides, and what may change the verdict."""
-        if not self.scope and not self.contact:
+        if not self.scope and not self.contact and self.criterion != "tension":
             return f"{self._verdict}: {self._largest}"
         sentences = [self._verdict, self._largest]
         if self.nearer is not None and self.nearer.exposure > self.exposure:
@@ -223,11 +245,12 @@ class Margin(ReprMixin):
         if self.sharp is not None and self.away is not None:
             stress = engineering(self.sharp.value, "Pa")
             if self.sharp.reached:
-                stress += f", {self.sharp.exposure:.3g} of the yield strength,"
+                stress += f", {self.sharp.exposure:.3g} of the {STRESSES[self.criterion][1]},"
+            fails = "yields" if self.criterion == "yield" else "cracks"
             sentences.append(
                 f"at {self.away.names} an elastic stress has no limit: here up to {stress} at"
                 f" {point_text(self.sharp.point)}, more with smaller cells. {self.away.decides}"
-                " decides whether it yields there"
+                f" decides whether it {fails} there"
             )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
@@ -238,6 +261,8 @@ class Margin(ReprMixin):
                 f" thin (less than {HALF_SPACE:g}) for Hertz's stress in their place",
                 f"make the cells there smaller than {radius} ({SMALLER_CELLS})",
             ]
+        if self.criterion == "tension":
+            sentences.append("cracks are not computed; scratches and edges decide")
         first, *others = sentences
         return ". ".join([first, *map(capitalised, others)])
 
@@ -255,7 +280,7 @@ class Margin(ReprMixin):
     def _range(self) -> str:
         """Text: the stress with its errors beside the strength with its range."""
         low, high = (max(end, 0.0) for end in self.stresses)
-        if self.criterion != "yield":
+        if not self.is_stress:
             return f"exposure {low:.3g} to {high:.3g} with its errors, failure from 1"
         strength = _range_of(*self.strength_range or (self.strength, self.strength))
         return f"stress {_range_of(low, high)} with its errors, strength {strength}"
@@ -265,7 +290,7 @@ class Margin(ReprMixin):
         """Text: the largest stress or exposure, and the margin of safety."""
         there = " there" if self.scope else ""
         margin = f"margin of safety {self.margin:.3g}"
-        if self.criterion != "yield":
+        if not self.is_stress:
             name = CRITERIA[self.criterion][1]
             exposure = f"{self.exposure:.3g}, {self._place}"
             return f"the largest exposure{there} by {name} is {exposure}; {margin}"
@@ -273,9 +298,12 @@ class Margin(ReprMixin):
         if self.strength_range is not None:
             low, high = (engineering(bound, "Pa") for bound in self.strength_range)
             strength += f" ({low} to {high})"
+        else:
+            strength += EXACT
+        name, of_strength = STRESSES[self.criterion]
         return (
-            f"the largest von Mises stress{there}, {self._stress}, is {self.exposure:.3g} of the"
-            f" yield strength {strength}; {margin}"
+            f"the largest {name}{there}, {self._stress}, is {self.exposure:.3g} of the"
+            f" {of_strength} {strength}; {margin}"
         )
 
     @property
@@ -473,6 +501,7 @@ PLY_SURFACES = {
 #: Criterion -> strength that a material must have for it.
 STRENGTH_OF = {
     "yield": "a yield_strength, as 250e6 Pa",
+    "tension": "a strength in tension, as tensile = (45e6, 69e6) Pa",
     "tsai_hill": "layers that have Strengths",
     "tsai_wu": "layers that have Strengths",
     "delamination": "layers that have an interlaminar strength",
@@ -522,8 +551,14 @@ def criteria_of(structure: Structure) -> list[str]:
     """The criteria for which materials of the structure have strengths."""
     materials = source(structure).materials_of(structure, None)
     strengths = [getattr(material, "yield_strength", None) for material in materials]
+    strengths += [strength_of(material, Place()) for material in materials]
     strengths += [layer.strength for material in materials for layer in layers_of(material)]
-    computed_from = {"von_mises": "yield", "tsai_wu": "tsai_wu", "delamination": "delamination"}
+    computed_from = {
+        "von_mises": "yield",
+        "tension": "tension",
+        "tsai_wu": "tsai_wu",
+        "delamination": "delamination",
+    }
     return [
         name
         for name, c in computed_from.items()
@@ -531,9 +566,13 @@ def criteria_of(structure: Structure) -> list[str]:
     ]
 
 
-def strength_range(structure: Structure, strength: float) -> tuple[float, float] | None:
-    """Range of the yield strength of the materials that have this one [Pa]; None: not known."""
+def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] | None:
+    """Range of the strength of the materials that have that of a margin [Pa]; None: not known."""
     materials = source(structure).materials_of(structure, None)
+    strength = margin.strength
+    if margin.criterion == "tension":
+        tensile = [strength_of(material, Place()) for material in materials]
+        return next(tuple(t) for t in tensile if isinstance(t, Tensile) and t.low == strength)
     ranges = [
         material.yield_range
         for material in materials
@@ -559,7 +598,8 @@ def _has_strength(strength: object, criterion: str) -> bool:
     """Whether a strength is of the kind that a criterion needs."""
     if criterion == "delamination":
         return getattr(strength, "interlaminar", None) is not None
-    return isinstance(strength, Strengths if criterion in PLY_SURFACES else float)
+    kinds = {"yield": float, "tension": Tensile}
+    return isinstance(strength, kinds.get(criterion, Strengths))
 
 
 def stresses(
@@ -575,15 +615,13 @@ def stresses(
         extremes, times_of_plies, error = _of_plies(quantity, tensors, search)
         strengths = np.ones(len(extremes))
     else:
-        principal = quantity in ("stress", "strain")
-        columns = tensors.columns if principal else equivalent_parts(tensors.columns)
-        extremes, times_of_plies, error = search(
-            columns, extreme_principal if principal else length
-        )
-        yields = [s if isinstance(s, float) else np.nan for s, _ in tensors.origins]
-        strengths = np.array(yields)[tensors.origin]
-        criterion = "yield"
-        if principal:
+        scalar = SCALARS.get(quantity, length)
+        columns = tensors.columns if quantity in SCALARS else equivalent_parts(tensors.columns)
+        extremes, times_of_plies, error = search(columns, scalar)
+        criterion = "tension" if quantity == "tension" else "yield"
+        known = [_pascals_of(strength, criterion) for strength, _ in tensors.origins]
+        strengths = np.array(known)[tensors.origin]
+        if quantity in ("stress", "strain"):
             strengths[:] = np.nan
     exposures = None
     margin = None
@@ -598,6 +636,17 @@ def stresses(
             error = error and error / float(strengths.min())
     values, peak_times = nodal_maxima(tensors.nodes, extremes, times_of_plies, len(points))
     return Maxima(values, peak_times, error, exposures, margin)
+
+
+#: Quantity -> scalar of its components; others are lengths of their equivalent parts.
+SCALARS = {"stress": extreme_principal, "strain": extreme_principal, "tension": tension}
+
+
+def _pascals_of(strength: object, criterion: str) -> float:
+    """The strength [Pa] by which a criterion judges; NaN for a material without."""
+    if not _has_strength(strength, criterion):
+        return float("nan")
+    return strength.low if isinstance(strength, Tensile) else cast("float", strength)
 
 
 def _of_plies(

@@ -272,6 +272,7 @@ PEAK_QUANTITIES = {
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
     **{name: ("stress", 0, "") for name in margin.CRITERIA},
+    "tension": ("stress", 0, "Pa"),
 }
 #: Share of the largest value from which what the times may miss is told.
 UNRESOLVED = 0.05
@@ -339,7 +340,7 @@ class PeakField(Completed):
     @property
     def judged(self) -> int:
         """Node of the largest value; of the worst point of the margin if there is one."""
-        if self._margin is None or self._margin.criterion != "yield":
+        if self._margin is None or not self._margin.is_stress:
             return int(np.argmax(self.values))
         return int(np.argmin(np.linalg.norm(self.points - self._margin.point, axis=1)))
 
@@ -476,7 +477,8 @@ def peak_field(
     quantity : str
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
         "displacement", "velocity", "acceleration": the length of the vector. "yield": the
-        equivalent stress over the yield strength; "tsai_hill", "tsai_wu", "delamination": the
+        equivalent stress over the yield strength; "tension": the largest principal stress of
+        materials that crack (`tensile`); "tsai_hill", "tsai_wu", "delamination": the
         exposure of the worst ply (`Strengths`), 1 at failure, the last one by the interlaminar
         shear stresses that are in equilibrium with the shear forces.
     times : array_like (n,), optional
@@ -597,7 +599,7 @@ def peak_field(
     if result._margin is not None:
         spans = tuple(one.margin for one in of_spans if one.margin is not None)
         result = replace(result, _margin=replace(result._margin, spans=spans))
-    if quantity in ("von_mises", "stress", "yield"):
+    if quantity in ("von_mises", "stress", "yield", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = mesh_error(structure, shapes, part, history, peak_times, body)
         result = _with_mesh_error(result, structure.comm.bcast(errors, root=0), cells)
@@ -609,11 +611,11 @@ def peak_field(
             result = replace(result, doubt=sentence)
         elif result.mesh_error is None and result.values.any():
             result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
-    if result._margin is not None and result._margin.criterion == "yield":
+    if result._margin is not None and result._margin.is_stress:
         judged = replace(
             result._margin,
             contact=margin.contact_yields(history),
-            strength_range=margin.strength_range(structure, result._margin.strength),
+            strength_range=margin.strength_range(structure, result._margin),
         )
         judged = _with_errors(result, judged, zones)
         known = judged.strength_range

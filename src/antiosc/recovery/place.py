@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.stresses import Strengths
+from antiosc.base.stresses import Strengths, Tensile
 from antiosc.fem.elements import Layer, Section
 
 #: Why beams of a section without an outline have no stress on it.
@@ -59,10 +59,14 @@ def on_outlines(sections: Sequence[Section], place: Place) -> list[Place]:
     return []
 
 
+#: A yield strength, what cracks in tension, or strengths of a ply; None: not known.
+AnyStrength: TypeAlias = float | Tensile | Strengths | None
+
+
 class Origin(NamedTuple):
     """Origin of some tensors: strength of the material, and position in a sheet."""
 
-    strength: float | Strengths | None
+    strength: AnyStrength
     place: Place
 
 
@@ -88,11 +92,14 @@ def layers_of(material: object) -> Sequence[Layer]:
     return layers
 
 
-def strength_of(material: object, place: Place) -> float | Strengths | None:
-    """Yield strength of a material, or strengths of a laminate's layer; None if unknown."""
+def strength_of(material: object, place: Place) -> AnyStrength:
+    """Yield strength of a material, its strength in tension if it cracks, or strengths of a
+    laminate's layer; None if unknown.
+    """
     layers = layers_of(material)
     if not layers:
-        return getattr(material, "yield_strength", None)
+        tensile = getattr(material, "tensile", None)
+        return getattr(material, "yield_strength", None) if tensile is None else Tensile(*tensile)
     strength: Strengths | None = None if place.layer is None else layers[place.layer].strength
     return strength
 

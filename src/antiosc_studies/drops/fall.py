@@ -20,6 +20,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, exceeds, percent
+from antiosc.engine.contact.cracking import cracks
 from antiosc.extension import Zones
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.episode import BODY, LIMITS, Episode
@@ -423,6 +424,7 @@ class Fall(Trajectory, Result):
             rigid,
             self.contact_verdict,
             self._strained,
+            self._cracks,
             self._lines,
             self._sides,
             self._breaking,
@@ -470,6 +472,15 @@ class Fall(Trajectory, Result):
         if largest is None:
             return ""
         return strained(largest, self.body, self.setting.floor)
+
+    @property
+    def _cracks(self) -> str:
+        """Sentence on the tension beside the largest force, on a part that cracks; else ""."""
+        largest = largest_contact(self.body, self.setting.floor, self.episodes)
+        if largest is None:
+            return ""
+        pressure = largest.force / (pi * largest.radius**2)
+        return cracks(largest.part.matters, pressure).rstrip(".")
 
     @cached_property
     def _lines(self) -> str:

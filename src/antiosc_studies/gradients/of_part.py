@@ -62,7 +62,7 @@ SAME_MODEL = 1e-2
 #: grow from rounding, it is 2e-3, and derivatives of the highest frequencies have errors of 100 %.
 SAME_STEPS = 1e-5
 #: Numbers of materials, sections and layers on which K and M do not depend.
-IDLE = {"loss", "yield_strength", "yield_range", "rate", "outline"}
+IDLE = {"loss", "yield_strength", "yield_range", "tensile", "rate", "outline"}
 #: Numbers of a laminate's layers that are design parameters; the others belong to its materials.
 OF_LAYERS = {"thickness", "angle"}
 

@@ -347,6 +347,9 @@ def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
         "yield", stress * YIELD, YIELD, np.zeros(3), 0.0, strength_range=(0.8 * YIELD, 1.3 * YIELD)
     )
     assert margin.sentence.startswith(f"yield {verdict} reached")
+    assert "taken as exact" not in margin.sentence
+    exact = dataclasses.replace(margin, strength_range=None).sentence
+    assert f"strength {engineering(YIELD, 'Pa')} (taken as exact: no range was given)" in exact
     low, high = (engineering(share * YIELD, "Pa") for share in (0.8, 1.3))
     assert f"{engineering(YIELD, 'Pa')} ({low} to {high})" in margin.sentence
 

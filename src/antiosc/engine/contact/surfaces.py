@@ -25,6 +25,7 @@ class Matter:
     rate : D [1/s] and q of Cowper and Symonds, or None; a third number is the strength [Pa] that
         grows with the rate, in place of the yield strength.
     brittle : whether it cracks, crushes or stretches before it yields.
+    tensile : least and largest strength in tension [Pa] of a brittle material; None: not known.
     loss : loss factor.
     critical : indentation from which a laminate is damaged [m]; None: no laminate.
     name : name of the material; "" if its constants were given.
@@ -39,6 +40,7 @@ class Matter:
     loss: float = 0.0
     critical: float | None = None
     name: str = ""
+    tensile: tuple[float, float] | None = None
 
     @property
     def rigid(self) -> bool:
@@ -159,6 +161,7 @@ def matter_of(
         strength = checks.positive("yield_strength", yield_strength, "Pa")
         if strength != matter.yield_strength:
             overrides |= {"yield_strength": strength, "yield_range": None, "brittle": False}
+            overrides["tensile"] = None
             overrides["rate"] = matter.rate and matter.rate[:2]
     if overrides:
         return replace(matter, **overrides)
@@ -190,7 +193,7 @@ def _matter_of_object(material: object) -> Matter:
             "material must be the name of a material without directions, or one of "
             f"E, nu and rho, as a Solid; got {material_name}."
         )
-    names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name")
+    names = ("yield_strength", "yield_range", "rate", "brittle", "loss", "name", "tensile")
     return Matter(E, nu, **{name: getattr(material, name) for name in names})
 
 
@@ -201,8 +204,9 @@ def _checked(matter: Matter) -> Matter:
         value = getattr(matter, name)
         if value is not None and not checks.is_rigid(value):
             checks.positive(name, value)
-    if matter.yield_range is not None:
-        checks.floats("yield_range", matter.yield_range, (2,))
+    for name in ("yield_range", "tensile"):
+        if getattr(matter, name) is not None:
+            checks.floats(name, getattr(matter, name), (2,))
     return matter
 
 

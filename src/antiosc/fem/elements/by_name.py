@@ -84,11 +84,12 @@ def material(
         "yield_range": record.yield_range,
         "rate": record.rate,
         "brittle": record.brittle,
+        "tensile": record.tensile,
         "name": record.name,
         "source": record.source,
     }
     if "yield_strength" in overrides:
-        constants |= {"yield_range": None, "brittle": False}
+        constants |= {"yield_range": None, "brittle": False, "tensile": None}
     constants |= overrides
     if thickness is not None:
         return Shell(**constants, thickness=thickness)

@@ -381,6 +381,7 @@ class Isotropic(Checked):
     rate : (D in 1/s, q) of Cowper and Symonds: the strength grows with the strain rate; a third
         number (Pa) is the strength to which they apply, if not `yield_strength`.
     brittle : whether it cracks or crushes before it yields.
+    tensile : (Pa, Pa) between which it cracks in tension, as in bending tests; for margins.
     loss : loss factor, for damping ratios by modal strain energy.
     prony : pairs (share of E, time in s) of its relaxation, E(t) = E (1 + Σ share exp(-t/time)).
     name, source : name of the material and source of its numbers, if given by name.
@@ -403,6 +404,9 @@ class Isotropic(Checked):
         default=None, kw_only=True, metadata=checked_by(_checked_rate)
     )
     brittle: bool = field(default=False, kw_only=True, metadata=checked_by(flag))
+    tensile: tuple[float, float] | None = field(
+        default=None, kw_only=True, metadata=checked_by(_checked_pair, "Pa")
+    )
     name: str = field(default="", kw_only=True, metadata=checked_by(_checked_text))
     source: str = field(default="", kw_only=True, repr=False, metadata=checked_by(_checked_text))
 

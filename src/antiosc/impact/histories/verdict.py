@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import engineering, percent, restitution_text
+from antiosc.engine.contact import cracking
 from antiosc.engine.contact.choice import Choice, elastic_pressure, lacks_strength
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.half_space import (
@@ -194,7 +195,16 @@ def unknown_dent(contact: OneContact) -> str:
 
 
 def sentence(contact: OneContact) -> str:
-    """Sentence on whether the contact yields, with its permanent indentation; empty if unknown."""
+    """Sentence on whether the contact yields, with its permanent indentation, and on the tension
+    beside it of what cracks; empty if nothing is known.
+    """
+    known = choice_at(contact) is not None
+    sides = [body.surface(site).matter for _, body, site in _ends(contact)] if known else []
+    return " ".join(filter(None, [_yielding(contact), cracking.sentence(contact, sides)]))
+
+
+def _yielding(contact: OneContact) -> str:
+    """Sentence on whether the contact yields; empty if unknown."""
     if not contact.peak_force > 0:
         return ""
     choice = choice_at(contact)
