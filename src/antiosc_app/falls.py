@@ -10,9 +10,15 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent, point_text
-from antiosc_app.live import (
+from antiosc.base.texts import (
     FIRST_TO_LAST,
+    SMALLER_CELLS,
+    capitalised,
+    engineering,
+    percent,
+    point_text,
+)
+from antiosc_app.live import (
     Data,
     Headline,
     bar_of_fall,

@@ -384,7 +384,7 @@ def headline_of_history(
 
     `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
     """
-    labels = {"contact_time": _time_label(hit)}
+    labels = {"contact_time": hit.time_name}
     numbers = [
         (
             labels.get(name, name.replace("_", " ")),
@@ -434,8 +434,6 @@ def comparable(sentence: str) -> str:
     return sentence.rstrip(".").lower()
 
 
-#: Name of a time from the first touch to the last release that contains flights.
-FIRST_TO_LAST = "first to last contact"
 #: What the stresses of a map on the page that opens a part leave out.
 NOT_AT_EDGES = "Sharp inner edges and rigidly held faces are left out too, as for a single blow."
 #: How a map gets stresses: in a scene, and on the page that opens a part.
@@ -653,12 +651,6 @@ def _named(described: str) -> str:
     return re.split(r"[:,]|(?<=of \d part) \(|(?<=parts) \(", described, maxsplit=1)[0]
 
 
-def _time_label(hit: History) -> str:
-    """Name of `contact_time`: whether the main impact has flights between its contacts."""
-    longest = max((end - start for start, end in hit.contacts), default=0.0)
-    return FIRST_TO_LAST if hit.contact_time > longest * (1 + 1e-9) else "contact time"
-
-
 def force_bar(budget: ErrorBudget | None) -> float | None:
     """Relative error of the largest force, its law's included; None if it is not known."""
     bar = None if budget is None else budget.get("peak_force")
@@ -745,7 +737,7 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
 
 def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
     """`stress_bar` with the relative error of the force; None without an estimate of the mesh."""
-    if peak.exposure is not None and peak.margin().criterion == "yield":
+    if peak.exposure is not None and peak.margin().is_stress:
         margin = _margin_with(peak, force)
         if not margin.at_edge and not peak.largest_mesh_error:
             return None
@@ -761,7 +753,7 @@ def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
 def _judged(peak: PeakField) -> float:
     """The judged stress, as `Margin.stress` where there is a strength, in its unit."""
     value = float(peak.values[peak.judged])
-    if peak.exposure is None or peak.margin().criterion != "yield":
+    if peak.exposure is None or not peak.margin().is_stress:
         return value
     margin = peak.margin()
     return margin.exposure if peak.quantity == "yield" else margin.stress
@@ -780,7 +772,8 @@ def stress_note(peak: PeakField, force: float | None) -> str:
         )
     else:
         text = f"with the errors of mesh, patch and force this stress is {value}"
-    if peak.exposure is not None and peak.margin().reached:
+    margin = None if peak.exposure is None else peak.margin()
+    if margin is not None and margin.reached and margin.criterion != "tension":
         return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text
 

@@ -23,6 +23,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
+    FIRST_TO_LAST,
     SMALLER_CELLS,
     engineering,
     percent,
@@ -54,7 +55,6 @@ from antiosc.plot.charts import (
 )
 from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.live import (
-    FIRST_TO_LAST,
     bar_of_fall,
     caution_of,
     force_bar,
@@ -69,6 +69,7 @@ from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import GEOMETRIES, label
 from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
 from antiosc_app.scene_file.scene import probe_times
+from antiosc_app.words import of_scenes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -367,7 +368,8 @@ def advice_of(results: SceneResults) -> Rows:
     try:
         advice = advise(results.structure, results.impactor)
     except AntioscError as error:
-        return [*rows, ("element family", f"no advice: {error}")]
+        reason = str(error).partition(": give advise")[0]
+        return [*rows, ("element family", f"no advice: {reason}")]
     return [
         *rows,
         ("sufficient element family", advice.family),
@@ -456,6 +458,7 @@ def _impact(results: SceneResults) -> Presentation:
 
 def _untold(text: str, results: SceneResults) -> str:
     """A text on an impact without the warnings that stand by themselves."""
+    text = of_scenes(text)
     for sentence in results.warnings:
         text = text.replace(f". {sentence}", ".")
     return text
@@ -470,8 +473,12 @@ def _facts(hit: History) -> Block:
             table[f"{_spaced(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
         return table | {"contacts": [len(contact.contacts) for contact in hits]}
     e = "not defined" if hit.restitution is None else restitution_text(hit.restitution, 4)
-    numbers = [(_spaced(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
-    return [*numbers, ("contacts", f"{len(hit.contacts)}"), ("coefficient of restitution", e)]
+    names = {"contact_time": hit.time_name}
+    numbers = [
+        (names.get(n, _spaced(n)), engineering(getattr(hit, n), u, 4))
+        for n, u in QUANTITIES.items()
+    ]
+    return [*numbers, ("contacts", hit.count_text), ("coefficient of restitution", e)]
 
 
 def _errors(hit: History) -> list[Block]:
@@ -484,6 +491,7 @@ def _errors(hit: History) -> list[Block]:
     if budget is None:
         return [rows]
     total = "numerical" if budget.law else "total"
+    names = {"contact_time": hit.time_name}
     table: Columns = {"Error budget": ["value", *budget.causes, total]}
     for name, bar in budget.items():
         shares = budget.shares(name)
@@ -491,7 +499,7 @@ def _errors(hit: History) -> list[Block]:
             shares["total"] = bar.without_law + (bar.law or 0.0)
         cells = [shares[cause] for cause in (*budget.causes, "total")]
         told = ["–" if share is None else percent(share) for share in cells]
-        table[_spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
+        table[names.get(name, _spaced(name))] = [engineering(bar.value, QUANTITIES[name], 4), *told]
     return [rows, table, *filter(None, [budget.law]), *budget.notes]
 
 
@@ -1039,7 +1047,7 @@ def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     warnings = (f"warning: {one}" for one in beside(results, parts) if not weight(one))
     cautions = (part.caution for part in parts)
     pieces = [title, *cautions, *warnings, *(piece for part in parts for piece in part.text)]
-    return with_remedy("\n\n".join(piece for piece in pieces if piece), results)
+    return of_scenes(with_remedy("\n\n".join(piece for piece in pieces if piece), results))
 
 
 def with_remedy(text: str, results: SceneResults) -> str:

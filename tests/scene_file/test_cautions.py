@@ -9,7 +9,8 @@ import pytest
 
 import antiosc as ao
 import sheets
-from antiosc_app import falls, live
+from antiosc.base.texts import FIRST_TO_LAST
+from antiosc_app import falls, live, results
 from antiosc_app.scene_file.run import error_budget
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -27,15 +28,31 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(cells, 
     assert ("The cell at the site measures" in caution) == is_coarse
 
 
-@pytest.mark.parametrize(("mass", "label"), [(0.005, "contact time"), (0.5, live.FIRST_TO_LAST)])
+@pytest.mark.parametrize(("mass", "label"), [(0.005, "contact time"), (0.5, FIRST_TO_LAST)])
 def test_a_time_that_contains_flights_is_not_called_the_time_of_the_contact(mass, label):
     model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
     striker = ao.RigidMass(mass=mass, velocity=1.0)
     hit = ao.simulate(model, striker, ao.Hertz(1e9), duration=2e-2)
     numbers = dict(live.headline_of_history(hit, None, None, {}, None).numbers)
     assert label in numbers
+    assert label in dict(results._facts(hit))
+    assert sum(line.startswith(label) for line in hit.summary().splitlines()) == 1
     in_contact = sum(end - start for start, end in hit.contacts)
-    assert (in_contact < 0.9 * hit.contact_time) == (label == live.FIRST_TO_LAST)
+    assert (in_contact < 0.9 * hit.contact_time) == (label == FIRST_TO_LAST)
+
+
+@pytest.mark.parametrize(("mass", "apart"), [(0.005, False), (0.1, True)])
+def test_contacts_that_are_not_of_the_main_impact_are_counted_apart(mass, apart):
+    """A heavy striker touches again after a flight that is longer than the impact up to then."""
+    model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
+    hit = ao.simulate(model, ao.RigidMass(mass, 1.0), ao.Hertz(1e9), duration=2e-2)
+    starts, ends = np.transpose(hit.contacts)
+    flights = starts[1:] - ends[:-1]
+    since = ends[:-1] - starts[0]  # of a main impact that began with the first touch
+    assert bool((flights > since).any()) == apart
+    told = next(line for line in hit.summary().splitlines() if line.startswith("contacts"))
+    assert (" in the main impact" in told) == apart
+    assert told.split()[1].rstrip(",") == str(len(hit.contacts))
 
 
 def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():

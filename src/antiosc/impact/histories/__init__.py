@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from antiosc.models.anti_oscillators import AntiOscillators
 
 
+#: Width of the names of results.
+LABEL = 13
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
@@ -182,8 +184,8 @@ class History(RunHistory, Results):
                 ("peak force", self.force_text),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
-                ("contacts", f"{len(self.contacts)}"),
-                ("contact time", engineering(self.contact_time, "s", 4)),
+                ("contacts", self.count_text),
+                (self.time_name, engineering(self.contact_time, "s", 4)),
                 ("restitution", "-" if e is None else restitution_text(e, 4)),
                 ("energy drift", f"{self.energy.drift:.1e}"),
                 ("step", engineering(self.step, "s")),
@@ -193,7 +195,8 @@ class History(RunHistory, Results):
                 ("status", self.explanation),
                 *(("details", text) for text in self.details),
             ]
-            return "\n".join(f"{name:<13} {value}" for name, value in rows)
+            width = max(len(name) for name, _ in [*rows, (" " * LABEL, "")])
+            return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
         lines = [f"{'contact':<24} {'peak force':>11} {'impulse':>11} {'touches':>7} {'time':>10}"]
         for h in self.contact_histories:
             lines.append(

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import FIRST_TO_LAST, ReprMixin
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.dent import Dent, dent_of
 from antiosc.engine.march import Run
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
+from antiosc.impact.histories.bars import contacts_of_main
 from antiosc.impact.histories.energy import impulses
 from antiosc.impact.scene_parts import find_site, site_row
 from antiosc.impact.states import contact_intervals, record_of, starts, with_flight_nodes
@@ -113,6 +114,19 @@ class OneContact:
         on at the end of the run counts up to there (status 3).
         """
         return float(self._numbers.contact_time)
+
+    @property
+    def time_name(self) -> str:
+        """Name of `contact_time` in results: it may contain flights between contacts."""
+        longest = max((end - start for start, end in self.contacts), default=0.0)
+        return FIRST_TO_LAST if self.contact_time > longest * (1 + 1e-9) else "contact time"
+
+    @property
+    def count_text(self) -> str:
+        """Number of the contacts as text, and of those of the main impact if others follow."""
+        of_main = contacts_of_main(self)
+        more = f", {of_main} in the main impact" if of_main < len(self.contacts) else ""
+        return f"{len(self.contacts)}{more}"
 
     @property
     def restitution(self) -> float | None:
