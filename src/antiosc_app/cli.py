@@ -14,6 +14,7 @@ from types import FrameType
 from antiosc.base.errors import AntioscError, warnings_to
 from antiosc.base.progress import print_text
 from antiosc_app import info
+from antiosc_app.words import of_scenes
 
 #: Command -> its description.
 COMMANDS = {
@@ -96,8 +97,8 @@ def _print_error(error: AntioscError) -> None:
     """Print an error on the first rank; errors of a scene file begin with the file's name."""
     from antiosc_app.scene_file.document import SceneFileError
 
-    prefix = "" if isinstance(error, SceneFileError) else "antiosc: "
-    print_text(f"{prefix}{error}", sys.stderr)
+    is_of_scene = isinstance(error, SceneFileError)
+    print_text(of_scenes(str(error)) if is_of_scene else f"antiosc: {error}", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

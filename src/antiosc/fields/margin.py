@@ -572,7 +572,8 @@ def strength_range(structure: Structure, margin: Margin) -> tuple[float, float] 
     strength = margin.strength
     if margin.criterion == "tension":
         tensile = [strength_of(material, Place()) for material in materials]
-        return next(tuple(t) for t in tensile if isinstance(t, Tensile) and t.low == strength)
+        found = (t for t in tensile if isinstance(t, Tensile) and t.low == strength)
+        return next(((t.low, t.high) for t in found), None)
     ranges = [
         material.yield_range
         for material in materials

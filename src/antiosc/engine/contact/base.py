@@ -37,6 +37,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.checks import Checked
 from antiosc.base.errors import NotConvergedError
+from antiosc.base.texts import engineering
 from antiosc.engine import library
 
 State = tuple[float, ...]
@@ -116,7 +117,8 @@ class ContactLaw(ABC):
             remedy = "use a larger patch radius"
         else:
             remedy = (
-                f"extract with a site radius of at least {needed_radius:.3g} m (now {radius:g} m)"
+                f"give the site a radius of at least {engineering(needed_radius, 'm')}"
+                f" (now {engineering(radius or 0.0, 'm')})"
             )
         return (
             f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which"
