@@ -43,14 +43,16 @@ def test_the_tolerance_is_met(given, tol, ends, tmp_path):
     hit = ao.strike(source, SITE, *IMPACT, tol=tol, material=SHELL, supports=HELD[ends])
     true = reference(ends)
     records = hit.model.info["strike"]
-    assert hit.status == 0
-    assert hit.error_budget.worst <= tol
+    budget = hit.error_budget
+    assert budget.numerical <= tol
+    assert hit.status == (budget.worst > tol)  # by the share of the model, which no mesh reduces
+    assert ("plate_patch" in hit.message) == (budget.worst > tol)
     for name in QUANTITIES:
         error = abs(getattr(hit, name) / getattr(true, name) - 1)
         assert error <= tol + 1e-5
         if (name, given, tol, ends) == ("contact_time", "mesh", 5e-4, "hard"):
             continue  # known: this bar is half the error, see docs/limits.md
-        assert error <= hit.error_budget[name].total + 1e-5
+        assert error <= budget[name].numerical + 1e-5  # the reference is a shell, too
     assert hit.model.strain_misfit is not None  # the raw model
     if tol == 5e-4:
         assert len(records) > 1

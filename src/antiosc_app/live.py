@@ -290,9 +290,9 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
     On the page such an error bar is scaled by the difference that its modified body makes there.
-    `unknown` says why a quantity has none.
+    `unknown` says why a quantity has none, `rebounds` whether the impulse is m v (1 + e).
     """
-    none: Data = {"shares": {}, "variants": {}, "word": "", "unknown": {}}
+    none: Data = {"shares": {}, "variants": {}, "word": "", "unknown": {}, "rebounds": False}
     if not budget:
         return none
     causes = budget.causes
@@ -310,7 +310,9 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
             cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
         }
     word = "numerical " if budget.law else ""
-    return {"shares": shares, "variants": variants, "word": word, "unknown": budget.unbarred}
+    rebounds = budget.rebound is not None
+    bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
+    return {**bodies_and_bars, "word": word, "unknown": budget.unbarred}
 
 
 def _computed(hit: History) -> Data:
@@ -394,7 +396,8 @@ def headline_of_history(
     ]
     stresses = stress_sentences(fields, worst, force_bar(budget))
     e = hit.restitution
-    numbers.append(("restitution", "not defined" if e is None else restitution_text(e)))
+    rebound = restitution_text(e) if e is not None else "not defined"
+    numbers.append(("restitution", budget.shown_restitution(e) if budget else rebound))
     sentences_of_kind = [
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),

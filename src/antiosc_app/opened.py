@@ -745,10 +745,12 @@ class Opened:
         return {**self._names({}), "written": names, "again": again, "report": name}
 
 
-def _bars_of(hit: History) -> dict[str, float | None]:
-    """The relative errors of an impact by quantity; None where they are not known."""
+def _bars_of(hit: History) -> dict[str, tuple[float, float] | None]:
+    """The errors of an impact below and above its quantities; None where they are not known."""
     budget = hit.error_budget
-    return {name: budget.shares(name)["total"] for name in budget}
+    known = [name for name in budget if budget.shares(name)["total"] is not None]
+    bars = {name: budget.sides(name) if name in known else None for name in budget}
+    return {**bars, "restitution": budget.restitution_sides if "impulse" in known else None}
 
 
 def _lasting(impact_map: ImpactMap) -> str:

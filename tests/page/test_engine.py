@@ -194,3 +194,26 @@ def test_two_digits_of_hundreds_have_no_exponent():
     assert engineering(6.9e-4, "m", 2) == "690 µm"
     assert engineering(6.94e-4, "m", 3) == "694 µm"
     assert engineering(6.9e-3, "m", 2) == "6.9 mm"
+
+
+@node
+@pytest.mark.parametrize("share", [0.05, 4.3])
+def test_bars_end_where_those_of_the_program_do(share):
+    """The impulse of a wide bar lies between m v and 2 m v."""
+    energies = share * np.diag(np.append(5e5, MODEL.m * np.square(MODEL.omega)))
+    hit = ao.simulate(replace(MODEL, strain_error=energies), STRIKER, LAW, 0.02)
+    budget = hit.error_budget
+    asked = [[name, budget.get(name, budget["impulse"]).without_law] for name in NAMES]
+    program = f"""for (const one of {json.dumps(asked)})
+      console.log(JSON.stringify([{hit.restitution!r}, NaN].map((e) => sides_of(...one, e))));"""
+    script = (assets.FOLDER / "verdict.js").read_text() + program
+    lines = subprocess.run(
+        ["node", "-e", script], capture_output=True, text=True, check=True
+    ).stdout
+    told = dict(zip(NAMES, map(json.loads, lines.splitlines()), strict=True))
+    for name in NAMES:
+        own = budget.restitution_sides if name == "restitution" else budget.sides(name)
+        assert told[name][0] == pytest.approx(own, rel=1e-9)
+    assert told["restitution"][1] is None
+    within = share < 0.1
+    assert (told["impulse"][1] == told["impulse"][0]) == within

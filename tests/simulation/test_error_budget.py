@@ -203,6 +203,52 @@ def test_a_law_that_changes_the_number_of_contacts_leaves_the_contact_time_witho
     assert not any("not comparable" in note for note in budget.notes)  # not by the mesh
 
 
+@pytest.mark.parametrize("gravity", [0.0, 9.81])
+def test_no_bar_goes_beyond_what_momentum_and_energy_allow(gravity):
+    """The impulse of a striker on a part at rest lies between m v and 2 m v."""
+    hit = struck(model(), gravity=gravity)
+    budget = hit.error_budget
+    wide = {name: replace(bar, mesh=4.3) for name, bar in budget.items()}
+    budget = replace(budget, bars=wide)
+    total = budget["impulse"].total
+    assert budget.sides("peak_force") == (1.0, budget["peak_force"].total)
+    assert "−100 %" in budget.shown("peak_force")
+    if gravity:
+        assert budget.sides("impulse") == (1.0, total)
+        assert budget.restitution_sides is None
+        return
+    momentum = STRIKER.mass * STRIKER.velocity
+    shares = budget.shares("impulse")
+    assert hit.impulse * (1 - shares["below"]) == pytest.approx(momentum, rel=1e-6)
+    assert hit.impulse * (1 + shares["above"]) == pytest.approx(2 * momentum, rel=1e-6)
+    assert shares["total"] == total  # of the causes
+    below, above = budget.restitution_sides
+    assert hit.restitution - below == pytest.approx(0, abs=1e-5)
+    assert hit.restitution + above == pytest.approx(1, abs=1e-5)
+    assert f"restitution {hit.restitution:.3f}, numerical +" in str(budget)
+    assert budget.of_corrected(hit).restitution_sides == pytest.approx((below, above))
+
+
+def test_a_narrow_bar_of_the_impulse_is_that_of_the_restitution():
+    hit = struck(model(1e-3))
+    budget = hit.error_budget
+    assert budget.sides("impulse") == (budget["impulse"].total, budget["impulse"].total)
+    wanted = (1 + hit.restitution) * budget["impulse"].total
+    assert budget.restitution_sides == pytest.approx((wanted, wanted))
+
+
+def test_a_free_part_takes_the_mass_against_the_striker():
+    free = replace(model(1e-3), k0=0.0, strain_error=None)
+    hit = ao.simulate(free, STRIKER, LAW, 3e-3)
+    part = free.m_st if free.k0 else free.m0 + free.m.sum()
+    momentum = STRIKER.velocity / (1 / STRIKER.mass + 1 / part)
+    rebound = error_budget.rebound_of(hit)
+    assert rebound.momentum == pytest.approx(momentum, rel=1e-9)
+    assert rebound.impulses == (pytest.approx(momentum), pytest.approx(2 * momentum))
+    moving = ao.simulate(free, STRIKER, LAW, 3e-3, initial_velocity=0.5)
+    assert error_budget.rebound_of(moving) is None
+
+
 @pytest.mark.parametrize("share", [0.04, 0.06])
 def test_the_bar_of_a_shell_is_the_larger_of_two_differences(share):
     """To the model softened with and without its misfit; coarse ones hold the errors' share."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import floor, isfinite, log10
 from typing import Any
 
@@ -307,7 +307,7 @@ def percent(share: float) -> str:
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
 
 
-def plus_minus(bar: tuple[float, float]) -> str:
+def plus_minus(bar: tuple[float, float], text: Callable[[float], str] = percent) -> str:
     """An error bar (below, above) as text: "± 12 %", or "+13 % −79 %" if its sides differ."""
-    below, above = map(percent, bar)
+    below, above = map(text, bar)
     return f"± {below}" if below == above else f"+{above} −{below}"

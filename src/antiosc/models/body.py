@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import inf, pi, sqrt
-from typing import Any, NamedTuple, Protocol, TypedDict, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypedDict, final, runtime_checkable
 
 import numpy as np
 
@@ -64,6 +64,7 @@ class FacetGaps(TypedDict):
     mass: float
 
 
+@final
 class BeamSection(TypedDict):
     """Data for the error of beam theory.
 
@@ -74,6 +75,20 @@ class BeamSection(TypedDict):
     compliance: float
     omega: float
     clamps: float
+
+
+@final
+class ShellDisc(TypedDict):
+    """Data for the error of shell theory under a blow (`antiosc.impact.shell_error`).
+
+    nu : Poisson's ratio; disc : radius of the disc over the thickness h; wave : h √(ρ/E) [s];
+    compliance : 1/(E h) [m/N].
+    """
+
+    nu: float
+    disc: float
+    wave: float
+    compliance: float
 
 
 class MeasuredBand(TypedDict):
@@ -117,7 +132,7 @@ class ModelInfo(ReprMixin):
     solver : how K was solved: by a factor or by iterations, and how accurately.
     band : band of an extraction with `band`.
     inside_element : whether the site lies inside an element of a beam.
-    model : data of the error of beam theory, or a sentence why there is none.
+    model : data of the error of beam or shell theory, or a sentence why there is none.
     divided : whether the mesh's error is that against the same mesh with each cell divided.
     patch, geometry, not_included : data of the patch and of curved surfaces, and a sentence on what
         the estimate of the mesh error leaves out.
@@ -157,7 +172,7 @@ class ModelInfo(ReprMixin):
     solver: str | None = None
     band: Band | None = None
     inside_element: bool | None = None
-    model: BeamSection | str | None = None
+    model: BeamSection | ShellDisc | str | None = None
     divided: bool | None = None
     patch: PatchData | None = None
     geometry: FacetGaps | None = None
@@ -201,6 +216,8 @@ class ModelInfo(ReprMixin):
                 for site, numbers in value.items():
                     checks.floats(f"info.cells[{site!r}]", numbers, (3,))
             record = _RECORDS.get(name)
+            if record is BeamSection and "disc" in value:
+                record = ShellDisc
             if record is None or isinstance(value, str):
                 continue
             if missing_keys := sorted(record.__required_keys__ - set(value)):

@@ -597,7 +597,8 @@ def _finished(
         share = max(bar.model for bar in budget.values())
         reason = (
             f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
-            "finer mesh helps, solid elements would."
+            "finer mesh helps, solid elements would, and on isotropic shells a"
+            " closed_form.plate_patch."
         )
     reason = reason or _missed_by_law(budget, tol)
     if reason:

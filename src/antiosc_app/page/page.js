@@ -177,7 +177,7 @@ class Page {
     this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
     this.until = this.used < SHORT * duration ? this.used : duration;
     hit.stress = hit.deflection = NaN; // until the picture follows
-    this.bar = bars.peak_force ?? this.bars_here().peak_force ?? 0;
+    this.bar = [this.sides("peak_force", hit, bars) ?? 0].flat().at(-1);
     this.write(hit, bars);
     this.draw_chart();
     document.documentElement.dataset.took = (performance.now() - began).toFixed(3);
@@ -218,9 +218,17 @@ class Page {
   }
 
   // A number and its bar, with the word for what the bar leaves out: a line may end between both.
-  with_bar(plain, bar) {
+  with_bar(name, plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
-    return [`${plain}${word ? "," : ""}`, `${word}${plus_minus(bar)}`];
+    const text = name === "restitution" ? (value) => engineering(value, "", 2) : percent;
+    return [`${plain}${word ? "," : ""}`, `${word}${plus_minus(bar, text)}`];
+  }
+
+  // The error below and above a number; that of the restitution is not relative.
+  sides(name, hit, bars) {
+    if (name === "stress") return this.data.stress_bar;
+    const total = bars[name === "restitution" ? "impulse" : name], { rebounds } = this.blow.bars || {};
+    return Number.isFinite(total) ? sides_of(name, total, rebounds ? hit.restitution : NaN) : this.bars_here()[name];
   }
 
   // What is said below a number: where it holds, or why it has no bar.
@@ -256,9 +264,9 @@ class Page {
     for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
       const plain = this.plain(name, value, unit, unknown);
-      const bar = name === "stress" ? this.data.stress_bar : bars[name] ?? this.bars_here()[name];
+      const bar = this.sides(name, hit, bars);
       const has_bar = (Array.isArray(bar) || Number.isFinite(bar)) && Number.isFinite(value);
-      const parts = has_bar ? this.with_bar(plain, bar) : [plain];
+      const parts = has_bar ? this.with_bar(name, plain, bar) : [plain];
       unbroken(now, parts);
       const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, has_bar) : "";
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;

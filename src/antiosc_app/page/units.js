@@ -25,7 +25,7 @@ function percent(share) {
 }
 
 // An error bar as text, whose sides [below, above] may differ: "± 12 %" or "+13 % −79 %".
-function plus_minus(bar) {
-  const [below, above] = [bar].flat().map(percent);
+function plus_minus(bar, text = percent) {
+  const [below, above] = [bar].flat().map(text);
   return !above || below === above ? `± ${below}` : `+${above} −${below}`;
 }

@@ -44,3 +44,13 @@ function stress_sentence(value, strength, scope) {
 
 // A number with three digits, as Python's ".3g".
 function general(value) { return String(Number(value.toPrecision(3))); }
+
+// The error below and above a number as far as physics allows, as ErrorBudget.sides, by the sum of
+// its causes. The impulse is m v (1 + e), 0 <= e <= 1, where e, the restitution, is a number.
+function sides_of(name, total, e) {
+  const sides = [Math.min(total, 1), total], of_rebound = name === "impulse" || name === "restitution";
+  if (!of_rebound || !Number.isFinite(e)) return name === "restitution" ? undefined : sides;
+  const limits = [e < 0 ? 1 : e / (1 + e), Math.max(1 - e, 0) / (1 + e)];
+  const within = sides.map((side, i) => Math.min(side, limits[i]));
+  return name === "impulse" ? within : within.map((side) => (1 + e) * side);
+}

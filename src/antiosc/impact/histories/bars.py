@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, percent, plus_minus, restitution_text
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
@@ -83,6 +83,24 @@ class ErrorBar:
         return self.without_law + self.law
 
 
+class Rebound(NamedTuple):
+    """What momentum and energy say of a blow on a part at rest: its impulse is m v (1 + e).
+
+    momentum : m v of the approach, with the mass of both bodies against each other [N s].
+    restitution : e; None if it is not defined.
+    """
+
+    momentum: float
+    restitution: float | None
+
+    @property
+    def impulses(self) -> tuple[float, float]:
+        """Least and largest impulse [N s]: 0 <= e <= 1; 0 if e is not known to be positive."""
+        e = self.restitution
+        parts = e is not None and e >= 0
+        return self.momentum if parts else 0.0, 2 * self.momentum
+
+
 @dataclass(frozen=True)
 class ErrorBudget(Mapping[str, ErrorBar]):
     """The bars of "peak_force", "impulse" and "contact_time".
@@ -96,6 +114,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     law : why the error of the contact's law is not in the bars; "" where it is.
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
+    rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
     """
 
     bars: Mapping[str, ErrorBar]
@@ -105,6 +124,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     law: str = ""
     unknown: tuple[str, ...] = ()
     incomparable: tuple[str, ...] = ()
+    rebound: Rebound | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -127,7 +147,10 @@ class ErrorBudget(Mapping[str, ErrorBar]):
             name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
             for name, bar in self.bars.items()
         }
-        return replace(self, bars=bars)
+        rebound = self.rebound
+        if rebound is not None:
+            rebound = rebound._replace(restitution=getattr(hit, "restitution", None))
+        return replace(self, bars=bars, rebound=rebound)
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -155,15 +178,49 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Largest of the three sums of all causes but model and law."""
         return max(bar.numerical for bar in self.bars.values())
 
+    def sides(self, name: str) -> tuple[float, float]:
+        """Relative error of a quantity below and above it, as far as physics allows.
+
+        Without the law where its error is unknown. No quantity is negative, and the impulse of a
+        blow on a part at rest lies between m v and 2 m v (`rebound`).
+        """
+        bar = self.bars[name]
+        total = bar.without_law if self.law or bar.total is None else bar.total
+        below, above = min(total, 1.0), total
+        if name == "impulse" and self.rebound is not None and bar.value > 0:
+            low, high = (limit / bar.value for limit in self.rebound.impulses)
+            return min(below, max(1 - low, 0.0)), min(above, max(high - 1, 0.0))
+        return below, above
+
+    @property
+    def restitution_sides(self) -> tuple[float, float] | None:
+        """Error of the restitution e below and above it, within 0 to 1, by that of the impulse
+        m v (1 + e); not relative. None if it is not known.
+        """
+        rebound = self.rebound
+        if rebound is None or rebound.restitution is None or "impulse" in self.incomparable:
+            return None
+        below, above = self.sides("impulse")
+        return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
+
     def shown(self, name: str, digits: int = 4) -> str:
         """A quantity with its error as text; "numerical" if the error leaves the law out."""
         bar = self.bars[name]
         value = engineering(bar.value, QUANTITIES[name], digits)
         if name in self.incomparable:
             return f"{value}, {NO_BAR}"
-        if self.law or bar.total is None:
-            return f"{value}, numerical ± {percent(bar.without_law)}"
-        return f"{value} ± {percent(bar.total)}"
+        word = ", numerical" if self.law or bar.total is None else ""
+        return f"{value}{word} {plus_minus(self.sides(name))}"
+
+    def shown_restitution(self, e: float | None, digits: int = 3) -> str:
+        """A coefficient of restitution as text, with its error if that is known."""
+        if e is None:
+            return "not defined"
+        sides = self.restitution_sides
+        if sides is None:
+            return restitution_text(e, digits)
+        word = ", numerical" if self.law else ""
+        return f"{restitution_text(e, digits)}{word} {plus_minus(sides, two_digits)}"
 
     @property
     def unbarred(self) -> dict[str, str]:
@@ -171,13 +228,18 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return dict.fromkeys(self.incomparable, NO_BAR)
 
     def shares(self, name: str) -> dict[str, float | None]:
-        """Cause -> its share in the error of a quantity, and the total; None where not known."""
+        """Cause -> its share in the error of a quantity; their total, and the error "below" and
+        "above" the value as far as physics allows. None where not known.
+        """
         bar = self.bars[name]
         unknown_causes = CAUSES if name in self.incomparable else self.unknown
         shares = {
             cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
         }
-        return {**shares, "total": None if name in self.incomparable else bar.total}
+        if name in self.incomparable:
+            return {**shares, "total": None, "below": None, "above": None}
+        below, above = self.sides(name)
+        return {**shares, "total": bar.total, "below": below, "above": above}
 
     def causes_text(self, name: str) -> str:
         """The shares of the causes in the error of a quantity as text."""
@@ -189,7 +251,14 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         for name in self.bars:
             causes = "" if name in self.incomparable else f": {self.causes_text(name)}"
             lines.append(f"{name.replace('_', ' ')} {self.shown(name)}{causes}")
+        if self.rebound is not None and self.restitution_sides is not None:
+            lines.append(f"restitution {self.shown_restitution(self.rebound.restitution)}")
         return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
+
+
+def two_digits(value: float) -> str:
+    """A number without a unit with two digits."""
+    return engineering(value, digits=2)
 
 
 #: Each error is at least this share of the largest of the three.

@@ -46,6 +46,7 @@ Static layer: I. N. Sneddon, *Fourier Transforms* (1951), article 46, from Love'
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -447,18 +448,28 @@ def plate_patch(E: float, nu: float, thickness: float) -> PlatePatch:
 @lru_cache(maxsize=64)
 def _compliance(nu: float) -> float:
     """The compliance integral for E = h = 1: that of the plate minus that of the layer."""
+    return excess_compliance(nu, sqrt(nu / (1 - nu)))
+
+
+def excess_compliance(
+    nu: float, disc: float, weight: Callable[[float], float] = lambda _: 1.0
+) -> float:
+    """Compliance under a disc of this radius that the plate has more than the layer, E = h = 1.
+
+    `weight`: factor of the plate's term by wave number, 1 + k² (disc² − ν/(1 − ν))/5 + … for small
+    ones, without which only the disc of a `plate_patch` has a finite integral.
+    """
     from scipy.integrate import quad  # loaded where it is used: it takes long
 
     G = 1 / (2 * (1 + nu))
     D = 1 / (12 * (1 - nu**2))
-    a = sqrt(nu / (1 - nu))
 
     def difference(k: float) -> float:
         """k times (plate minus layer)/2π."""
-        z = k * a
+        z = k * disc
         x = k / 2
         P = 3 * (sin(z) - z * cos(z)) / z**3 if z > NARROW else 1 - z**2 / 10
-        plate = P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2))
+        plate = weight(k) * P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2))
         layer = 0.0
         if k < HALF_SPACE:
             bent = sinh(2 * x) - 2 * x
@@ -470,5 +481,6 @@ def _compliance(nu: float) -> float:
         return exp(t) * difference(exp(t))
 
     long_waves = LONG * (1.5 * difference(LONG) - 0.5 * difference(2 * LONG))
-    short_waves = quad(in_logarithm, log(LONG), log(SMOOTH / a), limit=1000, epsrel=1e-6)[0]
+    ends = log(LONG), log(SMOOTH / disc)
+    short_waves = quad(in_logarithm, *ends, limit=1000, epsrel=1e-6)[0]
     return float(long_waves + short_waves)

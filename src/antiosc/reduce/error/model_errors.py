@@ -13,6 +13,7 @@ from antiosc.reduce.error.beam import HalvedBeams
 from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_large
 from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
 from antiosc.reduce.error.shell import ShellErrors
+from antiosc.reduce.error.shell_facts import shell_facts
 from antiosc.reduce.error.solid import SolidErrors
 from antiosc.reduce.site import Functional
 
@@ -121,13 +122,13 @@ class ModelErrors:
             return model  # its `info` has the reason
         start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
+        part = self._errors.part
+        facts = dict(estimate.facts)
+        if part.kind.sheet:
+            facts["model"] = shell_facts(part, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
-        info = replace(
-            model.info,
-            not_included=self._errors.not_included or None,
-            seconds=seconds,
-            **estimate.facts,
-        )
+        not_included = self._errors.not_included or None
+        info = replace(model.info, not_included=not_included, seconds=seconds, **facts)
         return replace(
             model, strain_error=estimate.energies, strain_misfit=estimate.misfit, info=info
         )
