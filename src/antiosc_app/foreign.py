@@ -27,6 +27,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.materials import density_like
+from antiosc.io.remade import ANEW
 from antiosc_app.scene_file.document import GEOMETRIES
 from antiosc_app.units import (
     UNITS,
@@ -258,7 +259,9 @@ def _first(
         if not (touches and "merge" in options):
             failed = _not_joined(ways, options, reason)
             # what was repaired of a surface, and how it is meshed
-            return mesh, options, pieces, warned if "solid" in options else failed
+            if "solid" not in options:
+                warned = [*failed, *(text for text in warned if ANEW in text)]
+            return mesh, options, pieces, warned
     assert reason is not None
     raise reason
 

@@ -50,6 +50,11 @@ class Attempt:
         """Whether no side of a surface of triangles, or only small patches, must be unrolled."""
         return not self.cut or self.options == PATCHES
 
+    @property
+    def other_triangles(self) -> bool:
+        """Whether faces are meshed by another algorithm than gmsh's default."""
+        return "Mesh.Algorithm" in self.options
+
     def suits(self, is_cad: bool) -> bool:
         """Whether the attempt is for CAD files (`is_cad` true) or for triangulated surfaces
         (false).

@@ -31,9 +31,12 @@ from antiosc.base.errors import (
 from antiosc.base.progress import doing
 from antiosc.io import child
 from antiosc.io.cad import ATTEMPTS
+from antiosc.io.geo_script import CAD
 from antiosc.io.neutral import FileMesh, Json, unpacked
 from antiosc.io.request import OVERTIME
 
+#: Words of the error on a reader that took too long.
+OVERTIME_WORDS = "took longer"
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
 LEAST_MEMORY = 2 * 2**30
 #: Additional address space of a reader of a mesh, over the size of the file.
@@ -65,9 +68,9 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
         with doing(f"{'meshing' if geometry else 'reading'} {path.name}{attempt_text}"):
             code, response = ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
-        raise _broken_off(
-            path.name, code, memory, geometry, bool(options.get("attempt") or options.get("solid"))
-        )
+        again = bool(options.get("attempt") or options.get("solid"))
+        again |= timeout is None and path.suffix.lower() in CAD
+        raise _broken_off(path.name, code, memory, geometry, again)
     return _answer(path.name, response, memory)
 
 
@@ -115,7 +118,7 @@ def _broken_off(name: str, code: int, memory: int, geometry: bool, again: bool) 
     if -code in OVERTIME:
         error_class = UnmeshableError if again else MeshError
         return error_class(
-            f"reading {name} took longer than a file of its kind and size may take: give a "
+            f"reading {name} {OVERTIME_WORDS} than a file of its kind and size may take: give a "
             "longer timeout in s (--timeout of `antiosc new` and `antiosc open`)"
             + (", or a larger element size." if geometry else ".")
         )

@@ -23,12 +23,12 @@ from scipy.spatial import cKDTree
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
-from antiosc.io import remade
+from antiosc.io import kept_surfaces, remade
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
 from antiosc.io.geo_script import CAD
-from antiosc.io.isolation import processor_time, read_apart
+from antiosc.io.isolation import OVERTIME_WORDS, processor_time, read_apart
 from antiosc.io.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -46,6 +46,7 @@ from antiosc.io.neutral import (
 )
 from antiosc.io.request import ModelOptions, Refinement
 from antiosc.io.table import deck_endings, is_deck
+from antiosc.io.tessellated import SAMPLE
 
 #: Dimension, group or groups whose cells make the mesh.
 Wanted = int | str | Sequence[str] | None
@@ -330,8 +331,10 @@ def read(
         "sizes": None if sizes is None else vars(sizes),
     }
 
-    def read_attempt(attempt: int, limit: float | None = timeout, file: Path = path) -> RawMesh:
-        content = _content(file, limit, unit, merge, attempt=attempt, **options)
+    def read_attempt(
+        attempt: int, limit: float | None = timeout, file: Path = path, **other: Any
+    ) -> RawMesh:
+        content = _content(file, limit, unit, merge, attempt=attempt, **(options | other))
         raw = selected(content, cells, order, path.name)
         if piece is not None and not (one_solid and raw.kind.dim == 3):
             raw = one_piece(raw, piece, path.name)
@@ -348,35 +351,119 @@ def read(
     geometry = path.suffix.lower() in GEOMETRY
     if not (geometry or options.get("solid")):
         return read_attempt(0)
-    if geometry:
-        return _meshed(read_attempt, path.name)
-    return _filled(read_attempt, path, timeout)
+    unit_length = (unit or UnitSystem()).length
+    asked = Asked(path, options["size"], options["piece"], timeout, unit_length)
+    if geometry and not (is_cad and not options.get("fragments")):
+        return _meshed(read_attempt, asked)
+    return _filled(read_attempt, asked)
 
 
-#: The last surface that was made anew, by its file and the time of that, with the reason: a part is
-#: read several times for one scene, each time with finer elements at the site.
-_anew: dict[tuple[Path, int], tuple[FileMesh, str]] = {}
+#: Endings of files that are proposed instead of one that cannot be meshed.
+READ_INSTEAD = (".msh", ".inp", ".step", ".stp", *SURFACES)
 
 
-def _filled(once: Callable[..., RawMesh], path: Path, timeout: float | None) -> RawMesh:
-    """The mesh of a closed surface; if gmsh cannot fill it as it is, of that made anew."""
-    key = (path.resolve(), path.stat().st_mtime_ns if path.exists() else 0)
-    if key not in _anew:
-        try:
-            return _meshed(once, path.name, is_cad=False)
-        except UnmeshableError as error:
-            if not remade.installed():
-                raise UnmeshableError(f"{str(error).rstrip('.')}; {remade.MISSING}.") from error
-            reason = str(error).partition("; nor ")[0].rstrip(".")
-        with progress.doing(f"making the surface of {path.name} anew, which takes minutes"):
-            surface = read_apart(path, geometry=False, options={"remade": True}, timeout=timeout)
+class Asked(NamedTuple):
+    """A geometry that is to be meshed, with the options that count for that."""
+
+    path: Path
+    size: float | None = None
+    piece: int | None = None
+    timeout: float | None = None
+    #: metres per unit of the file
+    unit: float = 1.0
+    #: whether it is the surface of a CAD file that is made anew
+    anew: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self.path.name
+
+    @property
+    def is_cad(self) -> bool:
+        """Whether the geometry has curvatures; that of triangles has none."""
+        return not self.anew and self.path.suffix.lower() not in SURFACES
+
+    def remedies(self) -> str:
+        """What can be done if it cannot be meshed."""
+        size = "another size"
+        if self.size is not None:
+            size = f"another size than {self.size:g} m (--size of `antiosc new` and `antiosc open`)"
+        beside = [
+            self.path.with_suffix(end) for end in (*SURFACES, ".step", ".stp", ".msh", ".inp")
+        ]
+        others = [file.name for file in beside if file != self.path and file.is_file()]
+        instead = f"read {others[0]} instead, which is beside it, " if others else ""
+        return (
+            f"{instead}repair {self.name} in the program that wrote it, give it {size}, or mesh it"
+            " there and give the mesh."
+        )
+
+
+#: The last surface that was made anew, by its file, the time of that and the piece, with the
+#: reason: a part is read several times for one scene, each time with finer elements at the site.
+_anew: dict[tuple[Path, int, int | None], tuple[FileMesh, str]] = {}
+
+
+def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
+    """The mesh of a solid; if gmsh cannot fill its surface as it is, of that made anew."""
+    path = asked.path
+    state = (path.resolve(), path.stat().st_mtime_ns if path.exists() else 0, asked.piece)
+    if state not in _anew:
+        kept = kept_surfaces.load(kept_surfaces.key_of(path, asked.size, asked.piece))
+        if kept is None:
+            try:
+                return _meshed(once, asked)
+            except UnmeshableError as error:
+                kept = _made_anew(asked, error)
         _anew.clear()
-        _anew[key] = surface, reason
-    surface, reason = _anew[key]
+        _anew[state] = kept
+    surface, reason = _anew[state]
+    kept_surfaces.save(kept_surfaces.key_of(path, asked.size, asked.piece), surface, reason)
     with remade.as_file(surface, path.stem) as file:
-        raw = _meshed(partial(once, file=file), path.name, is_cad=False)
+        again = partial(once, file=file, solid=True, piece=None)
+        raw = _meshed(again, asked._replace(anew=True))
     raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *raw.remarks]
+    if SAMPLE in surface.cells:
+        raw.groups = _named_by_samples(raw, surface, asked.unit)
     return raw
+
+
+def _made_anew(asked: Asked, error: UnmeshableError) -> tuple[FileMesh, str]:
+    """The surface of a file that gmsh cannot mesh, made anew, and the reason; else the error."""
+    if not remade.installed():
+        raise UnmeshableError(f"{str(error).rstrip('.')}; {remade.MISSING}.") from error
+    options = {"remade": True, "piece": asked.piece}
+    try:
+        with progress.doing(f"making the surface of {asked.name} anew, which takes minutes"):
+            surface = read_apart(
+                asked.path, geometry=asked.is_cad, options=options, timeout=asked.timeout
+            )
+    except MeshError as second:
+        if not asked.is_cad:
+            raise
+        raise UnmeshableError(
+            f"{str(error).rstrip('.')} Nor can its surface be made anew by fTetWild: {second}"
+        ) from error
+    return surface, str(error).partition("; nor ")[0].rstrip(".")
+
+
+def _named_by_samples(
+    raw: RawMesh, surface: FileMesh, factor: float
+) -> dict[str, dict[int, IntArray]]:
+    """Groups of the outer facets of a mesh, each by the name of the sample nearest to its middle.
+
+    `surface`: one that was made anew; `factor`: metres per unit of it.
+    """
+    facets = _outer_facets(raw)
+    samples = factor * surface.points[surface.cells[SAMPLE].ravel()]
+    nearest = cKDTree(samples).query(raw.points[facets].mean(axis=1))[1]
+    groups = {}
+    for name, parts in surface.groups.items():
+        of_group = np.isin(nearest, parts[SAMPLE])
+        if of_group.any():
+            groups[name] = {raw.kind.dim - 1: facets[of_group]}
+    return groups
 
 
 #: No further attempt to mesh a geometry begins after this processor time [s] of all before it: of
@@ -391,16 +478,17 @@ PIERCED = "overlapping facets"
 #: Share of its volume or size by which the mesh of a filled surface may be off it: a plate with
 #: drilled holes lost 0.4 % of its volume to chords across these, and none with all edges kept.
 MOST_OFF = 2e-3
-#: Time limit [s] of an attempt after one whose mesh is off by more.
+#: Time limit [s] of an attempt after one whose mesh is off by more, or that did not end.
 NEARER_TIME = 40.0
 
 
-def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> RawMesh:
+def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     """The mesh of the first successful attempt; the first error if none succeeds in time.
 
-    If all that succeed are off the surface of the file, the nearest one. `is_cad`: the geometry has
-    curvatures; that of triangles has none.
+    If all that succeed are off the surface of the file, the nearest one.
     """
+    name, is_cad = asked.name, asked.is_cad
+    limit: tuple[float, ...] = ()
     reason: UnmeshableError | None = None
     nearest: RawMesh | None = None
     to_try = [(k, attempt) for k, attempt in enumerate(ATTEMPTS) if attempt.suits(is_cad)]
@@ -416,8 +504,13 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
         tried.append(attempt.about)
         try:
             with progress.doing(f"meshing {name} {attempt.about}"):
-                raw = once(number) if nearest is None else once(number, NEARER_TIME)
+                raw = once(number, *limit)
         except UnmeshableError as error:
+            if (
+                OVERTIME_WORDS in str(error) and is_cad
+            ):  # its curves and faces are divided otherwise
+                to_try = [entry for entry in to_try if entry[1].other_triangles]
+                start_time, limit = processor_time(), (NEARER_TIME,)
             if PIERCED in str(error) and PARAMETRIZATION in str(reason):  # no other way is left
                 to_try = [entry for entry in to_try if entry[1].unparametrised]
             reason = reason if reason and attempt.cut else error  # of the facets: of the file
@@ -431,6 +524,7 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
         if raw.off <= MOST_OFF:
             return raw
         reason = reason or UnmeshableError(f"gmsh's mesh of {name} is {_off(raw)}")
+        limit = (NEARER_TIME,)
         if nearest is None or raw.off < nearest.off:
             nearest = raw
     if nearest is not None:
@@ -440,11 +534,8 @@ def _meshed(once: Callable[..., RawMesh], name: str, is_cad: bool = True) -> Raw
     words = str(reason)
     pierced = PIERCED in words
     fault = "its triangles pierce each other: " if pierced else ""
-    others = ", ".join(tried[1:])
-    raise UnmeshableError(
-        f"{words.rstrip('.')}; nor {others}: {fault}repair {name} in the program that wrote it, "
-        "give it another size, or mesh it there and give the mesh."
-    )
+    others = f"; nor {', '.join(tried[1:])}" if tried[1:] else ""
+    raise UnmeshableError(f"{words.rstrip('.')}{others}: {fault}{asked.remedies()}")
 
 
 def _off(raw: RawMesh) -> str:

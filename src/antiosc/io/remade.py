@@ -30,6 +30,8 @@ ENVELOPE = 1e-3
 ENERGY = 50.0
 #: Processor time that it may take, s.
 TIME = 600.0
+#: Words of what is told of such a surface.
+ANEW = "made anew"
 #: What is told where it is not installed.
 MISSING = "pip install pytetwild==0.2.3 lets antiosc make the surface anew"
 
@@ -47,8 +49,8 @@ def read(ask: Request) -> FileMesh:
     return facets.as_sheet(made_anew(facets.skin_of(ask), ask.name))
 
 
-def made_anew(skin: FacetSkin, name: str) -> FacetSkin:
-    """The boundary of tetrahedra that fill a surface.
+def made_anew(skin: FacetSkin, name: str, volume: float | None = None) -> FacetSkin:
+    """The boundary of tetrahedra that fill a surface, which encloses a `volume`, if it is known.
 
     fTetWild writes a file into the working folder, which is that of this reader alone.
     """
@@ -63,9 +65,9 @@ def made_anew(skin: FacetSkin, name: str) -> FacetSkin:
     )
     anew = cleaned(points, boundary(cells.astype(np.int64)), name)
     distance = ENVELOPE * float(np.linalg.norm(np.ptp(skin.points[skin.triangles], axis=(0, 1))))
-    change = _volume(anew) / _volume(skin) - 1
+    change = _volume(anew) / (volume or _volume(skin)) - 1
     told = (
-        f"the surface of {name} is made anew by fTetWild, within {distance:.2g} units of the file; "
+        f"the surface of {name} is {ANEW} by fTetWild, within {distance:.2g} units of the file; "
         f"it encloses {100 * abs(change):.2g} % {'less' if change < 0 else 'more'}."
     )
     return replace(anew, remarks=[*skin.remarks, told])

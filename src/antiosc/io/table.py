@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.io import by_gmsh, exodus, facets, remade
+from antiosc.io import by_gmsh, exodus, facets, remade, tessellated
+from antiosc.io.geo_script import CAD
 from antiosc.io.mesh_files import read_by_meshio, read_universal
 from antiosc.io.request import FileReader, loaded, registered
 
@@ -22,7 +23,8 @@ GENERATOR = FileReader(by_gmsh.generate, library="gmsh")
 BUILT_IN = {
     ".msh": FileReader(by_gmsh.read, library="gmsh"),
     ".unv": FileReader(read_universal),
-    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
+    **dict.fromkeys(by_gmsh.SCRIPTS, GENERATOR),
+    **dict.fromkeys(CAD, FileReader(tessellated.read, library="gmsh")),
     **dict.fromkeys(exodus.ENDINGS, FileReader(exodus.read)),
     **dict.fromkeys(facets.SURFACES, FileReader(remade.read, library="meshio")),
 }

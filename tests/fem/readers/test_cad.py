@@ -14,11 +14,12 @@ pytest.importorskip("dolfinx")
 from antiosc.base import progress
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
-from antiosc.io import reading
+from antiosc.io import kept_surfaces, reading, remade
 from antiosc.io.cad import ATTEMPTS, in_order, label_of
 from antiosc.io.facets import volumes
+from antiosc.io.isolation import OVERTIME_WORDS
 from antiosc.io.neutral import RawMesh, kind_of
-from antiosc.io.reading import _meshed
+from antiosc.io.reading import Asked, _meshed
 from parts import gmsh_session
 
 pytestmark = pytest.mark.fem
@@ -124,14 +125,14 @@ def test_other_ways_to_mesh_are_tried_and_told():
             raise UnmeshableError(f"PLC error {attempt}.")
         return raw
 
-    (sentence,) = _meshed(once, "part.step").remarks
+    (sentence,) = _meshed(once, Asked(Path("part.step"))).remarks
     assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[4].about}."
 
     def never(attempt: int) -> RawMesh:
         raise UnmeshableError("PLC error.")
 
     with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
-        _meshed(never, "part.step")
+        _meshed(never, Asked(Path("part.step")))
 
 
 def test_cells_that_joining_spoils_are_no_reason_to_mesh_again(tmp_path):
@@ -161,7 +162,7 @@ def test_no_further_attempt_begins_after_their_time(monkeypatch):
         raise UnmeshableError("PLC error.")
 
     with pytest.raises(ao.MeshError) as refusal:
-        _meshed(late, "part.step")
+        _meshed(late, Asked(Path("part.step")))
     assert seconds[0] == pytest.approx(1.2 * reading.ATTEMPTS_TIME)
     assert f"nor {ATTEMPTS[1].about}: repair" in str(refusal.value)
 
@@ -199,7 +200,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
         raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
 
     with pytest.raises(ao.MeshError), progress.following(told.append):
-        _meshed(late, name, is_cad=name.endswith("step"))
+        _meshed(late, Asked(Path(name)))
     others = made[1:]
     assert [not one.cut for one in others] == ([True, False] if name == "part.stl" else [])
     for one, text in zip(made, filter(None, told), strict=True):
@@ -214,7 +215,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
 
     seconds[0] = 0.0
     if name == "part.stl":
-        assert "facets as they are" in _meshed(early, name, is_cad=False).remarks[0]
+        assert "facets as they are" in _meshed(early, Asked(Path(name))).remarks[0]
         assert len(made) == 2
 
 
@@ -244,5 +245,63 @@ def test_triangles_that_pierce_each_other_are_told_as_the_fault():
         raise UnmeshableError(f"{unrolled if ATTEMPTS[attempt].cut else pierced}.")
 
     with pytest.raises(ao.MeshError, match=r"overlapping facets.*pierce each other: repair part"):
-        _meshed(never, "part.stl", is_cad=False)
+        _meshed(never, Asked(Path("part.stl")))
     assert len(made) == 3  # the first, the facets, and the patches, which are no sides of the file
+
+
+def test_after_an_attempt_that_does_not_end_the_faces_are_meshed_otherwise(monkeypatch):
+    made: list[tuple[str, tuple[float, ...]]] = []
+
+    def endless(attempt: int, *limit: float) -> RawMesh:
+        made.append((ATTEMPTS[attempt].about, limit))
+        raise UnmeshableError(f"reading part.step {OVERTIME_WORDS} than it may.")
+
+    with pytest.raises(ao.MeshError):
+        _meshed(endless, Asked(Path("part.step")))
+    first, *others = made
+    assert first == (ATTEMPTS[0].about, ())
+    assert others
+    assert all("MeshAdapt" in about and limit for about, limit in others)
+
+
+def test_what_can_be_done_names_the_size_and_the_files_beside(tmp_path):
+    def never(attempt: int) -> RawMesh:
+        raise UnmeshableError("PLC error.")
+
+    (tmp_path / "part.stl").write_text("solid\n")
+    with pytest.raises(ao.MeshError, match=r"read part.stl instead.*than 0.003 m \(--size"):
+        _meshed(never, Asked(tmp_path / "part.step", 0.003))
+
+
+def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(
+    tmp_path, monkeypatch
+):
+    """A plate with a hole: volume, names of its faces, and what is kept for the next process."""
+    pytest.importorskip("pytetwild")
+    monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
+    path = tmp_path / "plate.step"
+    with gmsh_session() as gmsh:
+        box = gmsh.model.occ.addBox(0, 0, 0, 60, 40, 10)
+        hole = gmsh.model.occ.addCylinder(20, 20, -1, 0, 0, 12, 5)
+        gmsh.model.occ.cut([(3, box)], [(3, hole)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    meshed = reading._meshed
+
+    def refused(once: object, asked: Asked) -> RawMesh:
+        if asked.is_cad:
+            raise UnmeshableError("PLC error; nor otherwise.")
+        return meshed(once, asked)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(reading, "_meshed", refused)
+    for installed in (True, False):  # the second time the surface is kept in a file
+        monkeypatch.setattr(reading, "_anew", {})
+        monkeypatch.setattr(remade, "installed", lambda installed=installed: installed)
+        raw = reading.read(path, 5e-3)
+        assert raw.remarks[0].startswith("PLC error; therefore the surface of plate.step is made")
+        sides = raw.points[raw.cells[:, 1:4]] - raw.points[raw.cells[:, :1]]
+        volume = (60 * 40 - np.pi * 5**2) * 10e-9
+        assert np.abs(np.linalg.det(sides)).sum() / 6 == pytest.approx(volume, rel=4e-3)
+        rim = raw.points[np.unique(raw.groups["hole 10 mm (1)"][2])]
+        assert np.hypot(rim[:, 0] - 0.02, rim[:, 1] - 0.02) == pytest.approx(5e-3, rel=0.02)
+        assert sum(name.startswith("face ") for name in raw.groups) == 7

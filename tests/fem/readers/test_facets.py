@@ -17,7 +17,7 @@ pytest.importorskip("jinja2")
 
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.platform import compat
-from antiosc.io import remade
+from antiosc.io import kept_surfaces, remade
 from antiosc.io.cad import ATTEMPTS
 from antiosc.io.facets import (
     SIDES,
@@ -32,7 +32,7 @@ from antiosc.io.facets import (
 )
 from antiosc.io.neutral import KINDS, FileMesh, RawMesh, UnitSystem
 from antiosc.io.polygons import triangles_of
-from antiosc.io.reading import _content, _meshed
+from antiosc.io.reading import Asked, _content, _meshed
 from antiosc.recovery import mesh_fields
 from antiosc_app.live_meshes import surface
 
@@ -347,11 +347,11 @@ def test_of_meshes_that_are_off_the_next_or_the_nearest_is_taken():
     tetrahedron = np.vstack([np.zeros(3), np.eye(3)])
     raw = RawMesh(tetrahedron, np.arange(4)[None], KINDS["tetra"], "gmsh")
     offs = [0.004, None, 0.001, 0.0]
-    mesh = _meshed(once, "part.stl", is_cad=False)
+    mesh = _meshed(once, Asked(Path("part.stl")))
     assert mesh.off == 0.001
     assert ["0.4 %" in s and "from 1° on" in s for s in mesh.remarks] == [True]
     offs = [0.05, 0.02, *([None] * 20)]
-    mesh = _meshed(once, "part.stl", is_cad=False)
+    mesh = _meshed(once, Asked(Path("part.stl")))
     assert mesh.off == 0.02
     assert ["5 %" in mesh.remarks[0], "2 %" in mesh.remarks[1]] == [True, True]
 
@@ -435,10 +435,11 @@ def pierced(path: Path, deep: float) -> Path:
 
 def test_a_surface_that_pierces_itself_is_made_anew(tmp_path, monkeypatch):
     file = pierced(tmp_path / "dent.stl", deep=0.3)
-    monkeypatch.setattr(remade, "installed", lambda: False)
-    with pytest.raises(ao.MeshError, match="pip install pytetwild"):
-        ao.read_mesh(file, size=0.2, solid=True, unit="m")
-    monkeypatch.undo()
+    monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
+    with monkeypatch.context() as missing:
+        missing.setattr(remade, "installed", lambda: False)
+        with pytest.raises(ao.MeshError, match="pip install pytetwild"):
+            ao.read_mesh(file, size=0.2, solid=True, unit="m")
     pytest.importorskip("pytetwild")
     with pytest.warns(ao.AntioscWarning, match="made anew by fTetWild, within 0.0019 units"):
         mesh = ao.read_mesh(file, size=0.2, solid=True, unit="m")
