@@ -114,6 +114,7 @@ from antiosc.impact.histories import (
 from antiosc.impact.histories.bars import (
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
+    contact_time_note as contact_time_note,
 )
 from antiosc.impact.histories.energy import (
     energy_gain as energy_gain,

@@ -10,14 +10,7 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import (
-    FIRST_TO_LAST,
-    SMALLER_CELLS,
-    capitalised,
-    engineering,
-    percent,
-    point_text,
-)
+from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent, point_text
 from antiosc_app.live import (
     Data,
     Headline,
@@ -177,7 +170,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
     if bar := _law_bar(strongest):
         values[0] += f" ± {percent(bar)}"
-    labels = "peak force", FIRST_TO_LAST, "impulse"
+    labels = "peak force", "contact time", "impulse"
     numbers += zip(labels, values, strict=True)
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
     caution = _caution(fall, hardest)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from antiosc import (
+    IMPACTORS,
     ContactLaw,
     Damping,
     ElasticPlastic,
@@ -27,6 +28,7 @@ from antiosc import (
     ImpactMap,
     LinearBody,
     ModalBody,
+    RigidMass,
     SceneHistory,
     simulate,
 )
@@ -51,6 +53,7 @@ from antiosc.extension import (
     CUT_PATCH,
     QUANTITIES,
     ErrorBudget,
+    contact_time_note,
     hardest,
     left_out_text,
     low_band,
@@ -327,7 +330,28 @@ def _computed(hit: History) -> Data:
     counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
-    return {"time": time, "force": force, **numbers, **counts, **ends}
+    moved = {"site_deflection": site_motion(hit)[0]}
+    return {"time": time, "force": force, **numbers, **counts, **ends, **moved}
+
+
+#: Times of a run, and of its contacts, at which the deflection at the site is looked for.
+MOTION_TIMES = 1000
+
+
+def site_motion(hit: History) -> tuple[float | None, float]:
+    """(largest displacement [m] of the site along the impact, its patch left out, its time [s]);
+    None of a part that moves on as a whole.
+    """
+    body = hit.assembly.bodies["structure"].modes
+    if not isinstance(body, ModalBody) or not body.omega.all():
+        return None, 0.0
+    end = float(hit.run.time[-1])
+    touched = hit.contacts[-1][1] if hit.contacts else end
+    times = np.union1d(*(np.linspace(0.0, last, MOTION_TIMES) for last in (end, touched)))
+    q, _ = hit.states(times)
+    moved = q[:, hit.assembly.spans["structure"]] @ body.b + body.r * hit.force_at(times)
+    k = int(np.abs(moved).argmax())
+    return float(abs(moved[k])), float(times[k])
 
 
 def halved(size: str, dim: int) -> str:
@@ -381,15 +405,16 @@ def headline_of_history(
     budget: ErrorBudget | None,
     fields: Mapping[str, PeakField],
     worst: Data | None,
+    file: str = "",
 ) -> Headline:
     """The headline of an impact of two bodies.
 
-    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known.
+    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known;
+    `file`: name of the part's file, if known.
     """
-    labels = {"contact_time": hit.time_name}
     numbers = [
         (
-            labels.get(name, name.replace("_", " ")),
+            name.replace("_", " "),
             budget.shown(name, 3) if budget else engineering(getattr(hit, name), unit),
         )
         for name, unit in QUANTITIES.items()
@@ -403,6 +428,7 @@ def headline_of_history(
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
         ("stretch", _stretching(hit)),
+        ("contacts", _contacts(hit)),
         ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
@@ -414,7 +440,7 @@ def headline_of_history(
         caution_of(hit, budget, structure),
     ]
     caution = " ".join(filter(None, cautions))
-    return Headline(_struck(hit, structure), numbers, list(sentences), kinds, caution)
+    return Headline(_struck(hit, structure, file), numbers, list(sentences), kinds, caution)
 
 
 def map_cautions(impact_map: ImpactMap) -> list[str]:
@@ -630,9 +656,9 @@ def _stress_alone(structure: Structure, hit: History) -> list[tuple[PeakField, f
     return []
 
 
-def _struck(hit: History, structure: Structure | None) -> str:
-    """Sentence on the striker, the part and the site."""
-    part = "a model" if structure is None else _named(structure.describe())
+def _struck(hit: History, structure: Structure | None, file: str) -> str:
+    """Sentence on the striker, the part, by its file where that is known, and the site."""
+    part = file or ("a model" if structure is None else _named(structure.describe()))
     places = list(site_points(hit.model).values())
     place_text = f" at {point_text(places[0])}" if len(places) == 1 else ""
     return f"{_body(hit.impactor)} strikes {part}{place_text}."
@@ -640,8 +666,8 @@ def _struck(hit: History, structure: Structure | None) -> str:
 
 def _body(body: LinearBody | None) -> str:
     """Text of a striker: "A sphere of 32.9 g at 2.00 m/s"."""
-    kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
-    text = [f"{'An' if kind[0] in 'aeiou' else 'A'} {kind}"]
+    kind = _name_of(body) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
+    text = [f"{'An' if kind[0] in 'aeiouIE' else 'A'} {kind}"]
     for name, (unit, word) in STRIKER_WORDS.items():
         value = getattr(body, name, None)
         if isinstance(value, float) and value:
@@ -649,9 +675,30 @@ def _body(body: LinearBody | None) -> str:
     return " ".join(text)
 
 
+def _name_of(body: LinearBody | None) -> str:
+    """The name of a striker of a standard, whose mass, tip and speed it has; "" of others."""
+    if not isinstance(body, RigidMass) or body.tip_radius is None:
+        return ""
+    own = body.mass, body.tip_radius, body.velocity
+    for name, known in IMPACTORS.items():
+        if own == (known.mass, known.tip_radius, known.speed):
+            return f"{name} hammer" if name.startswith("IK") else name
+    return ""
+
+
 def _named(described: str) -> str:
     """The name of the mesh in a description of `Structure.describe`."""
     return re.split(r"[:,]|(?<=of \d part) \(|(?<=parts) \(", described, maxsplit=1)[0]
+
+
+def _contacts(hit: History) -> str:
+    """Sentence on several contacts, and which of them the contact time is of; "" of one."""
+    note = contact_time_note(hit)
+    return (
+        f"The bodies touch {len(hit.contacts)} times: the contact time is that {note}."
+        if note
+        else ""
+    )
 
 
 def force_bar(budget: ErrorBudget | None) -> float | None:
@@ -952,6 +999,7 @@ def striker_place(hit: History, blow: Data) -> Data | None:
         "point": list(points[0]),
         "direction": list(direction),
         "radius": radius,
+        "tip": getattr(hit.impactor, "tip_radius", None),
         "told": sentence,
     }
 

@@ -31,7 +31,7 @@ from antiosc.extension import (
 )
 from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
-from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
+from antiosc_app.live import Data, finite_parameters, impact_data, modal_data, site_motion
 
 #: Largest number of fields of the motion and of the stress.
 MOST_FIELDS = (12, 8)
@@ -273,10 +273,15 @@ def _deflection(motion: Array, points: Array, hit: History) -> Data:
     near = np.linspace(times[max(k - 1, 0)], times[min(k + 1, times.size - 1)], TIMES)
     sizes = np.linalg.norm(motion[i] @ _coordinates(hit, near).T, axis=0)
     time = float(near[sizes.argmax()])
-    told = f"at {point_text(points[i])}, {engineering(time, 's')}"
+    value = float(sizes.max())
+    place = point_text(points[i])
+    at_site, time_there = site_motion(hit)
+    if at_site is not None and at_site > value:  # between the nodes of a coarse mesh
+        value, time, place = at_site, time_there, "the site"
+    told = f"at {place}, {engineering(time, 's')}"
     if time >= end:
         told += " (end of the run)"
-    return {"value": float(sizes.max()), "told": f"{told}, no bar"}
+    return {"value": value, "told": f"{told}, no bar"}
 
 
 def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:

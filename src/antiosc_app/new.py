@@ -376,7 +376,7 @@ class Inspection:
         """The sides of the part's box; of a sheet those that are not 0, and its thickness."""
         sides = self.high - self.low
         sides = sides[sides > SAME_PLACE * self.length]
-        text = " × ".join(f"{1e3 * side:.4g}" for side in sides) + " mm"
+        text = " × ".join(_in_mm(side) for side in sides) + " mm"
         if self.family != "Shell":
             return text
         thickness = self.thickness
@@ -497,6 +497,12 @@ class Inspection:
                 return f"at the nodes on {plane}"
             return f"{', '.join(self.on_plane[:MOST_NAMED])}: the nodes on {plane}"
         return "nowhere: it is free"
+
+
+def _in_mm(length: float) -> str:
+    """A length [m] in millimetres, with four digits or those before its point."""
+    text = np.format_float_positional(1e3 * length, 4, unique=False, fractional=False, trim="-")
+    return str(text)
 
 
 def largest_ball_on(length: float) -> float:

@@ -223,6 +223,7 @@ class Opened:
         self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._mapped: ResultCache[tuple[ImpactMap, dict[int, History]]] = ResultCache(1)
+        self._sites: ResultCache[Site | None] = ResultCache(TABS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
         self._doing = ""
@@ -322,8 +323,10 @@ class Opened:
         return tab, turn
 
     def _stop(self, values: Table) -> Data:
-        """Stop the work of earlier turns of a tab."""
+        """Stop the work of earlier turns of a tab, whose page shows the answer to `setup` again."""
         self._turn(values)
+        if "setup" in values:
+            self.site = self._sites.get(repr(read(values["setup"])), self.site)
         return {}
 
     def _in_turn(self, step: Step, values: Table) -> Data:
@@ -484,6 +487,7 @@ class Opened:
         blow = self._impacts.of(key, partial(self._until_parted, set_up, quickly))
         assert blow.scene.model is not None
         self.site = blow.scene.model.arguments["site"].made
+        self._sites[key] = self.site
         return blow
 
     def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
@@ -893,7 +897,8 @@ def _strengths(blow: PageImpact) -> dict[str, Any]:
 def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
     """The headline of an impact."""
     budget = run.error_budget(blow.hit)
-    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None)
+    of_deck = blow.sections.get("deck", {}).get("path", "")
+    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None, of_deck)
 
 
 def _told(blow: PageImpact) -> Data:

@@ -352,7 +352,18 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
     stresses = results.stresses or {}
     if data is not None:
         data |= live.largest_stress(stresses, worst, live.force_bar(budget))
-    return data, live.headline_of_history(hit, results.structure, budget, stresses, worst)
+    return data, live.headline_of_history(
+        hit, results.structure, budget, stresses, worst, _file_of(results)
+    )
+
+
+def _file_of(results: SceneResults) -> str:
+    """The name of the file of the part of a scene of one part; "" if it is not known."""
+    scene = {} if results.compiled is None else results.compiled.document.data
+    for section, key in (("deck", "path"), ("geometry", "source")):
+        if isinstance(name := scene.get(section, {}).get(key), str):
+            return Path(name).name
+    return ""
 
 
 def rendered(template: Path, **content: object) -> str:
@@ -373,11 +384,18 @@ def rendered(template: Path, **content: object) -> str:
         keep_trailing_newline=True,
     )
     environment.filters |= {"shown": format_number, "prefixed": with_prefixes, "zipped": _zipped}
-    environment.filters["parted"] = _parted
+    environment.filters |= {"parted": _parted, "breakable": _breakable}
     environment.tests["numeric"] = lambda cell: (
         format_number(cell).strip("-–+.0123456789eE% ") == ""
     )
     return str(environment.get_template(template.name).render(content))
+
+
+def _breakable(text: str) -> Any:
+    """A title as HTML that a line may break after the separators of a file's name."""
+    from markupsafe import Markup, escape  # comes with jinja2
+
+    return Markup(re.sub(r"([_/-])(?=\w)", r"\1<wbr>", escape(text)))
 
 
 #: First rows of a long table, which a report shows; the others are folded.

@@ -23,7 +23,6 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
-    FIRST_TO_LAST,
     SMALLER_CELLS,
     engineering,
     percent,
@@ -473,11 +472,7 @@ def _facts(hit: History) -> Block:
             table[f"{_spaced(n)} ({unit})"] = [getattr(contact, n) for contact in hits]
         return table | {"contacts": [len(contact.contacts) for contact in hits]}
     e = "not defined" if hit.restitution is None else restitution_text(hit.restitution, 4)
-    names = {"contact_time": hit.time_name}
-    numbers = [
-        (names.get(n, _spaced(n)), engineering(getattr(hit, n), u, 4))
-        for n, u in QUANTITIES.items()
-    ]
+    numbers = [(_spaced(n), engineering(getattr(hit, n), u, 4)) for n, u in QUANTITIES.items()]
     return [*numbers, ("contacts", hit.count_text), ("coefficient of restitution", e)]
 
 
@@ -491,7 +486,6 @@ def _errors(hit: History) -> list[Block]:
     if budget is None:
         return [rows]
     total = "numerical" if budget.law else "total"
-    names = {"contact_time": hit.time_name}
     table: Columns = {"Error budget": ["value", *budget.causes, total]}
     for name, bar in budget.items():
         shares = budget.shares(name)
@@ -499,7 +493,7 @@ def _errors(hit: History) -> list[Block]:
             shares["total"] = bar.without_law + (bar.law or 0.0)
         cells = [shares[cause] for cause in (*budget.causes, "total")]
         told = ["–" if share is None else percent(share) for share in cells]
-        table[names.get(name, _spaced(name))] = [engineering(bar.value, QUANTITIES[name], 4), *told]
+        table[_spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
     return [rows, table, *filter(None, [budget.law]), *budget.notes]
 
 
@@ -837,7 +831,7 @@ def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
         **({"largest stress (Pa)": stresses} if stresses else {}),
-        f"{FIRST_TO_LAST} (s)": impacts.column("contact_time"),
+        "contact time (s)": impacts.column("contact_time"),
         "speed before, after (m/s)": [
             f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)
         ],

@@ -857,7 +857,10 @@ def reached(browser, name, turn):
 def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
     with Browser() as browser:
         browser.address(command, width)
+        playing = "return getComputedStyle(document.getElementById('play')).visibility"
+        assert browser.run(playing) == "hidden"  # there is nothing yet
         first = reached(browser, "complete", 1)
+        assert browser.run(playing) == "visible"
         assert first["bar"] > 0
         assert first["width"] <= width
         browser.run(CLICK, [0.05, 0.03, 0.015], False)  # on the base
@@ -895,7 +898,9 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
         assert browser.run(SEEN) == [True, True]  # the message, and the button beside it
         report = browser.run("return document.querySelector('#written a').href")
         dimmed = "return [document.body.classList.contains('outdated'), save.disabled]"
-        browser.run("document.getElementById('undo').click()")
+        shown = "return [page.hit.peak_force, document.body.classList.contains('outdated')]"
+        at_once = browser.run(f"document.getElementById('undo').click(); {shown}")
+        assert at_once == [pytest.approx(held["peak"], rel=1e-9), False]  # its answer is known
         assert browser.run(READ)["written"] == ""  # what was written is another set-up
         reached(browser, "complete", 7)
         assert browser.run(dimmed) == [False, False]

@@ -339,10 +339,16 @@ def test_the_largest_deflection_is_that_of_the_field_with_its_place_and_time(pla
     assert moved["value"] == pytest.approx(field.values[i], rel=0.01)  # at vertices
     told = re.search(r"mm, ([\d.]+) µs, no bar", moved["told"])
     assert 1e-6 * float(told[1]) == pytest.approx(field.times[i], rel=0.1)  # it is flat there
+    at_site, when = assets.site_motion(hit)
+    k = int(np.abs(hit.displacement).argmax())
+    assert at_site == pytest.approx(abs(hit.displacement[k]), rel=1e-3)
+    assert when == pytest.approx(hit.time[k], rel=0.1)
+    assert moved["value"] >= at_site * 0.999
     free = ao.Structure(part.mesh, ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=4e-3))
     loose = ao.extract(free, ao.Site((0.08, 0.07, 0.0), (0, 0, -1), radius=2e-3), n=5)
     again = ao.simulate(loose, STRIKER, LAW, DURATION)
     assert "deflection" not in live_meshes.of_structure(free, again)
+    assert assets.site_motion(again)[0] is None
 
 
 @pytest.mark.fem

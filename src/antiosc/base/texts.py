@@ -38,8 +38,6 @@ def on_page(text: str) -> str:
 
 #: What makes cells smaller: around a site, or all of them.
 SMALLER_CELLS = where_to_change("refine, or size", "Finer mesh here, or cell size")
-#: Name of a time from the first touch to the last release that contains flights.
-FIRST_TO_LAST = "first to last contact"
 #: Most characters of one value.
 WIDTH = 72
 

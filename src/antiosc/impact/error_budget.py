@@ -257,7 +257,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     raw = rerun(model, tol)
     impact = RepeatedImpact(model, raw, rerun, tol)
     weights = amplitudes(raw)
-    of_mesh = _mesh(impact, weights)
+    of_mesh = _mesh(impact, weights, WITHOUT_STRETCHING if hit.assembly.stretched else "")
     noise, band = measured_errors(impact)
     patch, patch_notes = _patch(impact)
     geometry, geometry_notes = _geometry(impact, weights)
@@ -392,6 +392,10 @@ TOO_FEW = (
 )
 
 
+#: Of the runs by which the error of the mesh of a part that stretches is estimated.
+WITHOUT_STRETCHING = " (of runs without its stretching)"
+
+
 class MeshErrors(NamedTuple):
     """Errors of the three quantities due to the mesh and to truncation; zero without a mesh.
 
@@ -406,8 +410,8 @@ class MeshErrors(NamedTuple):
     doubts: Sequence[str] = ()
 
 
-def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
-    """The errors due to the mesh and to truncation."""
+def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshErrors:
+    """The errors due to the mesh and to truncation; `unstretched`: text on runs without stretch."""
     model = impact.model
     raw = impact.raw
     truncation = truncation_share(model, raw.assembly)
@@ -438,8 +442,9 @@ def _mesh(impact: RepeatedImpact, weights: Array) -> MeshErrors:
         here, corrected = map(bars.contacts_of_main, (raw, softer))
         doubts.insert(
             0,
-            f"The mesh decides on the number of contacts ({here} here, {corrected} corrected): the"
-            " contact times are not comparable; a finer mesh decides.",
+            f"The mesh decides on the number of contacts: the main impact has {here} on this mesh"
+            f" and {corrected} on the corrected one{unstretched}, so that the contact times are not"
+            " comparable; a finer mesh decides.",
         )
     truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
     return MeshErrors(mesh, truncation_errors, share, safety, doubts)

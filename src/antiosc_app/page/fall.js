@@ -28,7 +28,7 @@ class FallPage {
   }
 
   make_table() {
-    [find("now").textContent, find("compared").textContent] = ["peak force", "first to last contact"];
+    [find("now").textContent, find("compared").textContent] = ["peak force", "contact time"];
     find("numbers").replaceChildren();
     const { stresses } = this.data;
     find("stressed").hidden = !stresses.length;

@@ -30,6 +30,7 @@ const OF_CELLS = ["point", "finer", "size"]; // what a patch as the cells resolv
 const STRUCK = ["ball", "mass", "hammer"];
 const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
+const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
@@ -49,6 +50,7 @@ class Bench {
     this.turn = 0;
     this.pending = 0;
     [this.past, this.future, this.warned, this.caution] = [[], [], [], ""];
+    this.answers = new Map(); // set-up -> its whole answer
     this.look();
   }
 
@@ -522,7 +524,7 @@ class Bench {
     for (const one of this.shown) one();
     forget("[hidden]");
     const falls = this.falls();
-    find("site-fields").hidden = falls;
+    find("site-fields").hidden = find("strikes").hidden = falls;
     const clicks_hold = !falls && this.facts.faces.length;
     for (const one of document.querySelectorAll(".of-click")) one.hidden = !clicks_hold;
     find("in-python").hidden = falls || Boolean(this.chosen);
@@ -598,6 +600,8 @@ class Bench {
     this.wrote("");
     if (this.page && this.page.sites) this.page = null;
     this.chosen = null;
+    const known = !this.moving && this.answers.get(JSON.stringify(this.setup));
+    if (known) return this.recall(known);
     this.draw_awaited();
     const found = await this.step("blow");
     if (!found) return;
@@ -629,8 +633,32 @@ class Bench {
     const settled = await this.step("settle");
     if (!settled) return;
     this.show_fall(settled);
-    for (const name of ["settled", "drawn", "complete"]) document.documentElement.dataset[name] = this.turn;
+    this.completed();
+    this.remember({ fall: settled });
   }
+
+  // An answer that is whole is shown again at once when its set-up comes back.
+  remember(answer) {
+    const { answers, warned } = this;
+    answers.set(JSON.stringify(this.setup), { ...answer, warned });
+    if (answers.size > MOST_ANSWERS) answers.delete(answers.keys().next().value);
+  }
+
+  recall({ fall, settled, part, judged, warned }) {
+    this.call("stop", { tab: this.tab, turn: this.turn, setup: this.setup }); // of what is computed
+    this.outdated(false);
+    this.warned = warned;
+    if (fall) this.show_fall(fall);
+    else {
+      this.before = this.page && this.page.hit || null;
+      this.shown_blow = this.turn;
+      this.show(settled, part);
+      this.judge(judged);
+    }
+    this.completed();
+  }
+
+  completed() { for (const name of ["settled", "drawn", "complete"]) document.documentElement.dataset[name] = this.turn; }
 
   show_fall({ fall, about, caution, verdict }) {
     this.warn(caution);
@@ -652,20 +680,26 @@ class Bench {
     if (!fields) return;
     this.show(settled, fields.part);
     document.documentElement.dataset.drawn = this.turn;
-    const { verdict, caution, judged } = await this.step("verdict") || {};
-    if (verdict) {
-      this.warn(caution);
-      this.tell(verdict);
-      Object.assign(this.page.data, judged, { awaited: false });
-      delete this.page.drawn;
-      this.page.rest();
-      this.show_fields();
+    const judged = await this.step("verdict");
+    if (judged) {
+      this.judge(judged);
+      this.remember({ settled, part: fields.part, judged });
     }
     document.documentElement.dataset.complete = this.turn;
   }
 
+  judge({ verdict, caution, judged }) {
+    this.warn(caution);
+    this.tell(verdict);
+    Object.assign(this.page.data, judged, { awaited: false });
+    delete this.page.drawn;
+    this.page.rest();
+    this.show_fields();
+  }
+
   show({ blow, place, about, caution, verdict, settled, refining, python, site, taken }, part) {
     [this.site, this.lasts, this.by_server] = [site, blow.duration, taken];
+    find("strikes").textContent = striker_text(blow, place);
     this.drawn_site = JSON.stringify([this.setup.point, this.setup.direction, this.setup.held]);
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
@@ -818,6 +852,13 @@ function forget(rows = "") {
 // The value of a field, unless what was typed is marked.
 function fill(input, value) {
   if (input.getAttribute("aria-invalid") !== "true") input.value = value;
+}
+
+// Mass, energy and tip of a striker, as far as they are known.
+function striker_text({ mass, speed }, place) {
+  const energy = mass && speed ? [`${engineering(speed, "m/s")}`, `energy ${engineering(mass * speed ** 2 / 2, "J")}`] : [];
+  const tip = place && place.tip ? [`tip radius ${engineering(place.tip, "m")}`] : [];
+  return [...(mass ? [`mass ${engineering(mass, "kg")}`] : []), ...energy, ...tip].join(", ");
 }
 
 // A time that is expected between two ends, in words.

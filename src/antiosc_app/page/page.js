@@ -2,7 +2,7 @@
 
 const QUANTITIES = [["peak_force", "peak force", "N"], ["contact_time", "contact time", "s"],
   ["impulse", "impulse", "N s"], ["restitution", "restitution", ""], ["contacts", "contacts", ""]];
-const DENT = ["dent", "dent", "m"], STRESS = ["stress", "largest stress", "Pa"], MOVED = ["deflection", "largest deflection", "m"];
+const DENT = ["dent", "dent", "m"], SITE_MOVED = ["site_deflection", "deflection at the site", "m"], STRESS = ["stress", "largest stress", "Pa"], MOVED = ["deflection", "largest deflection", "m"];
 const SLIDERS = [["mass", "mass of the striker", "kg"], ["speed", "closing speed", "m/s"],
   ["stiffness", "contact stiffness", ""], ["gap", "gap", "m"], ["damping", "damping ratio", ""]];
 const RANGE = 10, STEPS = 200; // of the sliders of mass, speed and stiffness: a tenth to tenfold
@@ -54,7 +54,7 @@ class Page {
     const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start), this.blow.striker.mobility) / 2 : Infinity;
     if (this.blow.computed) this.blow.computed.stress ??= data.stress ?? null;
     this.least = { speed: Math.min(this.start.speed / RANGE, slow) };
-    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...(this.part && data.part.deflection ? [MOVED] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
+    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...((data.fixed || this.part) && this.blow.computed && this.blow.computed.site_deflection != null ? [SITE_MOVED] : []), ...(this.part && data.part.deflection ? [MOVED] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
     this.said = [...document.querySelectorAll("[data-of]")].map((p) => ({ p, of: p.dataset.of, computed: p.textContent }));
     this.make_sliders();
     this.make_numbers();
@@ -174,6 +174,7 @@ class Page {
     if (this.at_start()) Object.assign(hit, this.blow.computed || {}, { answer: 0 });
     else if (hit.answer) Object.assign(hit, UNKNOWN);
     this.hit = hit;
+    hit.touches = touches(hit);
     this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
     this.until = this.used < SHORT * duration ? this.used : duration;
     hit.stress = hit.deflection = NaN; // until the picture follows
@@ -237,7 +238,9 @@ class Page {
     if (name === "stress") return [data.scope, has_bar ? "" : data.stress_note].filter(Boolean).join("; ");
     if (this.sites && name === "peak_force" && !has_bar) return "no error bar at this site: it has one when it is struck by itself";
     if (name === "deflection") return this.at_start() ? data.part.deflection.told : "";
-    return (bars && bars.unknown || {})[name] || "";
+    if (name === "site_deflection") return "along the impact, no bar";
+    const unknown = (bars && bars.unknown || {})[name] || "";
+    return name === "contact_time" ? [contact_time_note(this.hit), unknown].filter(Boolean).join("; ") : unknown;
   }
 
   // The bars of a site of a map that was struck by itself.
@@ -290,7 +293,7 @@ class Page {
     if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
-      + (this.bar ? "; the band: the error bar" : "")
+      + (this.bar ? "; the band: the error bar" : "") + (hit.contacts > 1 ? "; the thick line: the contact time" : "")
       + (this.until < hit.duration ? `; none from ${engineering(hit.last, "s")} to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 
@@ -359,6 +362,9 @@ class Page {
     this.drawn ??= drawn; // the first impact is the computed one
     const grown = (kind, known) => known * drawn[kind] / (this.drawn[kind] || 1);
     if (data.part.stress && !data.awaited) hit.stress = grown("stress", data.stress ?? this.drawn.stress);
+    const { site_deflection: known } = this.blow.computed || {}, moved = part.moved_at_site(this.body());
+    this.moved ??= moved;
+    if (known != null) hit.site_deflection = this.at_start() ? known : known * moved / (this.moved || 1);
     if (data.part.deflection) hit.deflection = grown("motion", data.part.deflection.value);
     part.known = { stress: hit.stress, motion: hit.deflection };
     if (kinds.length) this.write(hit, this.known_bars);
@@ -403,7 +409,7 @@ class Page {
 }
 
 // The numbers of a run that the page could not compute to its end.
-const UNKNOWN = Object.fromEntries([...QUANTITIES, DENT].map(([name]) => [name, NaN]));
+const UNKNOWN = Object.fromEntries([...QUANTITIES, DENT, SITE_MOVED].map(([name]) => [name, NaN]));
 
 // Relative differences of two impacts, each at least half the largest: antiosc.impact.quantities.
 function differences(one, other, names) {

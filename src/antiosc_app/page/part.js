@@ -43,6 +43,12 @@ class Part {
     return this.largest[kind];
   }
 
+  // The largest displacement of the site along the impact, its patch left out: antiosc_app.live.site_motion.
+  moved_at_site({ b, r }) {
+    const moved = ({ x }) => Math.abs(b.reduce((sum, share, j) => sum + share * x[j], r * x[b.length]));
+    return Math.max(...this.states.map(moved));
+  }
+
   // The frame with the largest value.
   peak(kind) {
     const sizes = this.states.map(({ x }) => this.sizes(kind, x).reduce((a, b) => Math.max(a, b), 0));

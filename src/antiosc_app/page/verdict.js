@@ -35,6 +35,38 @@ function contact_sentence(hit, yields) {
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}${(side || "").startsWith("the ") ? ` of ${side}` : ""}.`;
 }
 
+// What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.
+function contact_time_note(hit) {
+  if (!(hit.contacts > 1)) return "";
+  const [first, last] = [hit.touches[0][0], hit.touches[hit.touches.length - 1][1]];
+  if (Math.abs(last - first - hit.contact_time) < 1e-3 * hit.contact_time) return `of all ${hit.contacts} contacts, flights included`;
+  return `of the main impact, flights included; last release at ${engineering(hit.last, "s")}`;
+}
+
+// Start and end of the contacts of a curve of the force.
+function touches({ time, force }) {
+  const found = [];
+  for (let i = 1; i < time.length; i++) {
+    if (!(force[i] > 0 || force[i - 1] > 0)) continue;
+    if (force[i - 1] > 0 && found.length) found[found.length - 1][1] = time[i];
+    else found.push([time[i - 1], time[i]]);
+  }
+  return found;
+}
+
+// Start and end of the main impact: of the contacts of a curve those that together last as long.
+function main_impact({ touches, contact_time }) {
+  let best = touches[0], least = Infinity;
+  for (let i = 0, j = 0; i < touches.length; i++) {
+    for (j = Math.max(i, j - 1); j < touches.length; j++) {
+      const far = Math.abs(touches[j][1] - touches[i][0] - contact_time);
+      if (far < least) [best, least] = [[touches[i][0], touches[j][1]], far];
+      if (touches[j][1] - touches[i][0] > contact_time) break;
+    }
+  }
+  return best;
+}
+
 // The largest stress of the part, in the scope that is judged; "" until the picture has followed the sliders.
 function stress_sentence(value, strength, scope) {
   if (!Number.isFinite(value)) return "";

@@ -17,7 +17,7 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, engineering, percent, point_text, restitution_text
 from antiosc.impact.assembly import scene_source
 from antiosc.impact.histories import verdict
-from antiosc.impact.histories.bars import ErrorBudget
+from antiosc.impact.histories.bars import ErrorBudget, contact_time_note
 from antiosc.impact.histories.factors import modes_of, no_field_message, stretch_in, stretch_shapes
 from antiosc.impact.histories.linear_theory import linear_texts, stretch_effect
 from antiosc.impact.histories.motion import RunHistory
@@ -179,13 +179,14 @@ class History(RunHistory, Results):
         places = {name: point_text(point) for name, point in history_sites(self).items()}
         if not self.named:
             e = self.restitution
+            note = contact_time_note(self)
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
                 ("peak force", self.force_text),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
                 ("contacts", self.count_text),
-                (self.time_name, engineering(self.contact_time, "s", 4)),
+                ("contact time", f"{engineering(self.contact_time, 's', 4)}{note and f' {note}'}"),
                 ("restitution", "-" if e is None else restitution_text(e, 4)),
                 ("energy drift", f"{self.energy.drift:.1e}"),
                 ("step", engineering(self.step, "s")),

@@ -288,6 +288,17 @@ def contacts_of_main(result: Any) -> int:
     return last - first + 1
 
 
+def contact_time_note(result: Any) -> str:
+    """What the contact time is of, where there are several contacts; "" of a single one."""
+    count = len(result.contacts)
+    if count < 2:
+        return ""
+    if contacts_of_main(result) == count:
+        return f"of all {count} contacts, flights included"
+    last = engineering(result.contacts[-1][1], "s")
+    return f"of the main impact, flights included; last release at {last}"
+
+
 def changes(first: Any, second: Any) -> dict[str, float]:
     """`differences`, in which a contact time that is not comparable is no larger than the others,
     that its jump is no floor of theirs.

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
-from antiosc.base.texts import FIRST_TO_LAST, ReprMixin
+from antiosc.base.texts import ReprMixin
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.dent import Dent, dent_of
@@ -114,12 +114,6 @@ class OneContact:
         on at the end of the run counts up to there (status 3).
         """
         return float(self._numbers.contact_time)
-
-    @property
-    def time_name(self) -> str:
-        """Name of `contact_time` in results: it may contain flights between contacts."""
-        longest = max((end - start for start, end in self.contacts), default=0.0)
-        return FIRST_TO_LAST if self.contact_time > longest * (1 + 1e-9) else "contact time"
 
     @property
     def count_text(self) -> str:
