@@ -50,6 +50,7 @@ def test_nothing_is_missing_after_set_up():
         assert re.search(r"\d+\.\d+", row(text, package.name)), package.name
     assert row(text, "dolfinx") == importlib.metadata.version("fenics-dolfinx")
     assert row(text, "solvers") == "CHOLMOD, MUMPS"
+    assert re.match(r"through PETSc|\d", row(text, "CHOLMOD"))
 
 
 @pytest.mark.parametrize(

@@ -183,6 +183,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             pieces = [
                 piece._replace(low=factor * piece.low, high=factor * piece.high) for piece in pieces
             ]
+    if "piece" in options and suffix in GEOMETRIES and "fragments" not in options:
+        pieces = _solids(file_outline) if file_outline is not None else pieces
     if "piece" in options:
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
@@ -192,7 +194,7 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
         read["size"] = given
     if halved or {"unit", "gdim"} & set(read):
         mesh = antiosc.read_mesh(str(path), **read)
-    if file_outline is not None and suffix in GEOMETRIES:
+    if file_outline is not None and suffix in GEOMETRIES and "fragments" not in read:
         pieces = _solids(file_outline)
     all_notes = [*notes, *_option_notes(read)]
     return ForeignPart(mesh, read, None, all_notes, pieces, meshed=meshed)
@@ -200,12 +202,10 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
     """Alternative options for reading the solids of a CAD file, in the order of trial."""
-    from antiosc.io.reading import described_pieces
-
     solids = _solids(file_outline)
     if not solids:
         return [{}]
-    notes.append(f"it has {len(solids)} solids ({described_pieces(solids)}).")
+    notes.append(f"it has {len(solids)} solids.")
     largest: Read = {"piece": 1}
     if len(solids) <= MOST_SOLIDS:
         return [{"fragments": True}, largest]

@@ -158,7 +158,7 @@ def _cholmod() -> str:
     try:
         from antiosc.extension import cholmod
     except Exception as error:  # whatever an installed package may raise
-        return f"not tried: {error}"
+        return f"not called directly, as its binding cannot be loaded ({error})"
     refusal = cholmod.refusal()
     if refusal:
         return f"through PETSc: {refusal}"

@@ -143,6 +143,17 @@ def test_a_known_restitution_is_that_of_the_contact():
     assert (type(law), law.restitution) == (ao.Gonthier, 0.6)
 
 
+def test_a_site_in_a_hole_is_told_with_its_radius_and_what_can_be_done():
+    groove = Surface(ALLOY, (-525.0, 0.0), kind="curved")
+    with pytest.raises(ao.InputError) as refusal:
+        choose(groove, ball(STEEL, 0.01))
+    words = str(refusal.value)
+    assert "groove of radius 1.90 mm" in words
+    assert "a radius of 10.0 mm" in words
+    assert "below 1.71 mm" in words
+    assert "Move the site" in words
+
+
 @pytest.mark.parametrize(
     ("one", "other", "word"),
     [

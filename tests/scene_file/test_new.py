@@ -25,6 +25,7 @@ from antiosc.reduce.site import functional
 from antiosc_app import cli, new as template
 from antiosc_app.new import inspect_part
 from mesh_files import write
+from parts import gmsh_session
 from paths import DEMOS, MESHES
 from scene_files import antiosc, numbers
 
@@ -52,6 +53,36 @@ def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
     look = template._inspect_mesh(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
     assert np.ptp(look.points[look.held][:, 0]) == 0.0
     assert look.direction == [0.0, 0.0, -1.0]
+
+
+def test_faces_that_follow_one_another_are_listed_by_the_first_and_the_last():
+    numbers = [n for n in range(1, 707) if n not in (30, 40, 42)]
+    lines = template._listed(["hole 6 mm (1)", "side", *(f"face {n}" for n in numbers)])
+    assert len(lines) <= 2
+    text = " ".join(lines)
+    assert text.startswith('"hole 6 mm (1)", "side", "face 1" … "face 29", "face 31" …')
+    assert text.endswith('"face 41", "face 43" … "face 706"')
+
+
+def test_a_part_is_not_held_at_a_small_foot_under_its_end(tmp_path):
+    pytest.importorskip("gmsh")
+    path = tmp_path / "arm.msh"
+    with gmsh_session() as gmsh:
+        arm = gmsh.model.occ.addBox(0, 0, 0.005, 0.08, 0.015, 0.01)
+        foot = gmsh.model.occ.addBox(0, 0, 0, 0.005, 0.005, 0.005)
+        gmsh.model.occ.fuse([(3, arm)], [(3, foot)])
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.005)
+        gmsh.model.mesh.generate(3)
+        gmsh.write(str(path))
+    look = template._inspect_mesh(ao.read_mesh(path), {}, None)
+    assert look.plane is not None
+    assert look.plane[1] == [1.0, 0.0, 0.0]
+    assert not look.foot
+    low = np.zeros(3)
+    on_foot = low, np.array([0.005, 0.005, 0.0])
+    overhang = template._overhang(np.array(on_foot), low, np.array([0.08, 0.015, 0.015]), 2)
+    assert overhang == pytest.approx(0.0775 / 0.0025)
 
 
 def test_a_part_without_a_flat_side_is_held_at_the_holes_of_which_there_are_most():

@@ -32,6 +32,14 @@ def namespace(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[]
     return names, getattr_, lambda: names
 
 
+def _value(module: str, name: str) -> Any:
+    """A name of a module, or the module of that name in a package."""
+    try:
+        return getattr(import_module(module), name)
+    except AttributeError:
+        return import_module(f"{module}.{name}")
+
+
 def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
     """(`__all__`, `__getattr__`) of a module that imports the names of its stub on first use."""
     modules = listed(module)
@@ -41,7 +49,7 @@ def door(module: str) -> tuple[list[str], Callable[[str], Any]]:
         if name not in modules:
             raise AttributeError(f"{Path(module).stem} has no name {name!r}")
         if name not in values:
-            values[name] = getattr(import_module(modules[name]), name)
+            values[name] = _value(modules[name], name)
         return values[name]
 
     return sorted(modules), getattr_

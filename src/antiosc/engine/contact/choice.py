@@ -121,10 +121,7 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if B <= 0 or A < -NO_CURVATURE * B or (A <= NO_CURVATURE * B and not straight):
         if one.kind == other.kind == PLANE:
             return _flat(one, other, modulus)
-        raise SiteError(
-            f"the surfaces fit into each other (relative curvatures {2 * A:g} and {2 * B:g} 1/m), "
-            "which is no contact at a point: give the law of the contact."
-        )
+        raise SiteError(_in_a_hollow(one, other))
     if A <= NO_CURVATURE * B:
         return _line(one, other, modulus, B)
     shape = "" if A == B else ", elliptic"
@@ -146,6 +143,23 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     share, shares = _elastic_share(soft, materials[soft is materials[0]], modulus)
     law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
     return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error, 2 * B)
+
+
+def _in_a_hollow(one: Surface, other: Surface) -> str:
+    """Why two surfaces that fit into each other have no law, and what can be done."""
+    hollow, body = sorted((one, other), key=lambda surface: min(surface.curvatures))
+    told = "the surfaces fit into each other, which is no contact at a point: "
+    remedy = "give the law of the contact (its kind and stiffness)"
+    if min(hollow.curvatures) >= 0:
+        return f"{told}{remedy}."
+    radius = -1 / min(hollow.curvatures)
+    roundest = max(body.curvatures)
+    against = f"a radius of {engineering(1 / roundest, 'm')}" if roundest > 0 else "no such radius"
+    return (
+        f"{told}the site lies in a hole or groove of radius {engineering(radius, 'm')}, and the"
+        f" other surface has {against}. Move the site out of it (in the page: click beside it),"
+        f" strike with a ball of a radius below {engineering(0.9 * radius, 'm')}, or {remedy}."
+    )
 
 
 @lru_cache(maxsize=256)
