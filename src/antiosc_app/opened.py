@@ -104,9 +104,13 @@ PAGE_WORDS = {
     "give times in the part that matters, or shorten the run": "shorten the duration",
     "The von_mises": "The von Mises stress",
     "Damping ends them": "a damping ratio ends them",
+    "(damping)": "(damping ratio)",
+    "(corner_radius)": "(corner radius)",
     '; take the stretch "auto" of extract or impact_map, which has these forces of a part of one'
     " mesh": "; an explicit finite element program computes it",
 }
+#: A remedy for the stress -> that of a page whose cells are smaller at the site already.
+AT_STRESS = {f"({SMALLER_CELLS})": "(Finer mesh at the largest stress, or cell size)"}
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
@@ -615,7 +619,9 @@ class Opened:
         force = live.force_bar(run.error_budget(blow.hit))
         judged = live.largest_stress(stresses, None, force)
         head = _headline(blow, stresses)
-        told = {"verdict": head.sentences, "caution": head.caution}
+        told: Data = {"verdict": head.sentences, "caution": head.caution}
+        if _taken(blow)["finer"] and _stressed_elsewhere(self._opened(), set_up, judged):
+            told = {name: _in_words(text, AT_STRESS) for name, text in told.items()}
         return {**told, "judged": judged, "taken": _taken(blow)}
 
     def _map(self, set_up: SetUp, values: Table) -> Data:
@@ -839,6 +845,15 @@ def _in_words(value: object, fields: Mapping[str, str]) -> object:
     if isinstance(value, str):
         return reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
     return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
+
+
+def _stressed_elsewhere(source: InspectedFile, set_up: SetUp, judged: Data) -> bool:
+    """Whether the page offers smaller cells at the place of the judged stress."""
+    place = judged.get("stress_place")
+    if place is None or len(set_up.stressed) >= MOST_STRESSED:
+        return False
+    near = source.look.size / 2
+    return all(np.linalg.norm(np.subtract(one, place)) >= near for one in set_up.stressed)
 
 
 def _corner(look: new.Inspection) -> float:

@@ -598,13 +598,17 @@ def _margin_numbers(peak: PeakField) -> Columns:
     return {"margin": {**numbers, "sharp": sharp}}
 
 
+#: End of the caption of a force.
+BAND = "; an estimated error of 0.5 % or more is drawn as a band."
+
+
 def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Picture]:
     """Pictures of an impact."""
     hit = results.history
     contacts = _contacts(results.history)
     forces = [(f"{a} – {b}", contact.time, contact.force) for (a, b), contact in contacts.items()]
     several = partial(curves, forces, "contact force (N)")
-    caption = "Force (N) over time; an estimated error of 0.5 % or more is drawn as a band."
+    caption = "Force (N) over time" + ("." if contacts else BAND)
     pictures = [chart("Contact force", caption, several if contacts else partial(plot_force, hit))]
     if not contacts:
         caption = "Displacements of the site and of the impactor over time."
@@ -626,9 +630,22 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
                 Picture(f"Deformed structure{name}", caption, draw, same_view=bool(name))
             )
     for name, peak in (results.stresses or {}).items():
-        caption = f"The largest value at each node over the run: {_spaced(name)}."
+        caption = f"The largest value at each node over the run: {_spaced(name)}.{_marked(peak)}"
         pictures.append(Picture("Largest stress", caption, peak.plot))
     return pictures
+
+
+def _marked(peak: PeakField) -> str:
+    """Sentence on the marked value, where it is not the stress that is judged."""
+    value = float(peak.values[peak.judged])
+    margin = None if peak.exposure is None else peak.margin()
+    if margin is None or peak.unit != "Pa" or not margin.at_edge:
+        return ""
+    marked, judged = (engineering(one, peak.unit) for one in (value, margin.stress))
+    return (
+        f" Marked is the largest of the nodes that are judged, {marked}; the verdict's {judged} is"
+        " that of Hertz's pressure between them."
+    )
 
 
 #: A run is shown whole unless its contacts end before this share of it; else to twice their end.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import antiosc as ao
 from antiosc.base.texts import percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
+from antiosc_studies.drops import trajectory
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, Touch, episode, handed_over, path_of
@@ -70,6 +72,19 @@ def test_the_strength_of_a_falling_ball_counts() -> None:
     heavy = ao.drop(ao.Sphere(0.015, material="bearing steel 100Cr6"), 0.5, floor=lead, until=1)
     laws = [law_at(one.body, one.setting.floor, 0) for one in (fall, heavy)]
     assert laws[0] == laws[1]
+
+
+def test_a_dent_that_is_larger_than_its_corner_says_that_the_corner_is_crushed() -> None:
+    """A printed bracket with corners of 0.5 mm had a dent of 604 µm, 1.5 mm across."""
+
+    def told(depth: float, rim: float | None) -> str:
+        dent = SimpleNamespace(depth=depth, radius=rim)
+        return trajectory._crushed(SimpleNamespace(dent=dent, curvature=1 / 5e-4))
+
+    assert "radius of 500 µm" in told(604e-6, 0.75e-3)
+    assert "crushed" in told(604e-6, None)
+    assert told(50e-6, 0.2e-3) == ""
+    assert trajectory._crushed(SimpleNamespace(dent=None, curvature=2e3)) == ""
 
 
 RUBBER = "rubber NR 50"

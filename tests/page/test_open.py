@@ -27,7 +27,7 @@ from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
-from antiosc_app import live, new, set_up, until_parted
+from antiosc_app import live, new, opened as opened_page, set_up, until_parted
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
@@ -686,6 +686,20 @@ def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
         assert made.is_finer == is_finer
         told = opened._computed(lambda: {"caution": f"({SMALLER_CELLS})"}, finer=is_finer)
         assert told["caution"] == ("(cell size)" if is_finer else "(Finer mesh here, or cell size)")
+
+
+def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them():
+    source = SimpleNamespace(look=SimpleNamespace(size=4e-3))
+
+    def offered(place, *stressed):
+        asked_for = SimpleNamespace(stressed=stressed)
+        return opened_page._stressed_elsewhere(source, asked_for, {"stress_place": place})
+
+    assert offered([0.0, 0.0, 0.0])
+    assert offered([0.0, 0.0, 0.0], [0.0, 0.0, 3e-3])
+    assert not offered([0.0, 0.0, 0.0], [0.0, 0.0, 1e-3])  # they are there already
+    assert not offered(None)  # Hertz's stress lies between nodes
+    assert not offered([0.0, 0.0, 0.0], *[[1.0, 0.0, 0.0]] * set_up.MOST_STRESSED)
 
 
 def test_a_warning_that_is_among_the_sentences_is_shown_once():

@@ -259,11 +259,24 @@ class HistoryLike(Protocol):
     def cumulative_impulse(self) -> Array: ...
 
 
+def _error_of(hit: HistoryLike) -> tuple[float, str]:
+    """(relative error of the largest force, its name): that of the error budget once it is known,
+    else of the run alone.
+    """
+    budget = getattr(hit, "__dict__", {}).get("error_budget")
+    total = budget["peak_force"].total if budget else None
+    if total is not None and np.isfinite(total):
+        return total, "error"
+    error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
+    return error, "numerical error"
+
+
 def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
     """Contact force over time for one history or several by name; the largest force is marked.
 
     The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
-    peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
+    peak of 0.5 % or more, of the error budget if that is known, is drawn as a band; a history of
+    many contacts has a running mean.
     """
     runs = by_name(hits, HistoryLike, "History")
     ax = axes_or_new(ax)
@@ -283,12 +296,12 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             time, force = running_mean(hit.time, hit.force, window)
             text = f"{name}, {mean}" if name else mean
             ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
-        error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
+        error, name_of_error = _error_of(hit)
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
             ax.fill_between(
-                factor * hit.time, *bounds, label=f"numerical error ±{percent(error)}", **shade
+                factor * hit.time, *bounds, label=f"{name_of_error} ± {percent(error)}", **shade
             )
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))

@@ -88,12 +88,19 @@ class PointsInCells:
         table = compat.tabulate(self._space, self._first, self.X)
         return np.einsum("pf,pfck->pck", table, dofs, optimize=True)
 
-    def slopes(self, dofs: Array) -> Array:
-        """Derivatives (P, components, tdim, columns) along the reference directions."""
+    def slopes(self, dofs: Array, inverse: Array | None = None) -> Array:
+        """Derivatives (P, components, tdim, columns) along the reference directions, or along
+        coordinates with the `inverse` (P, tdim, n) of their slopes.
+        """
+        tdim = self.part.mesh.tdim if inverse is None else inverse.shape[2]
         if not len(self.X):
-            return np.zeros((0, dofs.shape[2], self.part.mesh.tdim, dofs.shape[3]))
+            return np.zeros((0, dofs.shape[2], tdim, dofs.shape[3]))
         table = compat.tabulate_slopes(self._space, self._first, self.X)
-        return np.einsum("pfd,pfck->pcdk", table, dofs, optimize=True)
+        along = table if inverse is None else table @ inverse
+        # a product of matrices takes a seventh of the time of einsum
+        count, functions, *of_dofs = dofs.shape
+        slopes = np.swapaxes(along, 1, 2) @ dofs.reshape(count, functions, -1)
+        return np.swapaxes(slopes.reshape(count, tdim, *of_dofs), 1, 2)
 
 
 def lagrange_1d(nodes: Array, x: Array) -> Array:
@@ -134,7 +141,7 @@ def solid_stress(at: PointsInCells, place: Place) -> Array:
     result = np.zeros_like(engineering)
     for k, (material, _) in enumerate(at.part.parts):
         of_part = number == k
-        result[of_part] = np.einsum("ij,pjk->pik", material.voigt, engineering[of_part])
+        result[of_part] = material.voigt @ engineering[of_part]
     return _in_material_axes(at, np.moveaxis(tensors_of(np.moveaxis(result, 1, -1)), 1, -1), place)
 
 
@@ -156,9 +163,9 @@ def _gradient(at: PointsInCells) -> Array:
     """∂u_i/∂x_j (P, 3, 3, columns)."""
     gdim = at.part.mesh.gdim
     inverse = np.linalg.inv(at.J[:, :gdim, :])
-    slopes = at.slopes(at.dofs("xyz"[:gdim]))
+    slopes = at.slopes(at.dofs("xyz"[:gdim]), inverse)
     result = np.zeros((len(at.cells), 3, 3, slopes.shape[-1]))
-    result[:, :gdim, :gdim] = np.einsum("pcdk,pdj->pcjk", slopes, inverse, optimize=True)
+    result[:, :gdim, :gdim] = slopes
     return result
 
 

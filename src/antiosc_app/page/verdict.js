@@ -39,8 +39,9 @@ function contact_sentence(hit, yields) {
 function contact_time_note(hit) {
   if (!(hit.contacts > 1)) return "";
   const [first, last] = [hit.touches[0][0], hit.touches[hit.touches.length - 1][1]];
-  if (Math.abs(last - first - hit.contact_time) < 1e-3 * hit.contact_time) return `of all ${hit.contacts} contacts, flights included`;
-  return `of the main impact, flights included; last release at ${engineering(hit.last, "s")}`;
+  if (Math.abs(last - first - hit.contact_time) < 1e-3 * hit.contact_time) return "of all contacts, flights included";
+  const [from, to] = main_impact(hit), flights = hit.touches.some(([start, end]) => start === from && end < to);
+  return `of the main impact${flights ? ", flights included" : ""}; last release at ${engineering(hit.last, "s")}`;
 }
 
 // Start and end of the contacts of a curve of the force.

@@ -405,10 +405,22 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         worst = max(dents, key=lambda dent: dent.depth)
         deepest = dents[worst]
         side = deepest.side(body, floor)
-        return f"the contact yields: {worst.text}, in {side}; {_law_error(deepest, body, floor)}"
+        text = f"the contact yields: {worst.text}, in {side}{_crushed(deepest)}"
+        return f"{text}; {_law_error(deepest, body, floor)}"
     if pressures:
         return max(pressures, key=lambda current: current.share).warning()
     return ""
+
+
+def _crushed(contact: PointContact) -> str:
+    """What it means that a dent is larger than the corner that makes it; "" if it is smaller."""
+    dent = contact.dent
+    if dent is None or max(dent.depth, dent.radius or 0.0) * contact.curvature < 1:
+        return ""
+    radius = engineering(1 / contact.curvature, "m")
+    return (
+        f", more than the radius of {radius} there: the corner is crushed, with what is behind it"
+    )
 
 
 def _line_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:

@@ -293,10 +293,12 @@ def contact_time_note(result: Any) -> str:
     count = len(result.contacts)
     if count < 2:
         return ""
-    if contacts_of_main(result) == count:
-        return f"of all {count} contacts, flights included"
+    of_main = contacts_of_main(result)
+    if of_main == count:
+        return "of all contacts, flights included"
+    flights = ", flights included" if of_main > 1 else ""
     last = engineering(result.contacts[-1][1], "s")
-    return f"of the main impact, flights included; last release at {last}"
+    return f"of the main impact{flights}; last release at {last}"
 
 
 def changes(first: Any, second: Any) -> dict[str, float]:
