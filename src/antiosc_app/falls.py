@@ -10,20 +10,18 @@ from scipy.spatial import cKDTree
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent, point_text
+from antiosc.base.texts import capitalised, engineering, percent, point_text
+from antiosc_app.fall_caution import caution_of_fall, law_bar, made_of
 from antiosc_app.live import (
     Data,
     Headline,
     bar_of_fall,
-    rough_force,
     stress_sentences,
 )
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended, stresses_of_impacts
-from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
-from antiosc_studies.drops.trajectory import FallImpact
 
 #: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
@@ -38,19 +36,6 @@ NUMBERS = (
     ("peak_force", "N"), ("contact_time", "s"), ("impulse", "N s"), ("lost", "J"),
     ("speed_before", "m/s"), ("speed_after", "m/s"),
 )  # fmt: skip
-
-
-#: Least share of the bar of a force that is told.
-TOLD = 0.02
-#: Cause of an error of the force -> what narrows it.
-REMEDIES = {
-    RADIUS: "the corner radius of the part, given in place of the assumed one, narrows it most",
-    STRENGTH: "an own material with the yield strength of this part and its range narrows it most",
-    PRESSING: "a soft layer on the floor, whose modulus is known, narrows it most",
-    ELASTIC: "a soft layer on the floor, whose modulus is known, narrows it most",
-    BALL: "a soft layer on the floor, whose modulus is known, narrows it most",
-    FACETS: f"smaller cells ({SMALLER_CELLS}) narrow it most",
-}
 
 
 def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
@@ -132,7 +117,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
-        "bar": _law_bar(impact),
+        "bar": law_bar(impact),
         "time": impact.time,
         "at": point_text(impact.place),
         "point": impact.place.tolist(),
@@ -140,11 +125,6 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
         "frame": int(np.searchsorted(times, impact.time)),
         "curve": {"time": samples, "force": np.interp(samples, time, force)},
     }
-
-
-def _law_bar(impact: FallImpact) -> float:
-    """Relative error of the peak force of an impact by its contact law; 0 if unknown."""
-    return impact.law_error or 0.0
 
 
 def _force(fall: Fall, k: int) -> tuple[Array, Array]:
@@ -168,58 +148,20 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     strongest = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
-    if bar := _law_bar(strongest):
+    if bar := law_bar(strongest):
         values[0] += f" ± {percent(bar)}"
     labels = "peak force", "contact time", "impulse"
     numbers += zip(labels, values, strict=True)
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    caution = _caution(fall, hardest)
+    caution = caution_of_fall(fall)
     sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
     return Headline(about, numbers, sentences, caution=caution)
-
-
-def _caution(fall: Fall, hardest: int) -> str:
-    """What must be read before the numbers: that the bar is missing or wide, and the remedy."""
-    if reason := fall.no_bar(hardest):
-        return f"There is no error bar: {reason}."
-    start = rough_force(_law_bar(fall.impacts[hardest]))
-    return f"{start}{_narrows(fall, hardest)}." if start else ""
-
-
-def _narrows(fall: Fall, hardest: int) -> str:
-    """The end of a sentence on a wide bar: of what it is made, and what narrows it."""
-    if shares := _shares(fall, hardest):
-        return f"the bar is made of {shares}"
-    remedy = "a soft layer on the floor, or a larger corner radius where the corners are blunter,"
-    if fall.setting.floor.layer is not None:
-        remedy = "a stiffer layer, whose modulus is known,"
-    return f"{remedy} narrows the bar"
-
-
-def _made_of(fall: Fall, hardest: int) -> str:
-    """Sentence on the shares of the bar of a sharp corner, if it is not told before."""
-    bar = _law_bar(fall.impacts[hardest])
-    shares = _shares(fall, hardest)
-    if not shares or rough_force(bar):
-        return ""
-    return f"the bar of the force, ± {percent(bar)}, is made of {shares}"
-
-
-def _shares(fall: Fall, hardest: int) -> str:
-    """The shares of the bar of a sharp corner, and what narrows the largest; "" if unknown."""
-    shares = fall.error_shares(hardest)
-    told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
-    if not told:
-        return ""
-    parts = ", ".join(f"{cause} {percent(error)}" for error, cause in told)
-    remedy = next(REMEDIES[cause] for _, cause in told)
-    return f"{parts} (root of the squares): {remedy}"
 
 
 def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
     hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force)
-    sentences = [contact := fall.contact_verdict, _made_of(fall, hardest)]
+    sentences = [contact := fall.contact_verdict, made_of(fall, hardest)]
     if worst is not None and worst.exposure is not None:
         sentences += stress_sentences({worst.quantity: worst}, None, bar_of_fall(fall, worst))
         sentences += [fall.stress_limits, _other_order(fall, worst)]

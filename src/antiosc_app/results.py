@@ -813,8 +813,14 @@ def _fall(results: SceneResults) -> Presentation:
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
         caption = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", caption, worst.plot))
+    caution = ""
+    if is_single:
+        from antiosc_app.fall_caution import caution_of_fall  # it needs the finite elements
+
+        caution = caution_of_fall(fall)
     return Presentation(
         text=[fall.summary() if is_single else format_columns(table), format_rows(rows)],
+        caution=caution,
         tables={"fall.csv": table},
         numbers=numbers,
         plotted={"fall": fall, "worst": worst},

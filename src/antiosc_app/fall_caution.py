@@ -1,0 +1,89 @@
+"""What is said before the numbers of a fall, and of what the bar of its force is made."""
+
+from __future__ import annotations
+
+from math import degrees
+
+from antiosc import Fall
+from antiosc.base.errors import AntioscError
+from antiosc.base.texts import SMALLER_CELLS, engineering, percent
+from antiosc_app.live import rough_force
+from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
+from antiosc_studies.drops.flat import ANGLE, is_flat, range_over_tilt
+from antiosc_studies.drops.trajectory import FallImpact
+
+#: Least share of the bar of a force that is told.
+TOLD = 0.02
+#: Cause of an error of the force -> what narrows it.
+REMEDIES = {
+    RADIUS: "the corner radius of the part, given in place of the assumed one, narrows it most",
+    STRENGTH: "an own material with the yield strength of this part and its range narrows it most",
+    PRESSING: "a soft layer on the floor, whose modulus is known, narrows it most",
+    ELASTIC: "a soft layer on the floor, whose modulus is known, narrows it most",
+    BALL: "a soft layer on the floor, whose modulus is known, narrows it most",
+    FACETS: f"smaller cells ({SMALLER_CELLS}) narrow it most",
+}
+
+
+def law_bar(impact: FallImpact) -> float:
+    """Relative error of the peak force of an impact by its contact law; 0 if unknown."""
+    return impact.law_error or 0.0
+
+
+def caution_of_fall(fall: Fall) -> str:
+    """What must be read before the numbers: that the bar is missing or wide, and the remedy; of a
+    part that lands flat first the range of the force over small tilts.
+    """
+    hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force, default=None)
+    if hardest is None:
+        return ""
+    if reason := fall.no_bar(hardest):
+        return f"There is no error bar: {reason}."
+    start = rough_force(law_bar(fall.impacts[hardest]))
+    if not start:
+        return ""
+    over_tilt = _over_tilt(fall) if hardest == 0 and is_flat(fall) else ""
+    return f"{over_tilt}{start}{_narrows(fall, hardest)}."
+
+
+def _over_tilt(fall: Fall) -> str:
+    """Sentence on the range of the force of a part that lands on an edge or a face."""
+    try:
+        least, largest = range_over_tilt(fall)
+    except AntioscError:  # a start that cannot be computed
+        return ""
+    return (
+        "The part lands on an edge or a face: with up to"
+        f" {degrees(ANGLE):.2g}° more or less of tilt the force lies between"
+        f" {engineering(least, 'N')} and {engineering(largest, 'N')}. "
+    )
+
+
+def _narrows(fall: Fall, hardest: int) -> str:
+    """The end of a sentence on a wide bar: of what it is made, and what narrows it."""
+    if shares := _shares(fall, hardest):
+        return f"the bar is made of {shares}"
+    remedy = "a soft layer on the floor, or a larger corner radius where the corners are blunter,"
+    if fall.setting.floor.layer is not None:
+        remedy = "a stiffer layer, whose modulus is known,"
+    return f"{remedy} narrows the bar"
+
+
+def made_of(fall: Fall, hardest: int) -> str:
+    """Sentence on the shares of the bar of a sharp corner, if it is not told before."""
+    bar = law_bar(fall.impacts[hardest])
+    shares = _shares(fall, hardest)
+    if not shares or rough_force(bar):
+        return ""
+    return f"the bar of the force, ± {percent(bar)}, is made of {shares}"
+
+
+def _shares(fall: Fall, hardest: int) -> str:
+    """The shares of the bar of a sharp corner, and what narrows the largest; "" if unknown."""
+    shares = fall.error_shares(hardest)
+    told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
+    if not told:
+        return ""
+    parts = ", ".join(f"{cause} {percent(error)}" for error, cause in told)
+    remedy = next(REMEDIES[cause] for _, cause in told)
+    return f"{parts} (root of the squares): {remedy}"
