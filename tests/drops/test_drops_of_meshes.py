@@ -256,6 +256,27 @@ def test_a_line_with_gaps_is_taken_at_its_vertices_and_told(
     assert fall.no_bar()
 
 
+@pytest.mark.parametrize("size", [0.01, 0.004])
+@pytest.mark.parametrize("roll", [0, 37])
+def test_the_bar_of_a_cylinder_without_a_line_holds_the_force_of_a_disc(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: float, roll: float
+) -> None:
+    """What the floor cuts at the few vertices that touch is a fifth of it."""
+
+    def gap(*_: object) -> float:
+        raise ao.InputError("the patch finds no surface")
+
+    R, L, height = 0.01, 0.05, 0.02
+    mesh = meshed(tmp_path, f"Cylinder(1) = {{0, 0, 0, {L}, 0, 0, {R}}}", size)
+    monkeypatch.setattr(lines, "_compliance", gap)
+    part = ao.Structure(mesh, ao.Solid(E=210e9, nu=0.3, rho=7800.0, yield_strength=5e9))
+    with pytest.warns(ao.AccuracyWarning, match="vertices"):
+        fall = ao.drop(part, height, (roll, 0, 0), ao.Floor(), until=1, modes=12)
+    known = landing(STEEL, R, L, fall.body.mass, height)
+    assert 0.5 < known / fall.peak_force - 1 < fall.law_error
+    assert "the contact is taken at vertices" in fall.summary()
+
+
 def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
     """Inclined, with a loss of its own, or yielding; not on an end and on a layer."""
     mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)

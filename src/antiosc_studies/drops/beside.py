@@ -22,6 +22,8 @@ from antiosc_studies.drops.episode import SAMPLES, Episode, path_of
 from antiosc_studies.drops.floor import Floor
 from antiosc_studies.drops.lines import TABOR, force_along
 
+#: Share by which the force of a line may exceed that of its vertices if these stand for it.
+COARSE = 0.1
 #: Depths over the dent at which the cut of the surface is computed.
 DEPTHS = np.geomspace(1e-3, 10.0, 61)
 
@@ -35,7 +37,10 @@ def share_beside(floor: Floor, current: Episode) -> float:
     if line is not None:
         energy, *_ = current.start.energies(current.body, 0.0)
         matter = _matter(floor, current, line.point)
-        return force_along(matter, line.radius, line.length, energy) / peak
+        share = force_along(matter, line.radius, line.length, energy) / peak
+        if current.complete(current.sunk() > 0) and share < 1 + COARSE:
+            return max(share - 1, 0.0)  # what the floor cuts at the vertices is the whole line
+        return share
     beside = max(_force_of_cut(floor, current) - peak, _force_beside_balls(floor, current))
     return max(beside / peak, 0.0)
 

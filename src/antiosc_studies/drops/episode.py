@@ -667,8 +667,6 @@ class Episode:
         body = self.body
         if body.layer_contact is not None or not len(body.lines) or self.lines:
             return None
-        if self.complete(self.sunk() > 0):
-            return None  # the vertices have what the lines carry
         times = np.linspace(0.0, min(self.duration, float(self.history.time[-1])), SAMPLES + 1)
         vertical = path_of(self.touch, self.history, times).R[:, 2]
         lowest = (vertical @ body.points[self.which].T - body.balls[self.which]).min(axis=1)

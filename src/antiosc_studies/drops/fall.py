@@ -487,7 +487,7 @@ class Fall(Trajectory, Result):
         """Sentence on impacts along lines, whose forces are uncertain; "" if there are none."""
         notes = (
             (
-                Episode.along_line,
+                self._along_line,
                 "the part lands along a line of its surface, as a cylinder on its side; the "
                 "contact is taken at vertices of the mesh, as points with their radii, and the bar "
                 "holds what the whole line may carry: a floor with a soft layer has a narrower one",
@@ -501,6 +501,13 @@ class Fall(Trajectory, Result):
             ),
         )
         return "; ".join(filter(None, (self._in_impacts(*note) for note in notes)))
+
+    def _along_line(self, episode: Episode) -> bool:
+        """Whether an episode lands along a line whose force the contacts may not have."""
+        if not episode.along_line():
+            return False
+        has_all = episode.complete(episode.sunk() > 0)
+        return not has_all or share_beside(self.setting.floor, episode) > FLAT
 
     @cached_property
     def _sides(self) -> str:

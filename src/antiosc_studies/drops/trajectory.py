@@ -633,7 +633,8 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
     beside = share_beside(floor, current) if contacts else 0.0
     for contact in contacts:
         error = contact.error(body, floor)
-        more = 0.0 if contact.which in contact.part.cut else beside
+        has_all = contact.which in contact.part.cut and current.rough_line is None
+        more = 0.0 if has_all else beside
         yield None if error is None else error + more, contact.force
     weights = rule()[1]
     for line, forces in current.strongest().items():
