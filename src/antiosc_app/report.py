@@ -395,7 +395,7 @@ def _breakable(text: str) -> Any:
     """A title as HTML that a line may break after the separators of a file's name."""
     from markupsafe import Markup, escape  # comes with jinja2
 
-    return Markup(re.sub(r"([_/-])(?=\w)", r"\1<wbr>", escape(text)))
+    return Markup(re.sub(r"([_/-])(?=\w)", r"\1<wbr>", str(escape(text))))
 
 
 #: First rows of a long table, which a report shows; the others are folded.

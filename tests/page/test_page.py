@@ -57,6 +57,13 @@ def browser():
         yield one
 
 
+def test_a_title_breaks_at_the_separators_of_a_file_and_nothing_in_it_is_markup(tmp_path):
+    hit = ao.simulate(MODEL, STRIKER, LAW, DURATION)
+    page = ao.write_report(hit, tmp_path / "a.html", title="z_motor/<b>rhs-2.stl")
+    told = "<h1>z_<wbr>motor/&lt;b&gt;rhs-<wbr>2.stl</h1>"
+    assert told in page.read_text(encoding="utf-8")
+
+
 def opened(browser, page, width=1300):
     """Open a page, and wait until it has struck."""
     browser.open(page, width)
