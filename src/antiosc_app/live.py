@@ -926,7 +926,10 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
 
 
 #: What is left to do where an impact takes all second-order modes that there are.
-ALL_MODES = "use an explicit finite element program, for no more second-order modes are taken"
+ALL_MODES = (
+    f"use smaller elements around the site ({SMALLER_CELLS}), on which second-order forces depend;"
+    " if these do not help, an explicit finite element program, for no more motions are taken"
+)
 
 
 #: Share of the force from which its bar is told before the numbers.

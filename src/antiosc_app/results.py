@@ -411,9 +411,11 @@ def _impact(results: SceneResults) -> Presentation:
     fewer = _probes_of_fewer(results, probes)
     for probe in probes:
         probe.fewer = fewer.get(probe.name)
-    probe_rows = _probe_rows(probes)
     budget = error_budget(hit)
     force = force_bar(budget)
+    for probe in probes:
+        probe.force = None if budget is None else _rest_of_force(budget)
+    probe_rows = _probe_rows(probes, left_out=budget is not None and bool(budget.law))
     stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
@@ -497,8 +499,41 @@ def _errors(hit: History) -> list[Block]:
     return [rows, table, *filter(None, [budget.law]), *budget.notes]
 
 
-def _probe_rows(probes: Sequence[Probe]) -> Rows:
-    """Rows with the largest value of each probe, its component and time."""
+def _rest_of_force(budget: ErrorBudget) -> float:
+    """Relative error of the force beside the truncation, which a signal has by itself; without that
+    of the law where it is unknown.
+    """
+    bar = budget["peak_force"]
+    return bar.without_law + (bar.law or 0.0) - bar.truncation
+
+
+#: What the bars of probes leave out: the mesh's error of a strain at a point is not estimated.
+PROBE_BARS = (
+    "the bars of probes are the error by the anti-oscillators, and that of the force{}, which the"
+    " values follow; the mesh's error at their points is not in them"
+)
+WITHOUT_FORCE = (
+    "the bars of probes are the error by the anti-oscillators alone: that of the force is not"
+    " known, nor the mesh's at their points"
+)
+
+
+def _bar_of_probe(peak: Columns) -> str:
+    """The error of a largest value as text, with its shares; "" if it is not known."""
+    if peak["error"] is None:
+        return ""
+    shares = (
+        f"anti-oscillators {percent(peak['truncation'])}, force {percent(peak['force'] or 0.0)}"
+    )
+    told = "" if peak["force"] is None else f" ({shares})"
+    return f" ± {percent(peak['error'])}{told}"
+
+
+def _probe_rows(probes: Sequence[Probe], left_out: bool = False) -> Rows:
+    """Rows with the largest value of each probe, its component and time.
+
+    `left_out`: whether the error of the force leaves out the contact's law.
+    """
     rows = []
     for probe in probes:
         p = probe.peak()
@@ -507,11 +542,16 @@ def _probe_rows(probes: Sequence[Probe]) -> Rows:
         time = engineering(p["time"], "s")
         g = f" ({p['g']:.4g} g)" if "g" in p else ""
         share = p["truncation"]
-        bar = "" if share is None else f" ± {percent(share)}"
+        bar = _bar_of_probe(p)
         rows.append((f"probe {probe.name}", f"{label}: largest {value}{bar}{g} at {time}"))
         if share is not None and share > UNSETTLED:
             further = OF_ACCELERATIONS if "g" in p else ""
             rows.append(("", f"{NOT_CONVERGED}{further}"))
+    barred = [probe for probe in probes if probe.fewer is not None]
+    if barred:
+        without_law = " without the contact's law" if left_out else ""
+        known = all(probe.force is not None for probe in barred)
+        rows.append(("", PROBE_BARS.format(without_law) if known else WITHOUT_FORCE))
     return rows
 
 
@@ -689,9 +729,11 @@ class Probe:
     """One probe: its quantity, times [s], and values (n, c) by component.
 
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
+    `force` : relative error of the force beside that by their number; None if it is not known.
     """
 
     fewer: Probe | None = None
+    force: float | None = None
 
     def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments
@@ -734,8 +776,9 @@ class Probe:
         component.
 
         Keys: quantity, component ("magnitude"; "" for a scalar), value, unit, time, g for
-        accelerations, and truncation: the largest difference of this signal to that of half the
-        anti-oscillators, over the value; None if unknown. (On the bracket, at 8 points with n = 20,
+        accelerations, truncation: the largest difference of this signal to that of half the
+        anti-oscillators, over the value; force: what the error of the force adds; error: both; None
+        if unknown. (On the bracket, at 8 points with n = 20,
         40 and 80, it was above the error of the largest velocity, against n = 160, in 24 of 24
         cases, and of the largest acceleration in 22; the differences of the peaks in 14 and 17.)
         """
@@ -749,10 +792,12 @@ class Probe:
         value = float(values[row, k])
         time = float(self.times[row])
         peak: Columns = {"quantity": self.quantity, "component": component, "value": value}
-        peak["truncation"] = None
+        peak |= {"truncation": None, "force": self.force, "error": None}
         if self.fewer is not None:
             signals = self.values, self.fewer.values
-            peak["truncation"] = error_of_largest(*signals, component == "magnitude")
+            share = error_of_largest(*signals, component == "magnitude")
+            peak["truncation"] = share
+            peak["error"] = None if share is None else share + (self.force or 0.0)
         g = {"g": value / GRAVITY} if self.quantity == "acceleration" else {}
         return peak | {"unit": unit, "time": time} | g
 

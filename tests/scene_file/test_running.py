@@ -70,7 +70,27 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     expected = np.linalg.norm(off, axis=1).max() / np.linalg.norm(signal, axis=1).max()
     assert told_of["truncation"] == pytest.approx(expected, rel=1e-2)
     assert f" ± {percent(told_of['truncation'])} at" in told
+    assert "anti-oscillators alone" in told
+    assert told_of["error"] == told_of["truncation"]
     assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
+
+
+@pytest.mark.fem
+def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
+    """A deflection that follows the force is not known better than the force."""
+    probe = '[probes.quarter]\npoint = [0.02, 0.04, 0.075]\nquantity = "von_mises"\nsnap = 0.1\n'
+    path = written(tmp_path, f'{BRACKET}[extract]\nn = 8\nerror = "estimate"\n{HIT}{probe}')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    made = numbers(tmp_path / "out")
+    bar = made["result"]["error_budget"]["peak_force"]
+    peak = made["probes"]["quarter"]
+    causes = ("mesh", "time", "patch", "geometry", "model", "law")
+    assert peak["force"] == pytest.approx(sum(bar[cause] or 0.0 for cause in causes))
+    assert peak["error"] == pytest.approx(peak["force"] + peak["truncation"])
+    assert peak["error"] >= bar["total"] - bar["truncation"] > 0
+    assert f" ± {percent(peak['error'])} (anti-oscillators" in told
+    assert "the mesh's error at their points is not in them" in told
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):

@@ -102,9 +102,12 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
     messages: list[str] = []
     with warnings_to(messages.append):
         hit = ao.simulate(model, striker, ao.Hertz(1e7), 1e-2)
-    (told,) = (message for message in messages if "second-order forces, of" in message)
+    (told,) = (message for message in messages if message.startswith("Second-order forces"))
+    motions = next(iter(hit.assembly.stretched.values())).size
+    assert f"those of {motions} motions" in told
+    assert f"second-order forces of {motions} motions" in hit.summary()
     off = abs(hit.peak_force / exact - 1)
-    shares = [share for share in range(1, 300) if f"off by {percent(share / 100)}" in told]
+    shares = [share for share in range(1, 300) if f"error of {percent(share / 100)} of" in told]
     assert shares
     assert off <= shares[0] / 100
 
@@ -112,15 +115,16 @@ def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes
 def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
     last = {"peak_force": 2e-4, "impulse": 1e-3, "deflection": 0.05}
     told = stretching._not_enough(30, last, 0.01)
-    assert told.startswith("The deflection may be off by 15 %")
+    assert told.startswith("Second-order forces leave an error of 15 % of the deflection: ")
     assert "The force holds: they change it by 0.02 %" in told
     assert told.endswith("Take the deflection with this error.")
     told = stretching._not_enough(30, {**last, "peak_force": 0.02}, 0.01)
     assert "holds" not in told
     assert told.endswith("Take the force and deflection with this error.")
     told = stretching._not_enough(30, {**last, "peak_force": 0.2}, 0.01)
-    assert told.startswith("The force may be off by 60 %")
-    assert told.endswith("program before you rely on the force and deflection.")
+    share = 'an error of 60 % of the force (the share "stretch" of its bar): '
+    assert told.startswith(f"Second-order forces leave {share}")
+    assert told.index("smaller cells") < told.index("force and deflection with an explicit")
 
 
 @pytest.mark.fem

@@ -132,7 +132,7 @@ def probe(
 
     The error by the number of anti-oscillators is no part of the result, and that of accelerations
     and of stresses far from the site may be large: `probe_error` with the same arguments gives it,
-    which `antiosc run` prints as the bar of each probe.
+    which `antiosc run` adds to that of the force as the bar of each probe.
 
     Raises
     ------
@@ -188,7 +188,8 @@ def probe_error(
     The largest difference of its signal to that of the same impact with half of them, over the
     largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
     has not converged, and the number is no bound: extract more (n), or judge an acceleration by its
-    shock spectrum (`srs`). The error by the mesh is not in it.
+    shock spectrum (`srs`). The error of the force, which the values follow, is not in it
+    (`hit.error_budget["peak_force"]`; its truncation is), nor that of the mesh at the point.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import STOPPED, percent
+from antiosc.base.texts import SMALLER_CELLS, STOPPED, percent
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories import History, bars
@@ -157,7 +157,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     found = run if best is None else best
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     if last and worst > max(tol, WARN):
-        return found, _not_enough(count, last, max(tol, WARN))
+        taken = max(forces.size for forces in found.assembly.stretched.values())
+        return found, _not_enough(taken, last, max(tol, WARN))
     return found, ""
 
 
@@ -200,12 +201,14 @@ def _not_enough(count: int, last: dict[str, float], limit: float) -> str:
     advice = f"Take the {words} with this error."
     if off > ROUGH:
         advice = (
-            f"Compute the impact with an explicit finite element program before you rely on the"
-            f" {words}."
+            f"Take smaller cells around the site first ({SMALLER_CELLS}), on which these forces"
+            f" depend; if that does not help, compute the {words} with an explicit finite element"
+            " program."
         )
+    share = "" if name == "deflection" else ' (the share "stretch" of its bar)'
     return (
-        f"The {name.removeprefix('peak_')} may be off by {percent(off)}: the"
-        f" deflection is so large or so local that its second-order forces, of up to {count} modes,"
-        f" still change it by {percent(worst)} with each two more, and more modes are not"
-        f" taken.{settled} {advice}"
+        f"Second-order forces leave an error of {percent(off)} of the"
+        f" {name.removeprefix('peak_')}{share}: the deflection is so large or so local that those"
+        f" of {count} motions still change it by {percent(worst)} with each two more, and more are"
+        f" not taken.{settled} {advice}"
     )
