@@ -107,6 +107,7 @@ from antiosc.impact.bodies import (
 from antiosc.impact.error_budget import (
     CUT_PATCH as CUT_PATCH,
     SAFETY as SAFETY,
+    WITHOUT_MESH as WITHOUT_MESH,
 )
 from antiosc.impact.histories import (
     error_scope as error_scope,

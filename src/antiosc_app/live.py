@@ -52,6 +52,7 @@ from antiosc.engine.contact.laws import Hysteretic
 from antiosc.extension import (
     CUT_PATCH,
     QUANTITIES,
+    WITHOUT_MESH,
     ErrorBudget,
     contact_time_note,
     hardest,
@@ -312,7 +313,7 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         variants = {
             cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
         }
-    word = "numerical " if budget.law else ""
+    word = f"{budget.word} ".lstrip()
     rebounds = budget.rebound is not None
     bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
     return {**bodies_and_bars, "word": word, "unknown": budget.unbarred}
@@ -703,8 +704,9 @@ def _contacts(hit: History) -> str:
 
 def force_bar(budget: ErrorBudget | None) -> float | None:
     """Relative error of the largest force, its law's included; None if it is not known."""
-    bar = None if budget is None else budget.get("peak_force")
-    return None if bar is None else bar.total
+    if budget is None or "mesh" in budget.unknown:
+        return None
+    return budget["peak_force"].total
 
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
@@ -916,7 +918,7 @@ COARSE_CELLS = "There is no error bar, because the cells are too large for this 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence that a result has no error bar, the reason and the remedy; "" if it has one."""
     if budget is not None:
-        return CUT_PATCH if CUT_PATCH in budget.notes else ""
+        return " ".join(note for note in budget.notes if note.startswith((WITHOUT_MESH, CUT_PATCH)))
     reason = "There is no error bar, for the mesh's error is not estimated"
     if structure is None:
         return f"{reason}."
@@ -947,7 +949,7 @@ def rough_force(bar: float | None) -> str:
 
 def rough(hit: History, budget: ErrorBudget | None) -> str:
     """Sentence, before the numbers, on a force with a wide bar, and what narrows it; "" if not."""
-    start = rough_force(force_bar(budget))
+    start = rough_force(None if budget is None else budget["peak_force"].total)
     return start + _narrows(hit, budget) if start and budget is not None else ""
 
 

@@ -414,7 +414,7 @@ def _impact(results: SceneResults) -> Presentation:
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
-        probe.force = None if budget is None else _rest_of_force(budget)
+        probe.force = _rest_of_force(budget)
     probe_rows = _probe_rows(probes, left_out=budget is not None and bool(budget.law))
     stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
@@ -487,7 +487,7 @@ def _errors(hit: History) -> list[Block]:
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    total = "numerical" if budget.law else "total"
+    total = budget.word or "total"
     table: Columns = {"Error budget": ["value", *budget.causes, total]}
     for name, bar in budget.items():
         shares = budget.shares(name)
@@ -499,10 +499,12 @@ def _errors(hit: History) -> list[Block]:
     return [rows, table, *filter(None, [budget.law]), *budget.notes]
 
 
-def _rest_of_force(budget: ErrorBudget) -> float:
+def _rest_of_force(budget: ErrorBudget | None) -> float | None:
     """Relative error of the force beside the truncation, which a signal has by itself; without that
-    of the law where it is unknown.
+    of the law where it is unknown. None where that of the mesh is not estimated.
     """
+    if budget is None or "mesh" in budget.unknown:
+        return None
     bar = budget["peak_force"]
     return bar.without_law + (bar.law or 0.0) - bar.truncation
 
@@ -959,14 +961,15 @@ def _sweep(results: SceneResults) -> Presentation:
 
 
 def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
-    """The column of the bars of peak forces, without the law if one row does not know its error."""
+    """The column of the bars of peak forces, without what one row does not know: law, or mesh."""
     budgets_known = [budget for budget in budgets if budget is not None]
     if not budgets_known:
         return {}
-    if any(budget.law or budget["peak_force"].total is None for budget in budgets_known):
-        name, share = "± without the law (%)", "without_law"
-    else:
-        name, share = "± (%)", "total"
+    lacks_law = any(budget.law or budget["peak_force"].total is None for budget in budgets_known)
+    lacks_mesh = any("mesh" in budget.unknown for budget in budgets_known)
+    left_out = " and ".join(["the law"] * lacks_law + ["the mesh"] * lacks_mesh)
+    name = f"± without {left_out} (%)" if left_out else "± (%)"
+    share = "without_law" if lacks_law else "total"
     shares = [budget and getattr(budget["peak_force"], share) for budget in budgets]
     return {name: 100 * np.array(shares, dtype=float)}
 

@@ -24,8 +24,8 @@ from antiosc.impact.error_budget import (
 from antiosc.impact.histories import bars
 from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
-from antiosc.models.body import ModalModel
-from antiosc_app.live import _bars
+from antiosc.models.body import ModalModel, ModelInfo
+from antiosc_app.live import _bars, force_bar
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 
@@ -247,6 +247,27 @@ def test_a_free_part_takes_the_mass_against_the_striker():
     assert rebound.impulses == (pytest.approx(momentum), pytest.approx(2 * momentum))
     moving = ao.simulate(free, STRIKER, LAW, 3e-3, initial_velocity=0.5)
     assert error_budget.rebound_of(moving) is None
+
+
+def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
+    """As a deck with ties: truncation, time and law, with a sentence on what is left out."""
+    whole = replace(model(), strain_error=None, info=ModelInfo(no_estimate="it is an assembly"))
+    few = whole.truncated(2)
+    hit = struck(few)
+    budget = hit.error_budget
+    off = differences(struck(few, tol=1e-5), struck(whole, tol=1e-5))
+    for name in QUANTITIES:
+        assert 0 < off[name] < budget[name].truncation < budget[name].total
+        assert budget[name].mesh == 0
+        assert budget.shares(name)["mesh"] is None
+        assert "without the mesh's error ± " in budget.shown(name)
+    assert "mesh" not in budget.causes
+    (note,) = (note for note in budget.notes if "mesh's error" in note)
+    assert note.endswith("it is an assembly")
+    assert force_bar(budget) is None  # a stress counts with all of the force's error, or none
+    assert _bars(hit, budget, 0.0)["word"] == f"{budget.word} "
+    with pytest.raises(ao.InputError, match="estimate"):
+        _ = struck(replace(whole, info=ModelInfo())).error_budget
 
 
 @pytest.mark.parametrize("share", [0.04, 0.06])

@@ -45,7 +45,12 @@ from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget, Reb
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import DECIDING, NEGLIGIBLE, STRETCH_SAFETY, differences
-from antiosc.impact.truncation import WARN_SHARE, truncation_error, truncation_share
+from antiosc.impact.truncation import (
+    WARN_SHARE,
+    TruncationError,
+    truncation_error,
+    truncation_share,
+)
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
@@ -246,7 +251,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
-    if model.strain_error is None and model.info.measured is None and not stretches:
+    refused = bool(model.info.no_estimate) and model.strain_error is None
+    if not (model.strain_error is not None or model.info.measured or stretches or refused):
         raise InputError(no_estimate(model))
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
@@ -285,7 +291,11 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     }
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
-    if model.strain_error is None and model.info.measured is None:
+    without_mesh = ""
+    if refused and not stretches:
+        unknown = ("mesh",)
+        without_mesh = f"{WITHOUT_MESH}{model.info.no_estimate}"
+    elif model.strain_error is None and model.info.measured is None:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
@@ -296,7 +306,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     band_notes = filter(None, [low_band_message(raw), linear])
     if patch_notes:
         unknown += ("patch",)
-    notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
+    mesh_notes = filter(None, [without_mesh, *of_mesh.doubts])
+    notes = (*patch_notes, *geometry_notes, *model_notes, *mesh_notes, *band_notes)
     settled = all(bars.comparable(raw, run) for run in runs)
     incomparable = () if settled else ("contact_time",)
     return ErrorBudget(
@@ -353,6 +364,8 @@ def _kept(
 #: Least error by the choice of second-order modes, that of their tensors (`STRETCH_SAFETY`).
 STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
+#: Start of the note on parts whose mesh's error has no estimator, as those with joints.
+WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
 NOT_ESTIMATED = "{} not in these bars: {}."
 ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
@@ -417,8 +430,19 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
     truncation = truncation_share(model, raw.assembly)
     lower_bound = truncation if truncation > WARN_SHARE else 0.0
     too_few = [TOO_FEW.format(model.n)] if lower_bound else []
+
+    def known(body: AntiOscillators, tol: float) -> History:
+        """The history on a body, without a new run for the model itself."""
+        if body is model:
+            return raw
+        return impact.run(body, tol)
+
     if model.strain_error is None:
-        return MeshErrors(truncation=dict.fromkeys(QUANTITIES, lower_bound), doubts=too_few)
+        truncation_errors = dict.fromkeys(QUANTITIES, lower_bound)
+        if model.info.no_estimate and model.n:
+            truncated = truncation_error(model, known, tol=impact.tol)
+            truncation_errors = _at_least(truncated, lower_bound)
+        return MeshErrors(truncation=truncation_errors, doubts=too_few)
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
@@ -430,12 +454,6 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
     if _recovered_shell(model) and share > COARSE_SHELL:
         mesh = {name: max(change, share) for name, change in mesh.items()}
 
-    def known(body: AntiOscillators, tol: float) -> History:
-        """The history on a body, without a new run for the model itself."""
-        if body is model:
-            return raw
-        return impact.run(body, tol)
-
     truncated = truncation_error(model, known, tol=impact.tol)
     doubts += too_few
     if not bars.comparable(raw, softer):
@@ -446,8 +464,12 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
             f" and {corrected} on the corrected one{unstretched}, so that the contact times are not"
             " comparable; a finer mesh decides.",
         )
-    truncation_errors = {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
-    return MeshErrors(mesh, truncation_errors, share, safety, doubts)
+    return MeshErrors(mesh, _at_least(truncated, lower_bound), share, safety, doubts)
+
+
+def _at_least(truncated: TruncationError, lower_bound: float) -> Shares:
+    """The errors due to truncation, none below a bound."""
+    return {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
 
 
 def _recovered_shell(model: AntiOscillators) -> bool:

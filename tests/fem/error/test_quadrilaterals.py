@@ -163,7 +163,7 @@ def test_the_bar_holds_what_a_much_finer_mesh_changes_and_is_no_more_than_six_ti
     assert max(bars.values()) <= 6 * max(errors.values()) + 1e-4
 
 
-def test_a_mesh_that_cannot_be_divided_has_a_model_without_a_bar_and_says_why(monkeypatch):
+def test_a_mesh_that_cannot_be_divided_has_bars_without_it_and_says_why(monkeypatch):
     part = plate(4, 0.01, "quadrilateral")
     monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 100)
     site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
@@ -171,8 +171,10 @@ def test_a_mesh_that_cannot_be_divided_has_a_model_without_a_bar_and_says_why(mo
     assert model.strain_error is None
     assert "each cell divided" in model.info.no_estimate
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3)
-    with pytest.raises(ao.InputError, match="each cell divided"):
-        _ = hit.error_budget
+    budget = hit.error_budget
+    assert any("each cell divided" in note for note in budget.notes)
+    assert budget.unknown[0] == "mesh"
+    assert budget["peak_force"].time > 0
 
 
 def test_what_a_mesh_lacks_and_has_in_excess_is_told_apart_and_rigid_motions_are_left_alone():

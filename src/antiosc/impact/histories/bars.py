@@ -209,8 +209,16 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         value = engineering(bar.value, QUANTITIES[name], digits)
         if name in self.incomparable:
             return f"{value}, {NO_BAR}"
-        word = ", numerical" if self.law or bar.total is None else ""
+        word = f", {self.word}" if self.word else ""
         return f"{value}{word} {plus_minus(self.sides(name))}"
+
+    @property
+    def word(self) -> str:
+        """What the bars leave out, before them; "" if nothing."""
+        lacks_law = bool(self.law) or any(bar.law is None for bar in self.bars.values())
+        lacks_mesh = "mesh" in self.unknown
+        words = ["numerical"] * lacks_law + ["without the mesh's error"] * lacks_mesh
+        return ", ".join(words)
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
         """A coefficient of restitution as text, with its error if that is known."""
@@ -219,7 +227,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
-        word = ", numerical" if self.law else ""
+        word = f", {self.word}" if self.word else ""
         return f"{restitution_text(e, digits)}{word} {plus_minus(sides, two_digits)}"
 
     @property

@@ -22,9 +22,8 @@ NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
 #: Message for assemblies.
 JOINTED = (
     "the mesh's error is estimated of one mesh without joints, and this is an assembly (a rigid"
-    " body, a tie, a coupling or a spring of a deck makes one of a single part, too): compare two"
-    " element sizes (where constraints join nodes of a deck, which keeps its elements then, two"
-    " decks of the program that made it)."
+    " body, a tie, a coupling or a spring of a deck makes one of a single part, too): compare with"
+    " smaller cells, or where a deck keeps its elements with a finer deck."
 )
 #: Element family -> reason why a recovery of strains does not show its errors.
 WHY = {
