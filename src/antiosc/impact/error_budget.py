@@ -293,7 +293,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     unknown = tuple[str, ...]()
     without_mesh = ""
     if refused and not stretches:
-        unknown = ("mesh",)
+        unknown = ("mesh", "geometry", "model")
         without_mesh = f"{WITHOUT_MESH}{model.info.no_estimate}"
     elif model.strain_error is None and model.info.measured is None:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators

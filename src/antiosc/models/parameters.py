@@ -384,6 +384,12 @@ ModelType = TypeVar("ModelType", bound=Parameters)
 LEAST_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
 MASSLESS_SHARE = 1e-12
+#: Message for assemblies.
+JOINTED = (
+    "the mesh's error is estimated of one mesh without joints, and this is an assembly (a rigid"
+    " body, a tie, a coupling or a spring of a deck makes one of a single part, too): compare with"
+    " smaller cells, or where a deck keeps its elements with a finer deck."
+)
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (
     "the error of the mesh is not known: extract the model from its mesh with the error 'estimate'."

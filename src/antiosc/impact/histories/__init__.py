@@ -288,7 +288,7 @@ def error_scope(history: History) -> str:
     if not any(info.structure for info in facts):
         return "time integration"
     remedy = ': the error "estimate" of extract does it' if any(i.meshed for i in facts) else ""
-    if any(i.no_estimate for i in facts):
+    if any(i.meshed and i.no_estimate for i in facts):
         remedy = ": compare two element sizes"
     return f"time integration; truncation and mesh are not estimated{remedy}"
 

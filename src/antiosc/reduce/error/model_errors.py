@@ -9,6 +9,7 @@ from antiosc.base.errors import InputError
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.beam import HalvedBeams
 from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_large
 from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
@@ -19,12 +20,6 @@ from antiosc.reduce.site import Functional
 
 #: Message for matrices.
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
-#: Message for assemblies.
-JOINTED = (
-    "the mesh's error is estimated of one mesh without joints, and this is an assembly (a rigid"
-    " body, a tie, a coupling or a spring of a deck makes one of a single part, too): compare with"
-    " smaller cells, or where a deck keeps its elements with a finer deck."
-)
 #: Element family -> reason why a recovery of strains does not show its errors.
 WHY = {
     "beam": ("which are compared with a finer mesh: compare two element sizes"),
