@@ -11,6 +11,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.texts import engineering
+from antiosc.extension import contact_time_note
 from antiosc.fields.peaks import PeakField
 from antiosc_app import live as assets, live_meshes
 from webdriver import MISSING, Browser
@@ -62,6 +63,20 @@ def test_a_title_breaks_at_the_separators_of_a_file_and_nothing_in_it_is_markup(
     page = ao.write_report(hit, tmp_path / "a.html", title="z_motor/<b>rhs-2.stl")
     told = "<h1>z_<wbr>motor/&lt;b&gt;rhs-<wbr>2.stl</h1>"
     assert told in page.read_text(encoding="utf-8")
+
+
+def test_the_page_marks_the_main_impact_as_the_program_finds_it(browser, tmp_path):
+    model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
+    for mass in (0.5, 0.1, 0.02):
+        hit = ao.simulate(model, ao.RigidMass(mass, 1.0), ao.Hertz(1e9), duration=2e-2)
+        opened(browser, ao.write_report(hit, tmp_path / "contacts.html"))
+        count, (start, end, _) = browser.run("return [page.hit.touches.length, page.hit.main]")
+        assert count == len(hit.contacts)
+        assert end - start == pytest.approx(hit.contact_time, rel=0.02)  # of coarse steps
+        starts = np.array(hit.contacts)[:, 0]
+        assert abs(starts - start).min() < 0.1 * hit.contact_time  # the page steps coarsely
+        note = browser.run("return page.remarks.contact_time.textContent")
+        assert note == contact_time_note(hit)
 
 
 def opened(browser, page, width=1300):

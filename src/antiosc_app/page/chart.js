@@ -67,10 +67,11 @@ class Chart {
     pen.lineWidth = dense(c.now, right - left) ? 0.7 : 2;
     pen.strokeStyle = "#1f77b4";
     line(pen, points(c.now, x, y, 1));
-    if (c.now.contacts > 1 && c.now.touches.length) {
-      const [from, to] = main_impact(c.now);
-      pen.lineWidth = 6;
-      line(pen, [[x(from), bottom], [x(to), bottom]]);
+    if (c.now.contacts > 1 && c.now.main) {
+      const [from, to] = c.now.main;
+      pen.lineWidth = 5;
+      pen.strokeStyle = ink("--ink");
+      line(pen, [[x(from), bottom - 2], [x(to), bottom - 2]]);
     }
     if (c.at !== null) {
       pen.lineWidth = 1;

@@ -175,6 +175,7 @@ class Page {
     else if (hit.answer) Object.assign(hit, UNKNOWN);
     this.hit = hit;
     hit.touches = touches(hit);
+    hit.main = hit.touches.length ? main_impact(hit) : null;
     this.used = Math.min(hit.last ? Math.max(1.25 * hit.last, 0.02 * duration) : duration, duration);
     this.until = this.used < SHORT * duration ? this.used : duration;
     hit.stress = hit.deflection = NaN; // until the picture follows

@@ -37,35 +37,34 @@ function contact_sentence(hit, yields) {
 
 // What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.
 function contact_time_note(hit) {
-  if (!(hit.contacts > 1)) return "";
+  if (!(hit.contacts > 1 && hit.main)) return "";
   const [first, last] = [hit.touches[0][0], hit.touches[hit.touches.length - 1][1]];
   if (Math.abs(last - first - hit.contact_time) < 1e-3 * hit.contact_time) return "of all contacts, flights included";
-  const [from, to] = main_impact(hit), flights = hit.touches.some(([start, end]) => start === from && end < to);
+  const [from, to] = hit.main, flights = hit.touches.some(([start, end]) => start === from && end < to);
   return `of the main impact${flights ? ", flights included" : ""}; last release at ${engineering(hit.last, "s")}`;
 }
 
-// Start and end of the contacts of a curve of the force.
+// Start, end and impulse of the contacts of a curve of the force.
 function touches({ time, force }) {
   const found = [];
   for (let i = 1; i < time.length; i++) {
     if (!(force[i] > 0 || force[i - 1] > 0)) continue;
-    if (force[i - 1] > 0 && found.length) found[found.length - 1][1] = time[i];
-    else found.push([time[i - 1], time[i]]);
+    const impulse = (time[i] - time[i - 1]) * (force[i] + force[i - 1]) / 2, last = found[found.length - 1];
+    if (last && force[i - 1] > 0) [last[1], last[2]] = [time[i], last[2] + impulse];
+    else found.push([time[i - 1], time[i], impulse]);
   }
   return found;
 }
 
-// Start and end of the main impact: of the contacts of a curve those that together last as long.
-function main_impact({ touches, contact_time }) {
-  let best = touches[0], least = Infinity;
-  for (let i = 0, j = 0; i < touches.length; i++) {
-    for (j = Math.max(i, j - 1); j < touches.length; j++) {
-      const far = Math.abs(touches[j][1] - touches[i][0] - contact_time);
-      if (far < least) [best, least] = [[touches[i][0], touches[j][1]], far];
-      if (touches[j][1] - touches[i][0] > contact_time) break;
-    }
+// The main impact of such contacts: aom_main_impact of csrc/impacts.c.
+function main_impact({ touches }) {
+  const impacts = [];
+  for (const [start, end, impulse] of touches) {
+    const last = impacts[impacts.length - 1];
+    if (last && start - last[1] < last[1] - last[0]) [last[1], last[2]] = [end, last[2] + impulse];
+    else impacts.push([start, end, impulse]);
   }
-  return best;
+  return impacts.reduce((a, b) => (b[2] > a[2] ? b : a));
 }
 
 // The largest stress of the part, in the scope that is judged; "" until the picture has followed the sliders.
