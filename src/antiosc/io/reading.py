@@ -332,9 +332,10 @@ def read(
     }
 
     def read_attempt(
-        attempt: int, limit: float | None = timeout, file: Path = path, **other: Any
+        attempt: int, most: float | None = None, file: Path = path, **other: Any
     ) -> RawMesh:
-        content = _content(file, limit, unit, merge, attempt=attempt, **(options | other))
+        asked_for = {**options, **other, "attempt": attempt, "most": most}
+        content = _content(file, timeout, unit, merge, **asked_for)
         raw = selected(content, cells, order, path.name)
         if piece is not None and not (one_solid and raw.kind.dim == 3):
             raw = one_piece(raw, piece, path.name)
@@ -478,7 +479,8 @@ PIERCED = "overlapping facets"
 #: Share of its volume or size by which the mesh of a filled surface may be off it: a plate with
 #: drilled holes lost 0.4 % of its volume to chords across these, and none with all edges kept.
 MOST_OFF = 2e-3
-#: Time limit [s] of an attempt after one whose mesh is off by more, or that did not end.
+#: Processor time [s] of an attempt after one whose mesh is off by more, or that did not end, or
+#: after which the surface could be made anew.
 NEARER_TIME = 40.0
 
 
@@ -506,9 +508,8 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             with progress.doing(f"meshing {name} {attempt.about}"):
                 raw = once(number, *limit)
         except UnmeshableError as error:
-            if (
-                OVERTIME_WORDS in str(error) and is_cad
-            ):  # its curves and faces are divided otherwise
+            limit = (NEARER_TIME,) if remade.installed() else limit
+            if OVERTIME_WORDS in str(error) and is_cad:
                 to_try = [entry for entry in to_try if entry[1].other_triangles]
                 start_time, limit = processor_time(), (NEARER_TIME,)
             if PIERCED in str(error) and PARAMETRIZATION in str(reason):  # no other way is left

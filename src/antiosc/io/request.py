@@ -73,6 +73,8 @@ class Request:
     trust: bool = False
     #: time limit, s; None: processor time, chosen for the kind of file
     timeout: float | None = None
+    #: processor time that it may take at most, s; None: that of the kind of file
+    most: float | None = None
     #: units of the file: m, N
     unit: Sequence[float] = (1.0, 1.0)
     #: options for reading a deck's materials, sections, supports and masses; None: do not
@@ -96,6 +98,7 @@ class Request:
         """
         for ending in OVERTIME:
             signal.signal(ending, signal.SIG_DFL)
+        seconds = min(seconds, self.most or seconds)
         if self.timeout is None:
             signal.setitimer(signal.ITIMER_PROF, seconds)
             signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)

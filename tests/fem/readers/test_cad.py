@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from antiosc.io.facets import volumes
 from antiosc.io.isolation import OVERTIME_WORDS
 from antiosc.io.neutral import RawMesh, kind_of
 from antiosc.io.reading import Asked, _meshed
+from antiosc.io.request import Request
 from parts import gmsh_session
 
 pytestmark = pytest.mark.fem
@@ -120,7 +122,7 @@ def test_labels_that_programs_write_are_no_names():
 def test_other_ways_to_mesh_are_tried_and_told():
     raw = RawMesh(np.eye(3), np.array([[0, 1, 2]]), kind_of("triangle"), "gmsh")
 
-    def once(attempt: int) -> RawMesh:
+    def once(attempt: int, *limit: float) -> RawMesh:
         if attempt < 4:
             raise UnmeshableError(f"PLC error {attempt}.")
         return raw
@@ -128,7 +130,7 @@ def test_other_ways_to_mesh_are_tried_and_told():
     (sentence,) = _meshed(once, Asked(Path("part.step"))).remarks
     assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[4].about}."
 
-    def never(attempt: int) -> RawMesh:
+    def never(attempt: int, *limit: float) -> RawMesh:
         raise UnmeshableError("PLC error.")
 
     with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
@@ -157,7 +159,7 @@ def test_no_further_attempt_begins_after_their_time(monkeypatch):
     seconds = [0.0]
     monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
 
-    def late(attempt: int) -> RawMesh:
+    def late(attempt: int, *limit: float) -> RawMesh:
         seconds[0] += 0.6 * reading.ATTEMPTS_TIME
         raise UnmeshableError("PLC error.")
 
@@ -194,7 +196,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
     monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
     made, told = [], []
 
-    def late(attempt: int) -> RawMesh:
+    def late(attempt: int, *limit: float) -> RawMesh:
         seconds[0] += 1.1 * reading.ATTEMPTS_TIME
         made.append(ATTEMPTS[attempt])
         raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
@@ -207,7 +209,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
         assert one.about in text
     made.clear()
 
-    def early(attempt: int) -> RawMesh:
+    def early(attempt: int, *limit: float) -> RawMesh:
         made.append(ATTEMPTS[attempt])
         if ATTEMPTS[attempt].cut:
             raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
@@ -238,7 +240,7 @@ def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
 def test_triangles_that_pierce_each_other_are_told_as_the_fault():
     made = []
 
-    def never(attempt: int) -> RawMesh:
+    def never(attempt: int, *limit: float) -> RawMesh:
         made.append(attempt)
         pierced = "Invalid boundary mesh (overlapping facets)"
         unrolled = "Wrong topology of boundary mesh for parametrization"
@@ -265,7 +267,7 @@ def test_after_an_attempt_that_does_not_end_the_faces_are_meshed_otherwise(monke
 
 
 def test_what_can_be_done_names_the_size_and_the_files_beside(tmp_path):
-    def never(attempt: int) -> RawMesh:
+    def never(attempt: int, *limit: float) -> RawMesh:
         raise UnmeshableError("PLC error.")
 
     (tmp_path / "part.stl").write_text("solid\n")
@@ -305,3 +307,23 @@ def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(
         rim = raw.points[np.unique(raw.groups["hole 10 mm (1)"][2])]
         assert np.hypot(rim[:, 0] - 0.02, rim[:, 1] - 0.02) == pytest.approx(5e-3, rel=0.02)
         assert sum(name.startswith("face ") for name in raw.groups) == 7
+
+
+@pytest.mark.parametrize("installed", [True, False])
+def test_later_attempts_take_less_time_where_the_surface_can_be_made_anew(monkeypatch, installed):
+    monkeypatch.setattr(remade, "installed", lambda: installed)
+    limits: list[tuple[float, ...]] = []
+
+    def never(attempt: int, *limit: float) -> RawMesh:
+        limits.append(limit)
+        raise UnmeshableError("PLC error.")
+
+    with pytest.raises(ao.MeshError):
+        _meshed(never, Asked(Path("part.stl")))
+    assert limits[0] == ()
+    assert all(limit == ((reading.NEARER_TIME,) if installed else ()) for limit in limits[1:])
+    timers = {}
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setattr(signal, "setitimer", lambda which, seconds: timers.update({which: seconds}))
+    Request("part.stl", "part.stl", most=limits[1][0] if installed else None).allow(150.0)
+    assert timers[signal.ITIMER_PROF] == (reading.NEARER_TIME if installed else 150.0)
