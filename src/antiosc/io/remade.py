@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from antiosc.base._types import Array
 from antiosc.io import facets
 from antiosc.io.facets import FacetSkin, cleaned, volumes
 from antiosc.io.neutral import FACETS, FileMesh, IntArray
@@ -28,6 +29,8 @@ ENVELOPE = 1e-3
 #: Energy at which the tetrahedra are good enough: only their boundary is used. One part took 68 s
 #: on a busy machine, and 137 s with the default, 10.
 ENERGY = 50.0
+#: Share of that distance within which triangles lie on a side of the box.
+ON_SIDE = 1e-2
 #: Processor time that it may take, s.
 TIME = 600.0
 #: Words of what is told of such a surface.
@@ -63,14 +66,30 @@ def made_anew(skin: FacetSkin, name: str, volume: float | None = None) -> FacetS
         stop_energy=ENERGY,
         num_threads=1,
     )
-    anew = cleaned(points, boundary(cells.astype(np.int64)), name)
     distance = ENVELOPE * float(np.linalg.norm(np.ptp(skin.points[skin.triangles], axis=(0, 1))))
+    points = flattened(points, skin, distance)
+    anew = cleaned(points, boundary(cells.astype(np.int64)), name)
     change = _volume(anew) / (volume or _volume(skin)) - 1
     told = (
         f"the surface of {name} is {ANEW} by fTetWild, within {distance:.2g} units of the file; "
         f"it encloses {100 * abs(change):.2g} % {'less' if change < 0 else 'more'}."
     )
     return replace(anew, remarks=[*skin.remarks, told])
+
+
+def flattened(points: Array, skin: FacetSkin, distance: float) -> Array:
+    """Points within a distance of flat sides of the surface in its box moved onto these.
+
+    A part is held at the nodes of such a side, which fTetWild leaves within the envelope alone.
+    """
+    moved = points.copy()
+    corners = skin.points[skin.triangles]
+    for axis in range(3):
+        heights = corners[..., axis]
+        for side in (heights.min(), heights.max()):
+            if (np.abs(heights - side) < ON_SIDE * distance).all(axis=1).any():
+                moved[np.abs(points[:, axis] - side) <= distance, axis] = side
+    return moved
 
 
 def boundary(cells: IntArray) -> IntArray:
