@@ -8,6 +8,7 @@ would be lost silently; they raise an error unless the caller selects the cells.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -385,6 +386,12 @@ class Asked(NamedTuple):
         """Whether the geometry has curvatures; that of triangles has none."""
         return not self.anew and self.path.suffix.lower() not in SURFACES
 
+    @property
+    def state(self) -> tuple[Path, int, int | None, bool]:
+        """What of it and its file the way to mesh it depends on, besides the sizes."""
+        time = self.path.stat().st_mtime_ns if self.path.exists() else 0
+        return self.path.resolve(), time, self.piece, self.anew
+
     def remedies(self) -> str:
         """What can be done if it cannot be meshed."""
         size = "another size"
@@ -403,13 +410,13 @@ class Asked(NamedTuple):
 
 #: The last surface that was made anew, by its file, the time of that and the piece, with the
 #: reason: a part is read several times for one scene, each time with finer elements at the site.
-_anew: dict[tuple[Path, int, int | None], tuple[FileMesh, str]] = {}
+_anew: dict[tuple[Path, int, int | None, bool], tuple[FileMesh, str]] = {}
 
 
 def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     """The mesh of a solid; if gmsh cannot fill its surface as it is, of that made anew."""
     path = asked.path
-    state = (path.resolve(), path.stat().st_mtime_ns if path.exists() else 0, asked.piece)
+    state = asked.state
     if state not in _anew:
         kept = kept_surfaces.load(kept_surfaces.key_of(path, asked.size, asked.piece))
         if kept is None:
@@ -484,12 +491,24 @@ MOST_OFF = 2e-3
 NEARER_TIME = 40.0
 
 
+#: Attempts after the first that succeeded, by the state of the file, and what is told of them: the
+#: next reading of that file, with other elements, begins with it.
+_worked: dict[tuple[Path, int, int | None, bool], tuple[int, str]] = {}
+
+
 def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     """The mesh of the first successful attempt; the first error if none succeeds in time.
 
     If all that succeed are off the surface of the file, the nearest one.
     """
     name, is_cad = asked.name, asked.is_cad
+    if asked.state in _worked:
+        number, sentence = _worked[asked.state]
+        with contextlib.suppress(UnmeshableError):
+            raw = once(number)
+            if raw.off <= MOST_OFF:
+                raw.remarks = [*raw.remarks, sentence]
+                return raw
     limit: tuple[float, ...] = ()
     reason: UnmeshableError | None = None
     nearest: RawMesh | None = None
@@ -522,6 +541,8 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         if reason is not None:
             sentence = str(reason).rstrip(".")
             raw.remarks = [*first_remarks, f"{sentence}; it is meshed {attempt.about}."]
+            if raw.off <= MOST_OFF and asked.path.exists():
+                _worked[asked.state] = number, raw.remarks[-1]
         if raw.off <= MOST_OFF:
             return raw
         reason = reason or UnmeshableError(f"gmsh's mesh of {name} is {_off(raw)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from pathlib import Path
 
@@ -135,6 +136,26 @@ def test_other_ways_to_mesh_are_tried_and_told():
 
     with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
         _meshed(never, Asked(Path("part.step")))
+
+
+def test_the_next_reading_begins_with_the_attempt_that_succeeded(tmp_path):
+    (tmp_path / "part.step").write_text("ISO-10303-21;\n")
+    made = []
+
+    def fourth(attempt: int, *limit: float) -> RawMesh:
+        made.append(attempt)
+        if attempt < 4:
+            raise UnmeshableError("PLC error.")
+        return RawMesh(np.eye(3), np.array([[0, 1, 2]]), kind_of("triangle"), "gmsh")
+
+    asked = Asked(tmp_path / "part.step")
+    told = [_meshed(fourth, asked).remarks for _ in range(2)]
+    assert made == [0, 1, 4, 4]
+    assert told[0] == told[1]
+    (tmp_path / "part.step").write_text("ISO-10303-21; changed\n")
+    os.utime(tmp_path / "part.step", (0, 0))
+    _meshed(fourth, asked)
+    assert made[4:] == [0, 1, 4]
 
 
 def test_cells_that_joining_spoils_are_no_reason_to_mesh_again(tmp_path):
