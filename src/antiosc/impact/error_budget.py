@@ -5,7 +5,8 @@ The mesh error is the difference between the impacts on the model and on its cor
 force, impulse, contact time) may vanish by chance; each is therefore at least half the largest of
 them. The factor is larger if strain errors are a large share of the energy. For a shell, the impact
 on a model that is softened without its misfit is computed too, and the larger difference is taken,
-since error and misfit have opposite signs and may cancel.
+since error and misfit have opposite signs and may cancel. Parts without an estimator
+(`ModelInfo.no_estimate`) have a budget of the other causes, and a note that the mesh's is missing.
 The truncation error is that of `antiosc.impact.truncation`.
 
 "model": the error of Timoshenko's beam theory for a solid bar. A point load on a solid bar deforms

@@ -71,7 +71,8 @@ class History(RunHistory, Results):
 
         Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. At
         the first use the impact is simulated up to eight times more; the result is kept. InputError
-        for a model that was extracted without `error="estimate"`.
+        for a model that was extracted without `error="estimate"`; of parts that this refuses the
+        budget has all other causes, and "mesh" is among its `unknown`.
         """
         if self.budget is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
