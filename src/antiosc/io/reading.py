@@ -451,7 +451,8 @@ def _made_anew(asked: Asked, error: UnmeshableError) -> tuple[FileMesh, str]:
         if not asked.is_cad:
             raise
         raise UnmeshableError(
-            f"{str(error).rstrip('.')} Nor can its surface be made anew by fTetWild: {second}"
+            f"{str(error).rstrip('.')}. Nor can its surface be made anew by fTetWild, in"
+            f" {remade.TIME:g} s of processor time at most: {second}"
         ) from error
     return surface, str(error).partition("; nor ")[0].rstrip(".")
 

@@ -296,6 +296,18 @@ def test_what_can_be_done_names_the_size_and_the_files_beside(tmp_path):
         _meshed(never, Asked(tmp_path / "part.step", 0.003))
 
 
+def test_a_surface_that_cannot_be_made_anew_either_is_told_with_the_time_it_had(
+    tmp_path, monkeypatch
+):
+    def endless(*_arguments: object, **_options: object) -> None:
+        raise ao.MeshError("reading part.step took longer than it may.")
+
+    monkeypatch.setattr(remade, "installed", lambda: True)
+    monkeypatch.setattr(reading, "read_apart", endless)
+    with pytest.raises(UnmeshableError, match=r"PLC error\. Nor .* 600 s .* took longer"):
+        reading._made_anew(Asked(tmp_path / "part.step"), UnmeshableError("PLC error."))
+
+
 def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(
     tmp_path, monkeypatch
 ):
