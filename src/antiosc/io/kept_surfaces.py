@@ -15,7 +15,7 @@ from antiosc.io.neutral import FileMesh, packed, unpacked
 #: Number of surfaces that are kept, the last ones that were used.
 MOST_KEPT = 30
 #: Part of the name of each file, which changes with what it holds.
-VERSION = "2"
+VERSION = "3"
 
 
 def key_of(path: Path, *options: object) -> str:

@@ -31,6 +31,8 @@ ENVELOPE = 1e-3
 ENERGY = 50.0
 #: Share of that distance within which triangles lie on a side of the box.
 ON_SIDE = 1e-2
+#: Share of its volume that a tetrahedron keeps.
+LEAST_LEFT = 0.1
 #: Processor time that it may take, s.
 TIME = 600.0
 #: Words of what is told of such a surface.
@@ -67,7 +69,7 @@ def made_anew(skin: FacetSkin, name: str, volume: float | None = None) -> FacetS
         num_threads=1,
     )
     distance = ENVELOPE * float(np.linalg.norm(np.ptp(skin.points[skin.triangles], axis=(0, 1))))
-    points = flattened(points, skin, distance)
+    points = _unfolded(points, flattened(points, skin, distance), cells)
     anew = cleaned(points, boundary(cells.astype(np.int64)), name)
     change = _volume(anew) / (volume or _volume(skin)) - 1
     told = (
@@ -90,6 +92,28 @@ def flattened(points: Array, skin: FacetSkin, distance: float) -> Array:
             if (np.abs(heights - side) < ON_SIDE * distance).all(axis=1).any():
                 moved[np.abs(points[:, axis] - side) <= distance, axis] = side
     return moved
+
+
+def _unfolded(points: Array, moved: Array, cells: IntArray) -> Array:
+    """The moved points, without those whose motion turns over or flattens a tetrahedron: then the
+    boundary of the tetrahedra does not pierce itself.
+    """
+    before = _volumes_of(points, cells)
+    result = moved.copy()
+    while True:
+        bad = _volumes_of(result, cells) / before < LEAST_LEFT
+        nodes = np.unique(cells[bad])
+        nodes = nodes[(result[nodes] != points[nodes]).any(axis=1)]
+        if not len(nodes):
+            return result
+        result[nodes] = points[nodes]
+
+
+def _volumes_of(points: Array, cells: IntArray) -> Array:
+    """Six times the volumes of tetrahedra, and not 0."""
+    sides = points[cells[:, 1:]] - points[cells[:, :1]]
+    volumes = np.linalg.det(sides)
+    return np.where(volumes == 0, np.finfo(float).tiny, volumes)
 
 
 def boundary(cells: IntArray) -> IntArray:

@@ -448,3 +448,14 @@ def test_a_surface_that_pierces_itself_is_made_anew(tmp_path, monkeypatch):
         again = ao.read_mesh(file, size=0.1, solid=True, unit="m")
     for one in (mesh, again):
         assert ao.Structure(one, STEEL).mass == pytest.approx(7850 * held, rel=3e-3)
+
+
+def test_flattening_turns_over_no_tetrahedron():
+    points = np.array([[0, 0, 0.0], [1, 0, 0], [0, 1, 0], [0, 0, 0.05], [0, 0, 1.0]])
+    cells = np.array([[0, 1, 2, 3], [3, 1, 2, 4]])
+    moved = points.copy()
+    moved[3, 2] = 0.0  # flattens the first
+    moved[4, 2] = 1.01
+    result = remade._unfolded(points, moved, cells)
+    assert result[3].tolist() == points[3].tolist()
+    assert result[4].tolist() == moved[4].tolist()
