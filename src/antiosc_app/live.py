@@ -47,13 +47,16 @@ from antiosc.base.texts import (
 )
 from antiosc.engine import library
 from antiosc.engine.contact.base import Compiled, is_compiled
+from antiosc.engine.contact.cracking import SMALL, name_of
 from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
+from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     CUT_PATCH,
     QUANTITIES,
     WITHOUT_MESH,
     ErrorBudget,
+    brittle_sides,
     contact_time_note,
     hardest,
     left_out_text,
@@ -184,7 +187,11 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
     if common_data["law"]["yields"]:
-        common_data["law"]["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
+        common_data["law"]["yields"] |= {
+            "side": weaker_side(hit),
+            "unknown": unknown_dent(hit),
+            "brittle": [_brittle(matter) for matter in brittle_sides(hit)],
+        }
     return {
         **common_data,
         "ratio": _ratio(hit.model),
@@ -194,6 +201,11 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         "bars": _bars(hit, bars, local),
         "computed": _computed(hit),
     }
+
+
+def _brittle(matter: Matter) -> Data:
+    """What the sentence on a material that cracks needs."""
+    return {"name": name_of(matter), "nu": matter.nu, "bounds": matter.tensile, "small": SMALL}
 
 
 def impact_data(law: ContactLaw, striker: Data, impactor: LinearBody, speed: float) -> Data:

@@ -137,6 +137,18 @@ def test_sliders_through_yield_say_what_simulate_says(model):
 
 
 @node
+def test_sliders_tell_the_tension_beside_the_contact_of_what_cracks():
+    glass = MODEL.with_surface(ao.material("glass, soda-lime"))
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    sets = [{"speed": speed} for speed in (1e-3, 1.0, 30.0)]
+    hit = ao.simulate(glass, ball, duration=1e-3, tol=1e-6)
+    for found, given in zip(on_the_page(hit, sets), sets, strict=True):
+        other = ao.simulate(glass, replace(ball, velocity=given["speed"]), duration=1e-3, tol=1e-6)
+        assert found["said"] == other.verdict
+        assert "crack" in found["said"]
+
+
+@node
 def test_sliders_pose_what_simulate_poses():
     model = replace(MODEL, local_compliance=1e-8)
     hit = ao.simulate(model, STRIKER, LAW, 3e-3)

@@ -19,10 +19,13 @@ function rim_radius(yields, indentation, deepest) {
 
 // Whether the contact yields, and what remains; "" of a law that does not say it.
 function contact_sentence(hit, yields) {
+  return [yielding_sentence(hit, yields), ...cracks(hit, yields)].filter(Boolean).join(" ");
+}
+
+function yielding_sentence(hit, yields) {
   if (!yields || !yields.rim || !hit.contacts) return "";
-  const [k, y] = hit.posed.params, { radius, strength, side } = yields;
-  const modulus = 0.75 * k / Math.sqrt(radius), elastic = (2.5 * hit.work / k) ** 0.4;
-  const pressure = 2 * modulus / Math.PI * Math.sqrt(elastic / radius), told = engineering(pressure, "Pa");
+  const [k, y] = hit.posed.params, { strength, side } = yields, elastic = elastic_depth(hit);
+  const pressure = elastic_pressure(hit, yields), told = engineering(pressure, "Pa");
   const from = engineering(k * y ** 1.5, "N"), of = engineering(strength, "Pa");
   if (!(hit.dent > 0)) {
     if ((yields.unknown || "").includes("yield strength")) return "Whether the contact yields is not known: give the yield strength or a material.";
@@ -33,6 +36,25 @@ function contact_sentence(hit, yields) {
   const rebound = Number.isFinite(hit.restitution) ? `; restitution ${hit.restitution.toFixed(2)}${approaching(hit.restitution)}` : "";
   return `The contact yields: a dent of ${engineering(hit.dent, "m")}, some ${across} across${side ? `, in ${side}` : ""}${rebound}.`
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}${(side || "").startsWith("the ") ? ` of ${side}` : ""}.`;
+}
+
+// The indentation [m] that an elastic contact would have had, and the largest pressure [Pa] there.
+function elastic_depth(hit) { return (2.5 * hit.work / hit.posed.params[0]) ** 0.4; }
+function elastic_pressure(hit, { radius }) {
+  return 1.5 * hit.posed.params[0] / Math.PI * Math.sqrt(elastic_depth(hit)) / radius;
+}
+
+// The tension at the rim of the contact on each side that cracks: antiosc.engine.contact.cracking.
+function cracks(hit, yields) {
+  if (!yields || !yields.rim || !hit.contacts) return [];
+  const y = hit.posed.params[1], mean = hit.dent > 0
+    ? hit.peak_force / (Math.PI * rim_radius(yields, y, hit.deepest) ** 2) : 2 / 3 * elastic_pressure(hit, yields);
+  return (yields.brittle || []).map(({ name, nu, bounds, small }) => {
+    const tension = (1 - 2 * nu) / 2 * mean, joined = (texts) => [...new Set(texts)].join(" to ");
+    const shares = joined([...bounds].reverse().map((bound) => String(Number((tension / bound).toPrecision(2)))));
+    return `In ${name} the tension at the rim of the contact is ${engineering(tension, "Pa")}, ${shares} times its strength in bending tests`
+      + ` (${joined(bounds.map((bound) => engineering(bound, "Pa")))}): ${tension >= bounds[0] ? "it may crack there" : "no crack is expected there"}; ${small}.`;
+  });
 }
 
 // What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.

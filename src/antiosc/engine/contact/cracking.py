@@ -38,8 +38,17 @@ def sentence(contact: Any, sides: Sequence[Matter]) -> str:
 
 def cracks(sides: Sequence[Matter], pressure: float) -> str:
     """The sentences on the sides that crack, under this mean pressure [Pa] of the contact."""
-    brittle = (matter for matter in dict.fromkeys(sides) if matter.tensile is not None)
-    return " ".join(_of_side(matter, pressure) for matter in brittle)
+    return " ".join(_of_side(matter, pressure) for matter in brittle(sides))
+
+
+def brittle(sides: Sequence[Matter]) -> list[Matter]:
+    """The materials that crack, each once."""
+    return [matter for matter in dict.fromkeys(sides) if matter.tensile is not None]
+
+
+def name_of(matter: Matter) -> str:
+    """A material that cracks, in words."""
+    return matter.name or "the brittle side"
 
 
 def mean_pressure(contact: Any, sides: Sequence[Matter]) -> float | None:
@@ -64,7 +73,7 @@ def _of_side(matter: Matter, pressure: float) -> str:
     strengths = " to ".join(dict.fromkeys(engineering(bound, "Pa") for bound in (low, high)))
     verdict = "it may crack there" if tension >= low else "no crack is expected there"
     return (
-        f"In {matter.name or 'the brittle side'} the tension at the rim of the contact is"
+        f"In {name_of(matter)} the tension at the rim of the contact is"
         f" {engineering(tension, 'Pa')}, {shares} times its strength in bending tests"
         f" ({strengths}): {verdict}; {SMALL}."
     )

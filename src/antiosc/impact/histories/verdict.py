@@ -22,6 +22,7 @@ from antiosc.engine.contact.half_space import (
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Hertz
 from antiosc.engine.contact.peak_error import error_of_peak
+from antiosc.engine.contact.surfaces import Matter
 from antiosc.impact.histories.parts import OneContact
 from antiosc.impact.scene_parts import find_site
 from antiosc.models.auto_contact import choice_at_sites
@@ -198,9 +199,20 @@ def sentence(contact: OneContact) -> str:
     """Sentence on whether the contact yields, with its permanent indentation, and on the tension
     beside it of what cracks; empty if nothing is known.
     """
-    known = choice_at(contact) is not None
-    sides = [body.surface(site).matter for _, body, site in _ends(contact)] if known else []
-    return " ".join(filter(None, [_yielding(contact), cracking.sentence(contact, sides)]))
+    return " ".join(filter(None, [_yielding(contact), cracking.sentence(contact, _sides(contact))]))
+
+
+def brittle_sides(contact: OneContact) -> list[Matter]:
+    """The materials of a contact that crack, each once."""
+    return cracking.brittle(_sides(contact))
+
+
+def _sides(contact: OneContact) -> list[Matter]:
+    """The materials of both sides of a contact; empty if they are not known."""
+    if choice_at(contact) is None:
+        return []
+    surfaces = [body.surface(site) for _, body, site in _ends(contact)]
+    return [] if None in surfaces else [surface.matter for surface in surfaces]
 
 
 def _yielding(contact: OneContact) -> str:
