@@ -427,10 +427,15 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         _anew.clear()
         _anew[state] = kept
     surface, reason = _anew[state]
-    kept_surfaces.save(kept_surfaces.key_of(path, asked.size, asked.piece), surface, reason)
     with remade.as_file(surface, path.stem) as file:
         again = partial(once, file=file, solid=True, piece=None)
-        raw = _meshed(again, asked._replace(anew=True))
+        try:
+            raw = _meshed(again, asked._replace(anew=True))
+        except MeshError as error:
+            _anew.clear()
+            sentence = f"{reason}; nor can its surface be filled that was made anew: {error}"
+            raise UnmeshableError(sentence) from error
+    kept_surfaces.save(kept_surfaces.key_of(path, asked.size, asked.piece), surface, reason)
     raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *raw.remarks]
     if SAMPLE in surface.cells:
         raw.groups = _named_by_samples(raw, surface, asked.unit)

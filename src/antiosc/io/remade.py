@@ -16,6 +16,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array
 from antiosc.io import facets
@@ -70,7 +72,8 @@ def made_anew(skin: FacetSkin, name: str, volume: float | None = None) -> FacetS
     )
     distance = ENVELOPE * float(np.linalg.norm(np.ptp(skin.points[skin.triangles], axis=(0, 1))))
     points = _unfolded(points, flattened(points, skin, distance), cells)
-    anew = cleaned(points, boundary(cells.astype(np.int64)), name)
+    cells = without_pinches(points, cells.astype(np.int64))
+    anew = cleaned(points, boundary(cells), name)
     change = _volume(anew) / (volume or _volume(skin)) - 1
     told = (
         f"the surface of {name} is {ANEW} by fTetWild, within {distance:.2g} units of the file; "
@@ -114,6 +117,37 @@ def _volumes_of(points: Array, cells: IntArray) -> Array:
     sides = points[cells[:, 1:]] - points[cells[:, :1]]
     volumes = np.linalg.det(sides)
     return np.where(volumes == 0, np.finfo(float).tiny, volumes)
+
+
+def without_pinches(points: Array, cells: IntArray) -> IntArray:
+    """The tetrahedra whose boundary has two triangles at each edge.
+
+    Where tetrahedra of a wall that is thinner than the envelope touch others along an edge alone,
+    the smaller ones at that edge are left out.
+    """
+    while True:
+        triangles = boundary(cells)
+        edges = np.sort(
+            np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1
+        )
+        pairs, uses = np.unique(edges, axis=0, return_counts=True)
+        pinched = pairs[uses > 2]
+        if not len(pinched):
+            return cells
+        sizes = np.abs(_volumes_of(points, cells))
+        out = np.concatenate([_smaller_fans(cells, sizes, edge) for edge in pinched])
+        cells = np.delete(cells, out, axis=0)
+
+
+def _smaller_fans(cells: IntArray, sizes: Array, edge: IntArray) -> IntArray:
+    """Tetrahedra at an edge that share no face there with the largest of those that do."""
+    around = np.flatnonzero(np.isin(cells, edge).sum(axis=1) == 2)
+    opposite = cells[around][~np.isin(cells[around], edge)].reshape(-1, 2)
+    nodes, ends = np.unique(opposite, return_inverse=True)
+    a, b = ends.reshape(-1, 2).T
+    links = coo_array((np.ones(len(a)), (a, b)), shape=(len(nodes), len(nodes)))
+    fan = connected_components(links, directed=False)[1][a]
+    return np.asarray(around[fan != np.bincount(fan, sizes[around]).argmax()])
 
 
 def boundary(cells: IntArray) -> IntArray:

@@ -20,7 +20,7 @@ from antiosc.io import kept_surfaces, reading, remade
 from antiosc.io.cad import ATTEMPTS, in_order, label_of
 from antiosc.io.facets import volumes
 from antiosc.io.isolation import OVERTIME_WORDS
-from antiosc.io.neutral import RawMesh, kind_of
+from antiosc.io.neutral import FileMesh, RawMesh, kind_of
 from antiosc.io.reading import Asked, _meshed
 from antiosc.io.request import Request
 from parts import gmsh_session
@@ -306,6 +306,28 @@ def test_a_surface_that_cannot_be_made_anew_either_is_told_with_the_time_it_had(
     monkeypatch.setattr(reading, "read_apart", endless)
     with pytest.raises(UnmeshableError, match=r"PLC error\. Nor .* 600 s .* took longer"):
         reading._made_anew(Asked(tmp_path / "part.step"), UnmeshableError("PLC error."))
+
+
+def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
+    triangle = FileMesh(np.eye(3), {"triangle": np.array([[0, 1, 2]])}, "vtk", remarks=["anew."])
+    monkeypatch.setattr(reading, "_made_anew", lambda *_: (triangle, "PLC error"))
+
+    def never(_: object, asked: Asked) -> None:
+        if asked.anew:
+            raise ao.MeshError("part.stl is not closed.")
+        raise UnmeshableError("PLC error.")
+
+    monkeypatch.setattr(reading, "_meshed", never)
+    monkeypatch.setattr(reading, "_anew", {})
+    asked = Asked(tmp_path / "part.step")
+    (tmp_path / "part.step").write_text("")
+    for _ in range(2):
+        with pytest.raises(UnmeshableError, match=r"PLC error; nor .* part.stl is not closed"):
+            reading._filled(lambda *_: None, asked)
+    assert not (tmp_path / "kept").exists()
 
 
 def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(

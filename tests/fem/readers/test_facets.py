@@ -459,3 +459,13 @@ def test_flattening_turns_over_no_tetrahedron():
     result = remade._unfolded(points, moved, cells)
     assert result[3].tolist() == points[3].tolist()
     assert result[4].tolist() == moved[4].tolist()
+
+
+def test_tetrahedra_that_touch_along_an_edge_alone_are_left_out():
+    """Two about the edge 0-1 that share a face, and a thinner one that shares the edge alone."""
+    points = np.array(
+        [[0, 0, 0.0], [0, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0, 0], [-1, -0.2, 0]]
+    )
+    cells = np.array([[0, 1, 2, 3], [0, 1, 3, 4], [0, 1, 5, 6]])
+    assert remade.without_pinches(points, cells).tolist() == cells[:2].tolist()
+    assert remade.without_pinches(points, cells[:2]).tolist() == cells[:2].tolist()
