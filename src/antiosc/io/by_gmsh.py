@@ -339,7 +339,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     attempt = ATTEMPTS[ask.attempt]
     try:
         attempt.prepare(gmsh)
-        unit_scale = 1.0 if ask.solid else cad.opened(gmsh, str(path))
+        unit_scale = 1.0 if ask.solid else cad.opened(gmsh, str(path), attempt.healing)
         if suffix in CAD and gmsh.model.getDimension() < 1:
             with open(path, "rb") as file:
                 reason = NO_ANALYSIS if ANALYSIS in file.read(1 << 14) else NO_SHAPES

@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import MeshError
+from antiosc.base.errors import MeshError, UnmeshableError
 from antiosc.io.request import Request
 
 #: Files that state the unit of their coordinates.
@@ -29,7 +29,7 @@ class Attempt:
     about: str
     share: float = 1.0
     options: Mapping[str, float] = field(default_factory=dict)
-    #: of the geometry, set before the file is opened
+    #: repairs of the geometry, made as the file is opened
     healing: Mapping[str, float] = field(default_factory=dict)
     #: whether faces are flat between the corners of the cells
     flat: bool = False
@@ -65,7 +65,7 @@ class Attempt:
 
     def prepare(self, gmsh: ModuleType, scripted: bool = False) -> None:
         """Set the options of gmsh; `scripted`: over those of a script, which may have failed."""
-        options = {**self.healing, **self.options}
+        options = dict(self.options)
         if scripted:
             first = not self.options
             options = {**NETGEN, **({} if first else USUAL), **options}
@@ -113,15 +113,29 @@ ATTEMPTS = (
 # --- Opening --------------------------------------------------------------------------------------
 
 
-def opened(gmsh: ModuleType, path: str) -> float:
-    """Open a file; returns metres per unit of its coordinates.
+def opened(gmsh: ModuleType, path: str, healing: Mapping[str, float] | None = None) -> float:
+    """Open a file, with repairs if they are given; returns metres per unit of its coordinates.
 
     gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and then uses
     OpenCASCADE's millimetres.
+
+    Raises
+    ------
+    UnmeshableError
+        The repairs leave fewer solids: of a bracket by others the faces alone, which would be read
+        as a sheet.
     """
     iges = path.endswith((".iges", ".igs"))
     gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
     gmsh.open(path)
+    if healing:
+        solids = len(gmsh.model.getEntities(3))
+        for name, value in healing.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.clear()
+        gmsh.open(path)
+        if len(gmsh.model.getEntities(3)) < solids:
+            raise UnmeshableError("Repairs by OpenCASCADE open its solids.")
     return 1e-3 if iges else 1.0
 
 

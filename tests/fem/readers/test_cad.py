@@ -16,7 +16,7 @@ pytest.importorskip("dolfinx")
 from antiosc.base import progress
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
-from antiosc.io import kept_surfaces, reading, remade
+from antiosc.io import cad, kept_surfaces, reading, remade
 from antiosc.io.cad import ATTEMPTS, in_order, label_of
 from antiosc.io.facets import volumes
 from antiosc.io.isolation import OVERTIME_WORDS
@@ -306,6 +306,28 @@ def test_a_surface_that_cannot_be_made_anew_either_is_told_with_the_time_it_had(
     monkeypatch.setattr(reading, "read_apart", endless)
     with pytest.raises(UnmeshableError, match=r"PLC error\. Nor .* 600 s .* took longer"):
         reading._made_anew(Asked(tmp_path / "part.step"), UnmeshableError("PLC error."))
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_repairs_that_open_a_solid_are_not_taken(tmp_path, monkeypatch, left):
+    """The faces that are left would be a sheet."""
+    path = tmp_path / "box.step"
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    with gmsh_session() as gmsh:
+        entities = gmsh.model.getEntities
+        repaired = list[int]()
+        monkeypatch.setattr(gmsh, "clear", lambda: repaired.append(left))
+        monkeypatch.setattr(
+            gmsh.model, "getEntities", lambda dim: (repaired or [1])[0] * entities(dim)[:1]
+        )
+        if left:
+            assert cad.opened(gmsh, str(path), cad.HEALING) == 1.0
+        else:
+            with pytest.raises(UnmeshableError, match="open its solids"):
+                cad.opened(gmsh, str(path), cad.HEALING)
 
 
 def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
