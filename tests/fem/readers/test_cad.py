@@ -328,7 +328,7 @@ def test_repairs_that_open_a_solid_are_not_taken(tmp_path, monkeypatch, left):
         else:
             with pytest.raises(UnmeshableError, match="open its solids"):
                 cad.opened(gmsh, str(path), cad.HEALING)
-        gmsh.option.restoreDefaults()
+        gmsh.option.setString("Geometry.OCCTargetUnit", "")
 
 
 def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
