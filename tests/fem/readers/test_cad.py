@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -309,26 +311,18 @@ def test_a_surface_that_cannot_be_made_anew_either_is_told_with_the_time_it_had(
 
 
 @pytest.mark.parametrize("left", [0, 1])
-def test_repairs_that_open_a_solid_are_not_taken(tmp_path, monkeypatch, left):
+def test_repairs_that_open_a_solid_are_not_taken(left):
     """The faces that are left would be a sheet."""
-    path = tmp_path / "box.step"
-    with gmsh_session() as gmsh:
-        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.write(str(path))
-    with gmsh_session() as gmsh:
-        entities = gmsh.model.getEntities
-        repaired = list[int]()
-        monkeypatch.setattr(gmsh, "clear", lambda: repaired.append(left))
-        monkeypatch.setattr(
-            gmsh.model, "getEntities", lambda dim: (repaired or [1])[0] * entities(dim)[:1]
-        )
-        if left:
-            assert cad.opened(gmsh, str(path), cad.HEALING) == 1.0
-        else:
-            with pytest.raises(UnmeshableError, match="open its solids"):
-                cad.opened(gmsh, str(path), cad.HEALING)
-        gmsh.option.setString("Geometry.OCCTargetUnit", "")
+    counts = iter([1, left])
+    option = SimpleNamespace(setNumber=lambda *_: None, setString=lambda *_: None)
+    model = SimpleNamespace(getEntities=lambda dim: next(counts) * [(dim, 1)])
+    gmsh = SimpleNamespace(option=option, model=model, open=lambda _: None, clear=lambda: None)
+    opened = partial(cad.opened, gmsh, "part.step", cad.HEALING)
+    if left:
+        assert opened() == 1.0
+    else:
+        with pytest.raises(UnmeshableError, match="open its solids"):
+            opened()
 
 
 def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
