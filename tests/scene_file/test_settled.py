@@ -66,6 +66,20 @@ def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path)
         hit_of(faster)
 
 
+@pytest.mark.fem
+def test_a_patch_of_strike_that_nobody_gave_carries_the_force(tmp_path):
+    path = scene(tmp_path, duration="4e-4")
+    text = path.read_text().replace("[extract]\nn = 12\n", "")
+    text = text.replace("[simulate]", "[strike]\ntol = 0.4")
+    path.write_text(text.replace("velocity = 1.0", "velocity = 30.0"))
+    data, hit = hit_of(read(path))
+    assert 0.01 * hit.deepest < data["sites"]["tip"]["radius"] ** 2  # Hertz's radius √(R δ)
+    smaller = read(path)
+    smaller.data["sites"]["tip"]["radius"] = 0.5 * data["sites"]["tip"]["radius"]  # is kept
+    with pytest.raises(ao.AccuracyError, match="radius"):
+        hit_of(smaller)
+
+
 def test_a_run_that_nobody_limited_goes_on_until_the_largest_deflection_is_past(tmp_path):
     """A small ball leaves a thin lid long before it bends most."""
     path = scene(tmp_path, "5e-3")

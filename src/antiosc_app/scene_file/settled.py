@@ -31,9 +31,11 @@ class Settled(NamedTuple):
 
 
 class Known:
-    """Structure and last model of a scene, for its runs with other values."""
+    """Structure and last model of a scene, for its runs with other values; None for a structure
+    that [strike] makes.
+    """
 
-    def __init__(self, structure: Structure) -> None:
+    def __init__(self, structure: Structure | None) -> None:
         self.structure = structure
         #: radius, model and the warnings of its extraction
         self._model: tuple[float | None, object, list[str]] | None = None
@@ -42,9 +44,10 @@ class Known:
         """A document with the values; the model is that of this radius."""
         scene = compiled(with_values(document, choice))
         evaluate = Evaluation(scene.document)
-        assert scene.structure is not None
-        assert scene.model is not None
-        evaluate.register(scene.structure, self.structure)
+        if scene.structure is not None:
+            evaluate.register(scene.structure, self.structure)
+        if scene.model is None:  # [strike] makes it
+            return Settled(scene, evaluate)
         if self._model is None or self._model[0] != choice.radius:
             messages: list[str] = []
             with warnings_to(messages.append):
@@ -62,36 +65,42 @@ def settled(document: Document) -> Settled:
     """
     scene = compiled(document)
     evaluate = Evaluation(scene.document)
-    if (
-        scene.striking
-        or scene.document is document
-        or None in (scene.structure, scene.model, scene.history)
-    ):
+    known_parts = scene.striking or None not in (scene.structure, scene.model)
+    if scene.document is document or scene.history is None or not known_parts:
         return Settled(scene, evaluate)
     structure = evaluate(scene.structure)
     first = Choice(None, keeps_radius=True)
     if only_site(document).get("radius") == AUTO:
         first = Choice(_smallest(structure, scene))
-    duration = document.data["simulate"].get("duration")
-    if duration != AUTO:
+    duration = document.data.get("simulate", {}).get("duration")
+    if scene.striking:
+        first = first._replace(keeps_duration=True)
+    elif duration != AUTO:
         first = first._replace(duration=duration, keeps_duration=True)
     known = Known(structure)
     hardest = _hardest(document)
 
-    def run(choice: Choice) -> History:
+    def run(choice: Choice) -> Settled:
         one = known.scene(hardest, choice)
-        hit: History = one.evaluate(one.scene.history)
-        return hit
+        one.evaluate(one.scene.history)
+        return one
 
     messages: list[str] = list(scene.warnings)
     with warnings_to(messages.append):
-        _, choice = until_parted(run, lambda hit: hit, first, is_sheet=_is_sheet(structure))
+        result, choice = until_parted(run, _hit, first, is_sheet=_is_sheet(structure))
         if choice.radius is not None and choice.radius != first.radius:
             radius = engineering(choice.radius, "m")
             warn(f"The patch has grown to a radius of {radius}, which carries the force.")
-        result = known.scene(document, choice)
+        if hardest is not document:
+            result = known.scene(document, choice)
     result.scene.warnings[:] = list(dict.fromkeys(messages))
     return result
+
+
+def _hit(one: Settled) -> History:
+    """The impact of a scene that was run."""
+    hit: History = one.evaluate(one.scene.history)
+    return hit
 
 
 def _hardest(document: Document) -> Document:
@@ -108,25 +117,29 @@ def _hardest(document: Document) -> Document:
     return replace(document, data={**document.data, "impactor": {**striker, **largest}})
 
 
-def _smallest(structure: Structure, scene: CompiledScene) -> float | None:
-    """Radius [m] of the smallest patch that the facets resolve at the site; None for a point."""
+def _smallest(structure: Structure | None, scene: CompiledScene) -> float | None:
+    """Radius [m] of the smallest patch that the facets resolve at the site; None for a point, and
+    where [strike] makes the mesh and chooses it.
+    """
     from antiosc.extension import with_parts
     from antiosc.reduce.site.map_sites import resolved_radius
 
-    if not set(MESHED.split()) & set(scene.document.data):
+    call = scene.model or scene.history
+    if structure is None or call is None or not set(MESHED.split()) & set(scene.document.data):
         return None
-    assert scene.model is not None
-    site = scene.model.arguments["site"].made
+    site = call.arguments["site"].made
     if (site.point, site.face, site.node) == (None, None, None):
         return None
     radius = resolved_radius(with_parts(structure), site)
     return None if radius is None else rounded_up(radius)
 
 
-def _is_sheet(structure: Structure) -> bool:
+def _is_sheet(structure: Structure | None) -> bool:
     """Whether a part of the structure is a sheet."""
     from antiosc.extension import with_parts
 
+    if structure is None:
+        return False
     try:
         return any(member.part.kind.sheet for member in with_parts(structure).members())
     except (AttributeError, InputError):  # matrices of other programs have no parts
