@@ -69,6 +69,7 @@ from antiosc.extension import (
 )
 from antiosc.models.auto_contact import piercing
 from antiosc.models.body import info_of, site_points
+from antiosc.models.stretch import MOST_ASKED, NARROWED
 from antiosc_app.scene_file.run import coarse_cells
 from antiosc_app.symmetry import symmetry_note
 
@@ -939,13 +940,6 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     return f'{reason}; in a scene error = "estimate" in the section [extract] estimates it.'
 
 
-#: What is left to do where an impact takes all second-order modes that there are.
-ALL_MODES = (
-    f"use smaller elements around the site ({SMALLER_CELLS}), on which second-order forces depend;"
-    " if these do not help, an explicit finite element program, for no more motions are taken"
-)
-
-
 #: Share of the force from which its bar is told before the numbers.
 WIDE = 0.5
 
@@ -987,9 +981,12 @@ def _remedy_of_stretch(hit: History) -> str:
     """What narrows the bar by the choice of second-order modes."""
     stretch = getattr(hit.model, "stretch", None)
     taken = hit.assembly.stretched.get("structure")
-    if stretch is None or taken is None or taken.size >= stretch.size:
-        return ALL_MODES
-    return REMEDIES["time"] if stretch.count == "auto" else REMEDIES["stretch"]
+    if stretch is not None and taken is not None and taken.size < stretch.size:
+        if stretch.count != "auto" and stretch.count < MOST_ASKED:
+            return REMEDIES["stretch"]
+        if stretch.count == "auto" and hit.assembly.stretch_settled:
+            return REMEDIES["time"]
+    return f"{NARROWED}, for no more motions are taken"
 
 
 #: A striker of unknown size is drawn as a ball of this density [kg/m^3].

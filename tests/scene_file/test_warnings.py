@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import pytest
 
 import antiosc as ao
 import sheets
+import stretched
 from abaqus_decks import plate_deck
 from antiosc.base.errors import AccuracyWarning, NotTakenWarning, by_weight, warn, warnings_to
 from antiosc.base.texts import percent
 from antiosc.impact import stretching
+from antiosc.models.stretch import NARROWED
 from antiosc_app import cli, live
 from antiosc_app.scene_file import run
 from scene_files import antiosc, written
@@ -124,7 +127,8 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
     told = stretching._not_enough(30, {**last, "peak_force": 0.2}, 0.01)
     share = 'an error of 60 % of the force (the share "stretch" of its bar): '
     assert told.startswith(f"Second-order forces leave {share}")
-    assert told.index("smaller cells") < told.index("force and deflection with an explicit")
+    assert told.endswith(f"To narrow it, {NARROWED}.")
+    assert NARROWED.index("smaller elements") < NARROWED.index("explicit")
 
 
 @pytest.mark.fem
@@ -138,7 +142,27 @@ def test_more_second_order_modes_are_the_remedy_only_where_there_are_more(stretc
     verdict = " ".join(live.headline_of_history(hit, None, hit.error_budget, {}, None).sentences)
     assert "comes from the stretch" in verdict
     assert ("larger number of motions" in verdict) == (stretch == 2)
-    assert ("explicit finite element program" in verdict) == (stretch == "auto")
+    assert (NARROWED in verdict) == (stretch == "auto")
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.parametrize("tol", [1e-3, 0.5])
+def test_a_smaller_tol_is_no_remedy_where_no_more_motions_are_taken(tol, monkeypatch):
+    """Those of the last motions have no bounded energy, so that fewer than there are remain."""
+    body = stretched.model("auto", size=5)
+    marched = stretching.with_rows
+
+    def with_unbounded(a, by_body):
+        (forces,) = by_body.values()
+        sign = -1e3 if forces.size == body.stretch.size else 1.0
+        return marched(a, {"structure": replace(forces, cubic=sign * forces.cubic)})
+
+    monkeypatch.setattr(stretching, "with_rows", with_unbounded)
+    law = ao.Power(5e8, 1.5)
+    hit = ao.simulate(body, ao.RigidMass(0.3, velocity=1.0), law, 0.008, tol=tol)
+    assert hit.assembly.stretched["structure"].size < body.stretch.size
+    assert ("smaller tol" in live._remedy_of_stretch(hit)) == (tol == 0.5)
+    assert (NARROWED in live._remedy_of_stretch(hit)) == (tol == 1e-3)
 
 
 def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, monkeypatch):

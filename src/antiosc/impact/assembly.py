@@ -216,6 +216,7 @@ class Assembly:
     stretches : whether a body has second-order forces.
     stretched : second-order forces of the bodies that stretch, which have rows in the march.
     stretch_effect : relative change of the largest force of a contact by these.
+    stretch_settled : whether more of them would change the results by no more than the tolerance.
     """
 
     parts: Callable[[], Parts]
@@ -229,6 +230,7 @@ class Assembly:
     stretches: bool
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
     stretch_effect: float = field(default=0.0, kw_only=True)
+    stretch_settled: bool = field(default=True, kw_only=True)
 
     @cached_property
     def _parts(self) -> Parts:

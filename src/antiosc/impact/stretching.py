@@ -15,12 +15,12 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import SMALLER_CELLS, STOPPED, percent
+from antiosc.base.texts import STOPPED, percent
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.linear_theory import deflection, sampled_motion
-from antiosc.models.stretch import MOST, Stretch, stretch_of
+from antiosc.models.stretch import MOST, NARROWED, Stretch, stretch_of
 
 H = TypeVar("H", bound=History)
 #: Integrates an assembly.
@@ -156,6 +156,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         count = min(count + 2, most_modes)
     found = run if best is None else best
     found.error.update({f"stretch {name}": value for name, value in last.items()})
+    found.assembly.stretch_settled = worst <= aim
     if last and worst > max(tol, WARN):
         taken = max(forces.size for forces in found.assembly.stretched.values())
         return found, _not_enough(taken, last, max(tol, WARN))
@@ -200,11 +201,7 @@ def _not_enough(count: int, last: dict[str, float], limit: float) -> str:
     off = STRETCH_SAFETY * worst
     advice = f"Take the {words} with this error."
     if off > ROUGH:
-        advice = (
-            f"Take smaller cells around the site first ({SMALLER_CELLS}), on which these forces"
-            f" depend; if that does not help, compute the {words} with an explicit finite element"
-            " program."
-        )
+        advice = f"To narrow it, {NARROWED}."
     share = "" if name == "deflection" else ' (the share "stretch" of its bar)'
     return (
         f"Second-order forces leave an error of {percent(off)} of the"

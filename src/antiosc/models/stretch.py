@@ -20,15 +20,22 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import ReprMixin
+from antiosc.base.texts import SMALLER_CELLS, ReprMixin
 from antiosc.engine.stretch import stretch_energy, stretch_forces
 
 Count = int | Literal["auto"]
 
 #: Most second-order modes of an impact, those to compare with included.
 MOST = 12
+#: Most that a user may ask for: two more estimate their error.
+MOST_ASKED = MOST - 2
 #: Most second-order modes of a map, which has many sites.
 MOST_OF_MAP = 24
+#: What narrows the error of second-order forces where an impact takes no more modes.
+NARROWED = (
+    f"use smaller elements around the site ({SMALLER_CELLS}), on which second-order forces depend;"
+    " if these do not help, an explicit finite element program"
+)
 #: Asymmetry of the tensors over their size.
 ASYMMETRY = 1e-6
 
@@ -152,8 +159,8 @@ def checked_count(stretch: object) -> Count | Literal[False]:
             f'stretch must be a number of modes, "auto" or False; got {checks.shown(stretch)}.'
         )
     count = checks.whole("stretch", stretch, least=1)
-    if count > MOST - 2:
-        raise InputError(f"stretch takes at most {MOST - 2} modes; got {count}.")
+    if count > MOST_ASKED:
+        raise InputError(f"stretch takes at most {MOST_ASKED} modes; got {count}.")
     return count
 
 
