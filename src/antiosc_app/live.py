@@ -53,6 +53,7 @@ from antiosc.engine.contact.laws import Hysteretic
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     CUT_PATCH,
+    NOT_ESTIMATED,
     QUANTITIES,
     WITHOUT_MESH,
     ErrorBudget,
@@ -548,7 +549,7 @@ def _no_bar_of_map(impact_map: ImpactMap, known: Mapping[int, History]) -> str:
     numerical = percent(hit.error_budget["peak_force"].without_law)
     return (
         f"The largest force has a numerical error of {numerical}, without that of the contact's"
-        f" law. {hit.error_budget.law}"
+        f" law. {_left_out(hit.error_budget)}"
     )
 
 
@@ -962,8 +963,14 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
 def _accuracy(hit: History, budget: ErrorBudget) -> str:
     """Sentence on the cause that limits the accuracy, and the remedy, if it is not told before."""
     if rough(hit, budget):
-        return budget.law
-    return f"{budget.law} {capitalised(_narrows(hit, budget))}".lstrip()
+        return _left_out(budget)
+    return f"{_left_out(budget)} {capitalised(_narrows(hit, budget))}".lstrip()
+
+
+def _left_out(budget: ErrorBudget) -> str:
+    """Sentences on what is not in the bars: the law, and the mesh if its estimate was not asked."""
+    mesh = (note for note in budget.notes if NOT_ESTIMATED in note)
+    return " ".join(filter(None, [budget.law, *mesh]))
 
 
 def _narrows(hit: History, budget: ErrorBudget) -> str:

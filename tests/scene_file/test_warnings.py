@@ -88,10 +88,35 @@ def test_the_remedy_of_a_bar_that_lacks_the_mesh_is_one_that_exists(cell):
     part = sheets.plate(8, 0.001, cell=cell)
     site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
     model = ao.extract(part, site, n=10, stretch="auto")
-    budget = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e8), 5e-3).error_budget
-    possible = "extract with stretch and the error 'estimate'" in budget.law
+    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e8), 5e-3)
+    budget = hit.error_budget
+    (note,) = (note for note in budget.notes if "not in these bars" in note)
+    possible = "extract with stretch and the error 'estimate'" in note
     assert possible == live.has_bars(part)
-    assert "compare two sizes of the cells" in budget.law or possible
+    assert "compare two sizes of the cells" in note or possible
+    (told,) = (
+        text
+        for text in live.headline_of_history(hit, part, budget, {}, None).sentences
+        if note in text
+    )
+    assert told.startswith(budget.law)  # the law was given
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_a_bar_without_the_mesh_has_the_law_where_it_is_known():
+    steel = ao.material("steel S235", thickness=0.002)
+    part = ao.Structure(sheets.plate(12, 0.002).mesh, steel, sheets.SIMPLE)
+    model = ao.extract(part, ao.Site((0.5, 0.45, 0.0), (0, 0, -1)), n=30, stretch="auto")
+    ball = ao.Sphere(0.01, material="steel S235", velocity=0.1)
+    hit = ao.simulate(model, ball, "auto", 5e-3)
+    bar = hit.error_budget["peak_force"]
+    assert bar.law > 0
+    assert bar.total == pytest.approx(bar.without_law + bar.law)
+    assert hit.error_budget.sides("peak_force") == (bar.total, bar.total)
+    told = hit.error_budget.shown("peak_force")
+    assert told.endswith(f" N, without the mesh's error ± {percent(bar.total)}")
+    assert f"law {percent(bar.law)}" in hit.error_budget.causes_text("peak_force")
 
 
 @pytest.mark.fem

@@ -302,8 +302,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         linear = ""
         remedy = COMPARED_WITH if model.info.no_estimate else ESTIMATED_WITH
         missing = "The mesh is" if rough else "Mesh and truncation are"
-        not_estimated = NOT_ESTIMATED.format(missing, remedy)
-        left_out = f"{left_out} {not_estimated}".lstrip()
+        without_mesh = f"{missing}{NOT_ESTIMATED}{remedy}."
     band_notes = filter(None, [low_band_message(raw), linear])
     if patch_notes:
         unknown += ("patch",)
@@ -367,7 +366,8 @@ STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
 WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
-NOT_ESTIMATED = "{} not in these bars: {}."
+#: In the note on what no estimate was asked for, before what estimates it.
+NOT_ESTIMATED = " not in these bars: "
 ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 
