@@ -79,12 +79,24 @@ def test_a_dent_that_is_larger_than_its_corner_says_that_the_corner_is_crushed()
 
     def told(depth: float, rim: float | None) -> str:
         dent = SimpleNamespace(depth=depth, radius=rim)
-        return trajectory._crushed(SimpleNamespace(dent=dent, curvature=1 / 5e-4))
+        return trajectory._crushed(SimpleNamespace(dent=dent, radius_of_surface=5e-4))
 
     assert "radius of 500 µm" in told(604e-6, 0.75e-3)
     assert "crushed" in told(604e-6, None)
     assert told(50e-6, 0.2e-3) == ""
-    assert trajectory._crushed(SimpleNamespace(dent=None, curvature=2e3)) == ""
+    assert trajectory._crushed(SimpleNamespace(dent=None, radius_of_surface=5e-4)) == ""
+
+
+@pytest.mark.fem
+def test_a_crushed_corner_is_compared_with_the_radius_that_was_given() -> None:
+    """The ball that stands for the flattened corner has another one."""
+    plastic = ao.material("PLA printed")
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), plastic)
+    floor = ao.Floor("concrete C30/37")
+    fall = ao.drop(part, 2, floor=floor, until=1, modes=4, corner="+x-y-z", corner_radius=0.3e-3)
+    (contact,) = point_contacts(fall.body, floor, fall.episodes)
+    assert not 0.29e-3 < 1 / contact.curvature < 0.31e-3
+    assert ", more than the radius of 300 µm there: the corner is" in fall.contact_verdict
 
 
 RUBBER = "rubber NR 50"

@@ -13,7 +13,7 @@ import pytest
 
 import antiosc as ao
 import stretched
-from antiosc.base.texts import engineering
+from antiosc.base.texts import engineering, percent
 from antiosc.engine import library
 from antiosc.engine.contact.choice import NO_STRENGTH
 from antiosc.impact.histories import verdict
@@ -206,6 +206,18 @@ def test_two_digits_of_hundreds_have_no_exponent():
     assert engineering(6.9e-4, "m", 2) == "690 µm"
     assert engineering(6.94e-4, "m", 3) == "694 µm"
     assert engineering(6.9e-3, "m", 2) == "6.9 mm"
+
+
+@node
+def test_shares_below_what_counts_are_0_percent_in_both_languages():
+    """A beam's budget had "truncation 3.7e-156 %"."""
+    shares = [3.7e-158, -1e-9, 9e-6, 1.2e-5, 0.0034, 0.126, 3.0, 0.0]
+    wanted = ["0 %", "0 %", "0 %", "0.0012 %", "0.34 %", "13 %", "300 %", "0 %"]
+    assert [percent(share) for share in shares] == wanted
+    units = (assets.FOLDER / "units.js").read_text()
+    script = f"{units}console.log(JSON.stringify({shares}.map(percent)));"
+    done = subprocess.run(["node", "-e", script], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == wanted
 
 
 @node

@@ -300,8 +300,14 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
     return float(f"{value:.{digits}g}") > limit
 
 
+#: Share below which a text in per cent has no digit other than 0.
+LEAST_SHARE = 1e-5
+
+
 def percent(share: float) -> str:
-    """A ratio in per cent with two significant digits: "0.34 %"."""
+    """A ratio in per cent with two significant digits: "0.34 %"; "0 %" below `LEAST_SHARE`."""
+    if abs(share) < LEAST_SHARE:
+        return "0 %"
     return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
 
 

@@ -21,6 +21,7 @@ function engineering(value, unit = "", digits = 3) {
 function approaching(e) { return e < 0 ? ", still approaching" : ""; }
 
 function percent(share) {
+  if (Math.abs(share) < 1e-5) return "0 %";
   return Number.isFinite(share) ? `${Number((100 * share).toPrecision(2))} %` : "unknown";
 }
 

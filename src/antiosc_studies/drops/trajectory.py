@@ -415,9 +415,9 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
 def _crushed(contact: PointContact) -> str:
     """What it means that a dent is larger than the corner that makes it; "" if it is smaller."""
     dent = contact.dent
-    if dent is None or max(dent.depth, dent.radius or 0.0) * contact.curvature < 1:
+    if dent is None or max(dent.depth, dent.radius or 0.0) < contact.radius_of_surface:
         return ""
-    radius = engineering(1 / contact.curvature, "m")
+    radius = engineering(contact.radius_of_surface, "m")
     return (
         f", more than the radius of {radius} there: the corner is crushed, with what is behind it"
     )
@@ -473,6 +473,13 @@ class PointContact(NamedTuple):
         if isinstance(self.law, ElasticPlastic):
             return rim_radius(self.law, self.depth)
         return sqrt(self.depth / self.curvature)
+
+    @property
+    def radius_of_surface(self) -> float:
+        """Radius [m] of the undeformed surface: of a flattened corner not that of its ball."""
+        if self.blunt is not None:
+            return float(self.blunt.corner.law.radius)
+        return 1 / self.curvature
 
     def zone(self, body: FreeBody) -> YieldingZone:
         """The zone outside the margin, in the axes of the mesh."""
