@@ -13,7 +13,6 @@ from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.io.by_gmsh import session
@@ -319,6 +318,8 @@ class Outline:
 
     def _holding(self, region: int, places: Array) -> IntArray:
         """The element of the file in a region that holds each place, or is nearest to it."""
+        from scipy.spatial import cKDTree  # the reading process loads it for coarser planes alone
+
         plane = self.plane
         halves = _halves(plane.cells)
         of_region = np.flatnonzero(np.tile(plane.regions, 2) == region)

@@ -16,9 +16,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-
 from antiosc.base._types import Array
 from antiosc.io import facets
 from antiosc.io.facets import FacetSkin, cleaned, volumes
@@ -141,6 +138,9 @@ def without_pinches(points: Array, cells: IntArray) -> IntArray:
 
 def _smaller_fans(cells: IntArray, sizes: Array, edge: IntArray) -> IntArray:
     """Tetrahedra at an edge that share no face there with the largest of those that do."""
+    from scipy.sparse import coo_array  # the reading process loads it for these alone
+    from scipy.sparse.csgraph import connected_components
+
     around = np.flatnonzero(np.isin(cells, edge).sum(axis=1) == 2)
     opposite = cells[around][~np.isin(cells[around], edge)].reshape(-1, 2)
     nodes, ends = np.unique(opposite, return_inverse=True)
