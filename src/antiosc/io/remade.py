@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
 from antiosc.base._types import Array
 from antiosc.io import facets
 from antiosc.io.facets import FacetSkin, cleaned, volumes
