@@ -114,6 +114,8 @@ ROOM = 0.1
 #: partly held patch.
 MOST_TRIED = 40
 PARTLY_HELD = "supports fix"
+#: Number of rigid motions of a part that is free.
+RIGID = 6
 #: Largest number of groups that are named for a plane.
 MOST_NAMED = 4
 #: Largest number of groups that are named on the terminal.
@@ -324,6 +326,11 @@ class Inspection:
         )
 
     @property
+    def free_deck(self) -> bool:
+        """Whether a deck holds its part nowhere."""
+        return self.structure is not None and self.structure.rigid_modes.shape[1] == RIGID
+
+    @property
     def ball(self) -> float:
         """Radius [m] of the striking ball, small enough for the patch to carry its force."""
         if self.radius is None:
@@ -491,7 +498,7 @@ class Inspection:
 
     def _held(self) -> str:
         """Text of the support."""
-        if self.of_deck:
+        if self.of_deck and not self.free_deck:
             return "as in the deck"
         if len(self.where) == 1:
             return f"at the group {self.where[0]!r}"

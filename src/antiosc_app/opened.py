@@ -142,6 +142,9 @@ FORECAST, MEASURED = (1.0, 3.0), (0.7, 1.5)
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
+#: What is told of a deck where the page holds nothing.
+HELD_BY_DECK = "held as in the deck, and what is held here besides"
+FREE_DECK = "free: the deck holds it nowhere"
 OF_MODEL = (*OF_STRUCTURE, "sites", "extract")
 
 
@@ -412,6 +415,7 @@ class Opened:
             "most_n": MOST_OSCILLATORS,
             "most_stressed": MOST_STRESSED,
             "unstated": {key: inspection.read[key] for key in inspection.unstated()},
+            "unheld": self._unheld(inspection),
             "n": inspection.count,
             "saves": self._given is None,
             "engine": live.engine(),
@@ -427,6 +431,12 @@ class Opened:
             return new.inspect_part(
                 self._path, unit=self._unit, timeout=self._timeout, size=self._size
             )
+
+    def _unheld(self, look: new.Inspection) -> str:
+        """What is told where the page holds nothing."""
+        if self._given is not None or not look.of_deck:
+            return "free: no face is held"
+        return FREE_DECK if look.free_deck else HELD_BY_DECK
 
     # -- a set-up as a scene, and its objects
 

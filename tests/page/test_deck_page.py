@@ -58,6 +58,21 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
 
 
+@pytest.mark.parametrize("fixed", ["rim, 1, 6", "rim, 3, 3", ""])
+def test_a_deck_that_holds_nothing_is_told_to_be_free(fixed, tmp_path):
+    path = tmp_path / "plate.inp"
+    path.write_text(plate_deck(6).replace("*BOUNDARY\nrim, 1, 6", fixed and f"*BOUNDARY\n{fixed}"))
+    opened = Opened(path, unit="m")
+    try:
+        told = opened.calls["look"]({})["unheld"]
+        (held,) = (row for row in opened._opened().look.taken(False) if row[0] == "held")
+    finally:
+        opened.close()
+    for words in (told, held[1]):
+        assert ("free" in words) == (not fixed)
+        assert ("as in the deck" in words) == bool(fixed)
+
+
 def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened, monkeypatch):
     """Of a mesh too large to be divided, which has no error bar."""
     monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)

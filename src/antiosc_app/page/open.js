@@ -538,7 +538,7 @@ class Bench {
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
-    if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.of_deck() ? "held as in the deck, and what is held here besides" : "free: no face is held");
+    if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.facts.unheld);
     find("finer").textContent = this.is_finer() ? "Finer mesh at the largest stress" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];
   }
