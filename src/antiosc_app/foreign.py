@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
@@ -80,6 +80,7 @@ class ForeignPart:
     read : arguments of `read_mesh`, or of `read_model`, besides the file.
     meshed : whether the file is a geometry that is meshed here.
     kept : why the elements of a deck cannot be halved; "" if they can.
+    divided : elements of a deck that are divided into simplices, in words.
     structure : structure of a deck with a model.
     notes : decisions that were made, one sentence each.
     pieces : if the mesh is in several pieces, these, the largest first.
@@ -96,6 +97,7 @@ class ForeignPart:
     modulus: float | None = None
     meshed: bool = False
     kept: str = ""
+    divided: str = ""
 
 
 def foreign_part(
@@ -304,10 +306,8 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
 
     guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
     read = dict(options)
-    unit, (families, extent, kept), pieces = _first_unit(
-        materials_of_deck, path, units, read, guesses
-    )
-    best, modulus = unit_of(families, extent, unit, units, read)
+    unit, facts, pieces = _first_unit(materials_of_deck, path, units, read, guesses)
+    best, modulus = unit_of(facts.families, facts.length, unit, units, read)
     inferred = len(units) > 1
     if modulus is not None:
         guesses["density"] = density_like(modulus * UnitSystem.of(best).stress)
@@ -320,13 +320,14 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
     pieces = pieces or more
     members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
+    told_besides = {*options, "piece"}  # `told` lists the pieces
     notes = [
-        *_described(pieces),
-        *_option_notes({key: value for key, value in read.items() if key not in options}),
+        *_option_notes({key: value for key, value in read.items() if key not in told_besides}),
         *structure.plausibility.get("doubts", ()),
     ]
     notes += [sentence for sentence in dict.fromkeys(told) if sentence not in notes]
-    return ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus, kept=kept)
+    found = ForeignPart(mesh, read, structure, notes, pieces, inferred, modulus)
+    return replace(found, kept=facts.not_halved, divided=facts.divided)
 
 
 def _first_unit(

@@ -163,6 +163,8 @@ TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
 IMPACTS = 3
 #: Coefficient of friction of the floor.
 FRICTION = 0.3
+#: What a deck says of the strength of its materials.
+NO_YIELD = "none is read of a deck: nothing is said of yield"
 FLOOR_MATERIAL = "concrete C30/37"
 #: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
@@ -275,12 +277,14 @@ class Inspection:
     meshed: bool = False
     largest: float = 0.0
     kept: str = ""
+    divided: str = ""
     dofs: int = 0
 
     @property
     def cells(self) -> str:
         """The number and kind of its cells in words."""
-        return f"{self.n_cells} cells of kind {self.shape}"
+        divided = f" ({self.divided}, divided)" if self.divided else ""
+        return f"{self.n_cells} cells of kind {self.shape}{divided}"
 
     def forecast(self, size: float | None = None, n: int | None = None) -> Forecast:
         """Forecast of a model of `n` anti-oscillators with cells of another size [m].
@@ -467,7 +471,9 @@ class Inspection:
             at_most = "" if "size" in self.read else "up to "
             rows.append(("elements", f"{at_most}{self.size:.3g} m{finer}", key))
         rows += [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
-        if not self.of_deck:
+        if self.of_deck:
+            rows.append(("yield strength", NO_YIELD, "[deck] yield_strength"))
+        else:
             rows.append(("material", self.material, "[material] name"))
         if self.family == "Shell" and not self.of_deck:
             rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
@@ -566,6 +572,7 @@ def inspect_part(
         inferred=part.inferred,
         modulus=part.modulus,
         kept=part.kept,
+        divided=part.divided,
     )
 
 

@@ -33,7 +33,7 @@ from antiosc.base.errors import (
     weight,
 )
 from antiosc.base.process import loading
-from antiosc.base.texts import capitalised
+from antiosc.base.texts import capitalised, piece_told
 from antiosc_app import info, live, live_data
 from antiosc_app.live import Data
 from antiosc_app.results import (
@@ -358,11 +358,14 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
 
 
 def _file_of(results: SceneResults) -> str:
-    """The name of the file of the part of a scene of one part; "" if it is not known."""
+    """The name of the file of the part of a scene of one part, and the piece of it that is read;
+    "" if it is not known.
+    """
     scene = {} if results.compiled is None else results.compiled.document.data
     for section, key in (("deck", "path"), ("geometry", "source")):
         if isinstance(name := scene.get(section, {}).get(key), str):
-            return Path(name).name
+            piece = piece_told(results.warnings)
+            return f"{piece} of {Path(name).name}" if piece else Path(name).name
     return ""
 
 

@@ -26,6 +26,7 @@ from antiosc.base.texts import (
     SMALLER_CELLS,
     engineering,
     percent,
+    piece_told,
     point_text as placed,
     prefixed,
     range_text,
@@ -1109,6 +1110,7 @@ def presentations(results: SceneResults) -> list[Presentation]:
 def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """Text of title, what questions the numbers, structure, model and results."""
     title = str(results.compiled.document.data.get("title", ""))
+    title = ", ".join(filter(None, (title, piece_told(results.warnings))))
     warnings = (f"warning: {one}" for one in beside(results, parts) if not weight(one))
     cautions = (part.caution for part in parts)
     pieces = [title, *cautions, *warnings, *(piece for part in parts for piece in part.text)]

@@ -26,8 +26,11 @@ from antiosc_decks.properties import (
 )
 
 
-def chosen_elements(deck: Deck) -> BoolArray:
-    """Mask (n,) of the elements that the caller chose by parts and by piece."""
+def chosen_elements(deck: Deck, length: float) -> BoolArray:
+    """Mask (n,) of the elements that the caller chose by parts and by piece.
+
+    `length`: metres per unit of the deck.
+    """
     selected = np.full(deck.n_elements, deck.wanted is None)
     for name in deck.wanted or ():
         members = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
@@ -41,7 +44,7 @@ def chosen_elements(deck: Deck) -> BoolArray:
     selected &= ~left_out(deck, selected)
     if deck.piece is None:
         return selected
-    return one_piece(deck, selected)
+    return one_piece(deck, selected, length)
 
 
 #: Area over size squared, or volume over size cubed, of an element that has none.
@@ -143,7 +146,7 @@ class ModelBuilder:
         #: nodes of chosen elements; of those with rotations; of elements not chosen alone
         self.used, self.has_rotations, self.gone = np.zeros((3, nodes), dtype=bool)
         self.joints = DeckConstraints(deck, self.used, self.has_rotations)
-        self.chosen = chosen_elements(deck)
+        self.chosen = chosen_elements(deck, units.length)
 
     def find_nodes(self) -> None:
         """Mark the nodes of chosen elements, and those that have rotations (shells, beams)."""

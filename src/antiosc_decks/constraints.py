@@ -17,8 +17,10 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
+from antiosc.base.texts import piece_is_read
 from antiosc.io.deck import Block, Deck, DeckPlace, IntArray, listed
 from antiosc.io.neutral import Joints, Term, UnitSystem
+from antiosc.io.reading import Piece, described_pieces
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
 NO_NODES = np.zeros(0, dtype=np.int64)
@@ -340,19 +342,46 @@ SPRINGS = {"rod", "panel"}
 UNHELD = 1e-10
 
 
-def one_piece(deck: Deck, chosen: BoolArray) -> BoolArray:
-    """Mask of the chosen elements in the piece number `deck.piece`, the largest piece being 1."""
+#: Pieces of a deck that are told, and sets of each.
+MOST_PIECES, MOST_SETS = 6, 3
+
+
+def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
+    """Mask of the chosen elements in the piece number `deck.piece`, the largest piece being 1; a
+    remark tells the others. `length`: metres per unit of the deck.
+    """
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
     label = connected(tables, len(deck.points))
     label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
     pieces, count = np.unique(label[chosen], return_counts=True)
-    if not 1 <= (deck.piece or 0) <= len(pieces):
+    rank = deck.piece or 1
+    if not 1 <= rank <= len(pieces):
         raise MeshError(
-            f"{deck.name} has {len(pieces)} pieces that share no node; there is no "
-            f"piece {deck.piece}."
+            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece {rank}."
         )
-    piece = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
-    return np.asarray(chosen & (label == piece))
+    pieces = pieces[np.argsort(-count, kind="stable")]
+    if len(pieces) > 1:
+        told = [
+            _piece(deck, chosen, chosen & (label == piece), length)
+            for piece in pieces[: MOST_PIECES + 1]
+        ]
+        text = described_pieces(told, MOST_PIECES)
+        deck.remarks.append(piece_is_read(deck.name, rank, len(pieces), text))
+    return np.asarray(chosen & (label == pieces[rank - 1]))
+
+
+def _piece(deck: Deck, chosen: BoolArray, members: BoolArray, length: float) -> Piece:
+    """One piece of the chosen elements, with the largest sets that are within it."""
+    rows = np.concatenate([block.corners[members[k]].ravel() for block, k in deck.numbered()])
+    x = length * deck.points[rows]
+    remaining = members.copy()
+    names = []
+    for name, elements in sorted(deck.element_sets.items(), key=lambda entry: -len(entry[1])):
+        is_within = bool((members | ~chosen)[elements].all())
+        if is_within and remaining[elements].any():
+            names.append(name)
+            remaining[elements] = False
+    return Piece(", ".join(names[:MOST_SETS]), x.min(axis=0), x.max(axis=0))
 
 
 def held_apart(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -309,10 +309,31 @@ def outline_of_deck(
     return list(names), list(raws.values())
 
 
-def materials_of_deck(
-    path: str | Path, unit: str | float = "m", **options: Any
-) -> tuple[list[Family], float, str]:
-    """(families of a deck, length [m] of the longest side of its largest part, `not_halved`).
+class DeckFacts(NamedTuple):
+    """Facts of a deck.
+
+    length : of the longest side of its largest part [m].
+    not_halved : why its elements cannot be halved; "" if they can.
+    divided : its elements that are divided into simplices, in words; "" if none are.
+    """
+
+    families: list[Family]
+    length: float
+    not_halved: str
+    divided: str
+
+
+#: Shapes of elements in words.
+SHAPES = {
+    "quad": "quadrilaterals",
+    "hexahedron": "hexahedra",
+    "wedge": "wedges",
+    "pyramid": "pyramids",
+}
+
+
+def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> DeckFacts:
+    """The families of a deck, and facts about it.
 
     Nothing is assembled. Materials without a density are massless. `options` are those of
     `read_model` for its reader.
@@ -320,7 +341,11 @@ def materials_of_deck(
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, {}).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
-    return families, longest, not_halved(_model(next(iter(raws.values()))))
+    model = _model(next(iter(raws.values())))
+    counts = model.get("divided", {}).items()
+    words = (f"{count} {SHAPES[shape] if count > 1 else shape}" for shape, count in counts)
+    divided = " and ".join(words)
+    return DeckFacts(families, longest, not_halved(model), divided)
 
 
 def _families(raw: RawMesh, strengths: Mapping[str, object]) -> dict[str, Family]:

@@ -201,6 +201,9 @@ def test_solids_are_joined_where_they_touch_or_the_largest_is_taken(tmp_path, ga
     )
     assert found.length == pytest.approx(50e-3 if "fragments" in read else 40e-3, rel=1e-3)
     assert "2 solids" in found.notes[0]
+    if "piece" in read:
+        with pytest.warns(ao.AntioscWarning, match="piece 1 of 2 is read"):
+            ao.read_mesh(path, size=0.01, piece=1)
 
 
 def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_path, capsys):
@@ -216,15 +219,40 @@ def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_
     assert not (tmp_path / "b.toml").exists()
 
 
-def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path):
+def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsys):
     path = deck(tmp_path / "a.inp", "mm", pieces=2)
-    path.write_text(path.read_text() + "*CONTACT PAIR, INTERACTION=I\nA, B\n")
+    sets = "*ELSET, ELSET=LEFT\n1, 2\n*ELSET, ELSET=RIGHT\n3, 4\n*ELSET, ELSET=A1\n1\n"
+    path.write_text(f"{path.read_text()}{sets}*CONTACT PAIR, INTERACTION=I\nA, B\n")
     with pytest.raises(ao.MeshError, match="piece 1"):
         ao.read_model(path, unit="mm")
     found = inspect_part(path)
     assert found.read == {"unit": "mm", "piece": 1}
+    told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
+    assert [told in note for note in found.notes] == [True]
     with pytest.warns(ao.AntioscWarning, match="CONTACTPAIR with other pieces"):
         ao.read_model(path, unit="mm", piece=1)
+    assert antiosc("new", tmp_path / "a.toml", path) == 0
+    capsys.readouterr()
+    assert antiosc("run", tmp_path / "a.toml", "--report", tmp_path / "a.html") == 0
+    assert capsys.readouterr().out.splitlines()[0] == "An impact on a.inp, piece 1 of 2"
+    assert "strikes piece 1 of 2 of a.inp at" in (tmp_path / "a.html").read_text()
+
+
+def test_elements_that_are_divided_into_tetrahedra_and_a_strength_to_give_are_told(tmp_path):
+    path = deck(tmp_path / "a.inp", "mm", pieces=2)
+    assert inspect_part(path).cells == "2 cells of kind hexahedron"
+    wedge = "*ELEMENT, TYPE=C3D6, ELSET=ALL\n4, 17, 18, 19, 21, 22, 23"
+    lines = [
+        wedge if line.startswith("4, 17, 18") else line for line in path.read_text().split("\n")
+    ]
+    joined = "\n".join(lines).replace("3, 13, 14, 15, 16,", "3, 9, 10, 11, 12,")
+    path.write_text(joined)
+    found = inspect_part(path)
+    assert (
+        found.cells
+        == f"{found.n_cells} cells of kind tetrahedron (3 hexahedra and 1 wedge, divided)"
+    )
+    assert "[deck] yield_strength" in [key for _, _, key in found.taken(False)]
 
 
 def test_a_part_of_few_nodes_has_fewer_anti_oscillators_than_dofs(tmp_path):

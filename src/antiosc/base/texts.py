@@ -26,6 +26,22 @@ def where_to_change(scene: str, page: str) -> str:
     return f"in a scene: {scene}; on the page: {page}"
 
 
+#: Which piece of a file is read, in the sentence of `piece_is_read`.
+_PIECE = re.compile(r": (piece \d+ of \d+) is read, the others are not")
+
+
+def piece_is_read(name: str, piece: int, count: int, pieces: str = "") -> str:
+    """Sentence on a file of which one piece is read; `pieces`: all of them in words."""
+    listed = f" ({pieces})" if pieces else ""
+    return f"{name}: piece {piece} of {count} is read, the others are not{listed}."
+
+
+def piece_told(sentences: Iterable[str]) -> str:
+    """ "piece 1 of 12" of such a sentence among others; "" without one."""
+    found = filter(None, map(_PIECE.search, sentences))
+    return next((match[1] for match in found), "")
+
+
 #: The keys of a scene in such a text, also in JSON.
 _SCENE_KEYS = re.compile(r'in a scene: (?:[^;()"\\]|\\.)*; on the page: ')
 

@@ -352,6 +352,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
             filled = facets.fill(gmsh, ask, attempt)
             notes, names = filled.skin.remarks, filled.names
         elif suffix in CAD:
+            notes = cad.left_out(gmsh, ask)
             names = cad.names_of(gmsh, ask, unit_scale * ask.unit[0])
         if ask.outline:
             return _outline(gmsh, names, unit_scale)

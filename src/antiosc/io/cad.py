@@ -11,6 +11,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, UnmeshableError
+from antiosc.base.texts import piece_is_read
 from antiosc.io.request import Request
 
 #: Files that state the unit of their coordinates.
@@ -228,6 +229,14 @@ def _alone(gmsh: ModuleType, names: Names, piece: int, name: str) -> Names:
     gmsh.model.occ.remove(solids, recursive=True)
     gmsh.model.occ.synchronize()
     return {entity: label for entity, label in names.items() if entity == solid}
+
+
+def left_out(gmsh: ModuleType, ask: Request) -> list[str]:
+    """A sentence (in a list) on a solid that is read without the others."""
+    count = len(gmsh.model.getEntities(3))
+    if ask.piece is None or ask.fragments or count < 2:
+        return []
+    return [piece_is_read(ask.name, ask.piece, count)]
 
 
 def face_names(gmsh: ModuleType, scale: float) -> Names:

@@ -17,6 +17,7 @@ import numpy as np
 
 from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, PiecesError
+from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Attempt, Names
 from antiosc.io.neutral import FileMesh, IntArray
 from antiosc.io.polygons import triangles_of
@@ -477,8 +478,7 @@ def fill(gmsh: ModuleType, ask: Request, attempt: Attempt) -> Filled:
         count = len(bodies)
         bodies = [_by_volume(skin, bodies, ask.piece, ask.name)]
         if count > 1:
-            message = f"{ask.name}: piece {ask.piece} of {count} is read, the others are not."
-            skin.remarks.append(message)
+            skin.remarks.append(piece_is_read(ask.name, ask.piece, count))
     surfaces = [_put(gmsh, skin, piece) for body in bodies for piece in body]
     if not attempt.flat:
         gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)

@@ -134,6 +134,7 @@ class Model(TypedDict):
     apart: list[int]  # nodes that stay apart from others in their place
     pieces: int  # that nothing joins
     held: bool  # whether they are several and each is held
+    divided: NotRequired[dict[str, int]]  # shape of elements that become simplices -> number
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
+from antiosc.base.texts import piece_is_read
 from antiosc.io import kept_surfaces, remade
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
@@ -606,10 +607,7 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     raw = compact(replace(raw, cells=raw.cells[label == piece - 1]))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
-        raw.remarks = [
-            *raw.remarks,
-            f"{name}: piece {piece} of {count} is read, the others are not.",
-        ]
+        raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
     return raw
 
 

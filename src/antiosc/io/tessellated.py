@@ -45,6 +45,7 @@ def read(ask: Request) -> FileMesh:
     solids = gmsh.model.getEntities(3)
     if not solids or (len(solids) > 1 and ask.piece is None):
         raise UnmeshableError(f"{ask.name} is not one solid, whose surface could be made anew.")
+    notes = cad.left_out(gmsh, ask)
     names = cad.names_of(gmsh, ask, scale * ask.unit[0])
     faces, points, triangles = _triangles(gmsh)
     skin = FacetSkin(points, triangles, np.zeros(len(triangles), dtype=np.int64))
@@ -65,7 +66,7 @@ def read(ask: Request) -> FileMesh:
         for label in cad.in_order(of_face)
     }
     everything = np.vstack([anew.points, samples]) * scale
-    return FileMesh(everything, cells, "vtk", groups, remarks=anew.remarks)
+    return FileMesh(everything, cells, "vtk", groups, remarks=[*notes, *anew.remarks])
 
 
 def _triangles(gmsh: ModuleType) -> tuple[IntArray, Array, IntArray]:

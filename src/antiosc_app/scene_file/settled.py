@@ -68,7 +68,9 @@ def settled(document: Document) -> Settled:
     known_parts = scene.striking or None not in (scene.structure, scene.model)
     if scene.document is document or scene.history is None or not known_parts:
         return Settled(scene, evaluate)
-    structure = evaluate(scene.structure)
+    messages: list[str] = list(scene.warnings)
+    with warnings_to(messages.append):  # what was left out of the file
+        structure = evaluate(scene.structure)
     first = Choice(None, keeps_radius=True)
     if only_site(document).get("radius") == AUTO:
         first = Choice(_smallest(structure, scene))
@@ -85,7 +87,6 @@ def settled(document: Document) -> Settled:
         one.evaluate(one.scene.history)
         return one
 
-    messages: list[str] = list(scene.warnings)
     with warnings_to(messages.append):
         result, choice = until_parted(run, _hit, first, is_sheet=_is_sheet(structure))
         if choice.radius is not None and choice.radius != first.radius:
