@@ -386,6 +386,8 @@ def _as_attempted(ask: Request, attempt: Attempt) -> Request:
 #: Largest number of solids that get facets, 0.2 s each, so that their boxes are near to these: that
 #: of a tilted torus is 0.8 % too large then, and 7 % without, as it holds its control points.
 MOST_TIGHT = 40
+#: Distance of these facets from the surface, over the length of the model.
+NEAR_FACETS = 1e-3
 
 
 def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
@@ -393,12 +395,9 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     has all lines.
     """
     entities = cad.largest_first(gmsh) or [(-1, -1)]
-    if 1 < len(entities) <= MOST_TIGHT:  # that box itself is too small by 0.01 units
-        gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)
-        for entity in entities:
-            gmsh.model.getBoundingBox(*entity)
-        gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 0)
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
+    if 1 < len(entities) <= MOST_TIGHT:
+        boxes = _tight(gmsh, entities, boxes)
     groups = gmsh.model.getPhysicalGroups()
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
     group_names += cad.in_order(
@@ -408,6 +407,20 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     cells = {"line": np.arange(len(lines))}
     corners = boxes.reshape(-1, 3) * scale
     return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
+
+
+def _tight(gmsh: ModuleType, entities: Sequence[tuple[int, int]], boxes: Array) -> Array:
+    """The boxes (n, 6) of solids within those of their facets too, which are padded by the distance
+    of these: of faces in planes the former are exact, of others the latter are near.
+    """
+    gmsh.option.setNumber("Mesh.StlLinearDeflection", NEAR_FACETS * _extent(gmsh))
+    gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)
+    for entity in entities:  # this box itself is too small
+        gmsh.model.getBoundingBox(*entity)
+    gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 0)
+    padded = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
+    low, high = np.maximum(boxes, padded)[:, :3], np.minimum(boxes, padded)[:, 3:]
+    return np.hstack([low, high])
 
 
 def session() -> ModuleType:

@@ -107,7 +107,8 @@ def test_one_of_several_pieces_is_read(boxes):
     with pytest.raises(ao.MeshError, match=r"2 pieces.*20 × 20 × 20 mm.*10 × 10 × 10 mm"):
         ao.read_mesh(boxes, size=5e-3)
     for piece, side in ((1, 20e-3), (2, 10e-3)):
-        mesh = ao.read_mesh(boxes, size=5e-3, piece=piece)
+        with pytest.warns(ao.AntioscWarning, match=f"piece {piece} of 2 is read"):
+            mesh = ao.read_mesh(boxes, size=5e-3, piece=piece)
         assert ao.Structure(mesh, STEEL).mass == pytest.approx(7850 * side**3, rel=1e-9)
         assert len([name for name in mesh.groups if name.startswith("face")]) == 6
     with pytest.raises(ao.MeshError, match="no piece 3"):
@@ -258,6 +259,8 @@ def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
     low, high = 1e3 * outline.points[outline.cells["line"][0]]
     extents = 20 * np.cos(tilt) + 6, 26.0, 20 * np.sin(tilt) + 6
     assert high - low == pytest.approx(extents, rel=1e-2)
+    low, high = 1e3 * outline.points[outline.cells["line"][1]]  # of planes it is not padded
+    assert high - low == pytest.approx(np.ones(3), rel=1e-3)
 
 
 def test_triangles_that_pierce_each_other_are_told_as_the_fault():

@@ -210,7 +210,7 @@ def test_nastran(tmp_path, case):
 def test_a_piece_of_no_elements(tmp_path):
     deck = Deck("part.inp", piece=1)
     with pytest.raises(ao.MeshError, match=r"0 pieces .* no piece 1"):
-        one_piece(deck, np.zeros(0, dtype=bool))
+        one_piece(deck, np.zeros(0, dtype=bool), 1.0)
 
 
 TUBE, BEAM = "CTUBE,1,7,1,2\n", "CBEAM,1,7,1,2,0.,1.,0.\n"
