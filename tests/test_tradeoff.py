@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -413,7 +415,9 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     chart = tmp_path / "chart.png"
     given = ["tradeoff", str(tmp_path / "scene.toml"), "--tol", "0.9", "--chart", str(chart)]
     given += ["--compare", "1e-9"]
+    start = time.perf_counter()
     assert main([*given, "--report", str(tmp_path / "page.html")]) == 0
+    elapsed = time.perf_counter() - start
     assert chart.exists()
     assert "<h2>Speed against accuracy</h2>" in (tmp_path / "page.html").read_text()
     page = (tmp_path / "page.html").read_text()
@@ -424,6 +428,12 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     assert "all, to finest: the largest of those of peak force" in printed
     assert "The contact's law was given: its error is not in these bars." in printed
     assert "unreduced: not run" in printed
+    pattern = r"In all (\S+) s: (\S+) s to read .*, (\S+) s for the methods.* add to (\S+) s,"
+    told = re.search(pattern, printed)
+    assert told is not None
+    whole, before, methods, _ = map(float, told.groups())
+    assert whole == pytest.approx(before + methods, rel=0.02)
+    assert methods <= whole <= 1.01 * elapsed
 
 
 def test_a_scene_without_one_impact_is_refused(tmp_path, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 import traceback
 from argparse import Namespace
 from dataclasses import replace
@@ -32,7 +33,7 @@ from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
     from antiosc import Structure
-    from antiosc.extension import TradeoffMember
+    from antiosc.extension import Tradeoff, TradeoffMember
 
 
 def guarded(options: Namespace) -> int:
@@ -144,6 +145,7 @@ OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
 
 def _tradeoff(options: Namespace) -> int:
     """`antiosc tradeoff`: print error against seconds and memory of an impact, and draw it."""
+    start = time.perf_counter()
     page = _page(options)
     scene = compiled(to_a_tolerance(settled(read(options.file)).scene.document))
     arguments = {**one_impact(scene, options.file)}
@@ -156,6 +158,7 @@ def _tradeoff(options: Namespace) -> int:
     from antiosc.extension import line_of  # needs dolfinx
 
     finished: list[TradeoffMember] = []
+    chosen = time.perf_counter()
 
     def ready(member: TradeoffMember) -> None:
         if not finished:
@@ -170,7 +173,8 @@ def _tradeoff(options: Namespace) -> int:
     except (KeyboardInterrupt, SystemExit):
         print_text(ENDED.format(len(finished)))
         raise
-    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
+    took = _took(tradeoff, chosen - start, time.perf_counter() - chosen)
+    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{took}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
@@ -178,6 +182,18 @@ def _tradeoff(options: Namespace) -> int:
     if page is not None:
         print_text(f"wrote {report.write_report_of(scene, tradeoff, page)}")
     return 0
+
+
+def _took(tradeoff: Tradeoff, before: float, after: float) -> str:
+    """What a trade-off took: `before` its methods, and with them [s]."""
+    members = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
+    return (
+        f"In all {before + after:.3g} s: {before:.3g} s to read the part and to choose what the"
+        f" scene leaves open (patch, duration), {after:.3g} s for the methods. Their lines add to"
+        f" {members:.3g} s, each with the factorization of its mesh and without the"
+        f" {tradeoff.compilation:.2g} s in which finite elements were compiled or loaded, and"
+        " without making the meshes."
+    )
 
 
 def to_a_tolerance(document: Document) -> Document:

@@ -99,7 +99,9 @@ def test_the_spin_of_the_warning_is_one_of_the_table() -> None:
     assert fall.fastest_spin == pytest.approx(spins.max())
 
 
-@pytest.mark.parametrize(("name", "word"), [("PLA printed", "26 MPa"), ("ABS", "moulded")])
+@pytest.mark.parametrize(
+    ("name", "word"), [("PLA printed", "26 MPa"), ("PETG", "25 to 38 MPa"), ("ABS", "moulded")]
+)
 def test_what_is_known_on_breaking_is_told(name: str, word: str) -> None:
     part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.01), ao.material(name))
     fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 1, modes=6)
