@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +21,12 @@ VERSION = "3"
 
 def key_of(path: Path, *options: object) -> str:
     """The key of a file by its content, and of the options of reading it."""
-    digest = hashlib.sha256(repr((VERSION, *options)).encode())
+    key = hashlib.sha256(repr((VERSION, *options)).encode())
     with contextlib.suppress(OSError):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:32]
+        if path.is_file():  # a pipe would wait, and a device has no end
+            with open(path, "rb") as file:
+                key.update(hashlib.file_digest(file, "sha256").digest())
+    return key.hexdigest()[:32]
 
 
 def load(key: str) -> tuple[FileMesh, str] | None:
@@ -35,7 +38,7 @@ def load(key: str) -> tuple[FileMesh, str] | None:
             arrays = [content[f"array{k}"] for k in range(header["arrays"])]
             mesh = unpacked(header["mesh"], arrays)
         os.utime(file)
-    except (OSError, ValueError, KeyError):  # none, or damaged
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):  # or damaged
         return None
     return mesh, header["reason"]
 

@@ -390,8 +390,10 @@ class Asked(NamedTuple):
     @property
     def state(self) -> tuple[Path, int, int | None, bool]:
         """What of it and its file the way to mesh it depends on, besides the sizes."""
-        time = self.path.stat().st_mtime_ns if self.path.exists() else 0
-        return self.path.resolve(), time, self.piece, self.anew
+        time = 0
+        with contextlib.suppress(OSError, ValueError):  # what is no file is told by its reader
+            time = self.path.stat().st_mtime_ns
+        return self.path.absolute(), time, self.piece, self.anew
 
     def remedies(self) -> str:
         """What can be done if it cannot be meshed."""
