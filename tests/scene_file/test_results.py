@@ -173,7 +173,7 @@ HOSTILE = (
 class Page(html.parser.HTMLParser):
     """The elements of a page, its text by element, and whatever it would fetch."""
 
-    VOID = ("meta", "img", "br", "input")
+    VOID = ("meta", "img", "br", "wbr", "input")
 
     def __init__(self, text: str) -> None:
         super().__init__()
