@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.deck import Block, Deck, DeckPlace, IntArray, listed
 from antiosc.io.neutral import Joints, Term, UnitSystem
-from antiosc.io.reading import Piece, described_pieces
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
+
+if TYPE_CHECKING:
+    from antiosc.io.reading import Piece
 
 NO_NODES = np.zeros(0, dtype=np.int64)
 ZERO = np.zeros(3)
@@ -350,6 +353,8 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
     """Mask of the chosen elements in the piece number `deck.piece`, the largest piece being 1; a
     remark tells the others. `length`: metres per unit of the deck.
     """
+    from antiosc.io.reading import described_pieces  # with scipy, for pieces alone
+
     tables = [block.corners[chosen[rows]] for block, rows in deck.numbered()]
     label = connected(tables, len(deck.points))
     label = label[np.concatenate([NO_NODES, *(block.corners[:, 0] for block in deck.blocks)])]
@@ -372,6 +377,8 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
 
 def _piece(deck: Deck, chosen: BoolArray, members: BoolArray, length: float) -> Piece:
     """One piece of the chosen elements, with the largest sets that are within it."""
+    from antiosc.io.reading import Piece
+
     rows = np.concatenate([block.corners[members[k]].ravel() for block, k in deck.numbered()])
     x = length * deck.points[rows]
     remaining = members.copy()
