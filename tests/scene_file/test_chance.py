@@ -158,14 +158,14 @@ def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     serial = capsys.readouterr().out
     files = ("--out", str(tmp_path / "two"), "--report", str(tmp_path / "two.html"))
     first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
-    # probes have bars, and a line on these, on one rank alone
     told = [line.split("  ")[0] for line in first.replace("/two", "/one").splitlines()]
-    alone = [line.split("  ")[0] for line in serial.splitlines()]
-    assert list(filter(None, told)) == [*filter(None, alone), "ended with 0"]
+    assert told == [*(line.split("  ")[0] for line in serial.splitlines()), "ended with 0"]
     assert second == "ended with 0\n"
     one, two = numbers(tmp_path / "one"), numbers(tmp_path / "two")
     assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
     assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
+    error = one["probes"]["corner"]["error"]
+    assert two["probes"]["corner"]["error"] == pytest.approx(error, rel=1e-6)
     pages = [(tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "two.html")]
     drawn = [page.count("<img ") for page in pages]
     assert drawn[0] == drawn[1] > 3

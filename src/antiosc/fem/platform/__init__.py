@@ -34,8 +34,8 @@ from antiosc.base.checks import shown
 from antiosc.base.errors import AntioscWarning, InputError
 from antiosc.base.process import within_memory
 
-#: Fields that hold the rows of one rank.
-LOCAL = frozenset({"phi", "residual", "shape", "shapes"})
+#: Fields that hold the rows or the times of one rank.
+LOCAL = frozenset({"phi", "residual", "seconds", "shape", "shapes"})
 #: Greatest depth to which objects inside objects are followed.
 MOST_NESTED = 12
 #: Most entries of an array in a function's closure that the fingerprint includes: larger arrays may
