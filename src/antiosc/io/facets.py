@@ -129,7 +129,7 @@ def _outward(points: Array, triangles: IntArray, piece: IntArray) -> IntArray:
     return triangles
 
 
-def _edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray, IntArray]:
+def edges_of(triangles: AnyIntArray) -> tuple[IntArray, IntArray, IntArray]:
     """(ends (3t, 2) of the sides of t triangles, first sides first, number of the edge of each,
     uses of each edge).
     """
@@ -142,14 +142,14 @@ def _edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray, IntArray]:
 
 def _unpaired(triangles: AnyIntArray) -> int:
     """Number of edges that are not passed equally often each way."""
-    ends, edge, _ = _edges(triangles)
+    ends, edge, _ = edges_of(triangles)
     way = np.where(ends[:, 0] < ends[:, 1], 1.0, -1.0)
     return int((np.bincount(edge, way) != 0).sum())
 
 
 def _along_edges(triangles: AnyIntArray) -> tuple[IntArray, IntArray]:
     """Pairs of triangles that share an edge, so that all at an edge are connected."""
-    _, edge, _ = _edges(triangles)
+    _, edge, _ = edges_of(triangles)
     order = np.argsort(edge, kind="stable")
     same = edge[order][1:] == edge[order][:-1]
     owner = order % len(triangles)
@@ -169,7 +169,7 @@ def _neighbours(triangles: AnyIntArray) -> tuple[BoolArray, IntArray, IntArray]:
     """(mask of consistent orientation, first triangle, second triangle) for edges of two
     triangles.
     """
-    ends, edge, uses = _edges(triangles)
+    ends, edge, uses = edges_of(triangles)
     owner = np.tile(np.arange(len(triangles)), 3)
     order = np.argsort(edge, kind="stable")
     first = order[(np.cumsum(uses) - uses)[uses == 2]]
@@ -292,7 +292,7 @@ def _repeats(triangles: IntArray) -> tuple[BoolArray, BoolArray]:
     several = copies > 1
     wall = np.zeros(len(first), dtype=bool)
     if several.any():
-        _, edge, uses = _edges(triangles[first])
+        _, edge, uses = edges_of(triangles[first])
         of_several = np.tile(several, 3)
         inside = np.bincount(edge[of_several], minlength=len(uses))
         others = uses - inside
@@ -317,7 +317,7 @@ def _sewn(points: Array, triangles: IntArray, distance: float) -> tuple[IntArray
             break
         cut += len(rows)
         result = np.vstack([np.delete(result, rows, axis=0), *parts])
-    if (_edges(result)[2] == 1).sum() < (_edges(triangles)[2] == 1).sum():
+    if (edges_of(result)[2] == 1).sum() < (edges_of(triangles)[2] == 1).sum():
         return result, cut
     return triangles, 0
 
@@ -328,7 +328,7 @@ def _cut_at_corners(
     """(rows of triangles with corners of others on a free side, the parts of each)."""
     from scipy.spatial import cKDTree
 
-    ends, edge, uses = _edges(triangles)
+    ends, edge, uses = edges_of(triangles)
     free = np.flatnonzero(uses[edge] == 1)
     if not len(free):
         return [], []
@@ -359,7 +359,7 @@ def _caps(points: Array, triangles: IntArray, most: float) -> tuple[Array, IntAr
 
     A hole is a closed chain of edges of one triangle each, at most `most` wide.
     """
-    ends, edge, uses = _edges(triangles)
+    ends, edge, uses = edges_of(triangles)
     rim = ends[uses[edge] == 1]
     label = _components(rim[:, 0], rim[:, 1], len(points))
     middles: list[Array] = []

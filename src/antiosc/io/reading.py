@@ -362,7 +362,7 @@ def read(
 
 
 #: Endings of files that are proposed instead of one that cannot be meshed.
-READ_INSTEAD = (".msh", ".inp", ".step", ".stp", *SURFACES)
+READ_INSTEAD = (*SURFACES, ".step", ".stp", ".msh", ".inp")
 
 
 class Asked(NamedTuple):
@@ -400,9 +400,7 @@ class Asked(NamedTuple):
         size = "another size"
         if self.size is not None:
             size = f"another size than {self.size:g} m (--size of `antiosc new` and `antiosc open`)"
-        beside = [
-            self.path.with_suffix(end) for end in (*SURFACES, ".step", ".stp", ".msh", ".inp")
-        ]
+        beside = [self.path.with_suffix(end) for end in READ_INSTEAD]
         others = [file.name for file in beside if file != self.path and file.is_file()]
         instead = f"read {others[0]} instead, which is beside it, " if others else ""
         return (
@@ -418,10 +416,10 @@ _anew: dict[tuple[Path, int, int | None, bool], tuple[FileMesh, str]] = {}
 
 def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     """The mesh of a solid; if gmsh cannot fill its surface as it is, of that made anew."""
-    path = asked.path
     state = asked.state
+    key = kept_surfaces.key_of(asked.path, asked.size, asked.piece)
     if state not in _anew:
-        kept = kept_surfaces.load(kept_surfaces.key_of(path, asked.size, asked.piece))
+        kept = kept_surfaces.load(key)
         if kept is None:
             try:
                 return _meshed(once, asked)
@@ -430,7 +428,7 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         _anew.clear()
         _anew[state] = kept
     surface, reason = _anew[state]
-    with remade.as_file(surface, path.stem) as file:
+    with remade.as_file(surface, asked.path.stem) as file:
         again = partial(once, file=file, solid=True, piece=None)
         try:
             raw = _meshed(again, asked._replace(anew=True))
@@ -438,7 +436,7 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             _anew.clear()
             sentence = f"{reason}; nor can its surface be filled that was made anew: {error}"
             raise UnmeshableError(sentence) from error
-    kept_surfaces.save(kept_surfaces.key_of(path, asked.size, asked.piece), surface, reason)
+    kept_surfaces.save(key, surface, reason)
     raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *raw.remarks]
     if SAMPLE in surface.cells:
         raw.groups = _named_by_samples(raw, surface, asked.unit)

@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.io import facets
-from antiosc.io.facets import FacetSkin, cleaned, volumes
+from antiosc.io.facets import FacetSkin, cleaned, edges_of, volumes
 from antiosc.io.neutral import FACETS, FileMesh, IntArray
 from antiosc.io.request import Request
 
@@ -124,16 +124,13 @@ def without_pinches(points: Array, cells: IntArray) -> IntArray:
     the smaller ones at that edge are left out.
     """
     while True:
-        triangles = boundary(cells)
-        edges = np.sort(
-            np.vstack([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])]), axis=1
-        )
-        pairs, uses = np.unique(edges, axis=0, return_counts=True)
-        pinched = pairs[uses > 2]
-        if not len(pinched):
-            return cells
+        ends, edge, uses = edges_of(boundary(cells))
+        pinched = np.unique(np.sort(ends[uses[edge] > 2], axis=1), axis=0)
         sizes = np.abs(_volumes_of(points, cells))
-        out = np.concatenate([_smaller_fans(cells, sizes, edge) for edge in pinched])
+        smaller = [_smaller_fans(cells, sizes, pair) for pair in pinched]
+        out = np.concatenate([np.zeros(0, dtype=np.int64), *smaller])
+        if not len(out):
+            return cells
         cells = np.delete(cells, out, axis=0)
 
 
