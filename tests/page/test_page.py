@@ -80,7 +80,8 @@ def test_the_page_marks_the_main_impact_as_the_program_finds_it(browser, tmp_pat
 
 
 def opened(browser, page, width=1300):
-    """Open a page, and wait until it has struck."""
+    """Open a page, and wait until it has struck; what the page before asked for is forgotten."""
+    browser.requested()
     browser.open(page, width)
     for _ in range(300):
         if browser.run("return document.documentElement.dataset.ready"):
