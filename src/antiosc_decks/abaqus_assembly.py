@@ -307,7 +307,7 @@ def _divided(
         if card.keyword in ("PART", "INSTANCE"):
             owner = card.keyword, card.needed("NAME").upper()
             is_new = owner not in names
-            card.needs(is_new, f"*{card.keyword} {card.option('NAME')!r} is there twice.")
+            card.needs(is_new, f"{card.label} {card.option('NAME')!r} is there twice.")
             names.add(owner)
             current = []
             if card.keyword == "PART":

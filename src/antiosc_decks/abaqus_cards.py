@@ -113,6 +113,13 @@ class Card(Placed):
     places: list[DeckPlace] = field(default_factory=list)
     #: what its numbers and names refer to
     within: Scope = field(init=False, repr=False)
+    #: keyword and options -> the same with their spaces
+    spaced: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """Keyword with its spaces: "*CONTACT PAIR"."""
+        return f"*{self.spaced.get(self.keyword, self.keyword)}"
 
     def of(self, within: Scope) -> Card:
         """A copy of the card in another scope."""
@@ -139,8 +146,8 @@ class Card(Placed):
 
     def needed(self, name: str) -> str:
         """Value of a required option."""
-        value = self.option(name)
-        self.needs(value, f"*{self.keyword} needs {name}=.")
+        value = self.option("".join(name.split()))
+        self.needs(value, f"{self.label} needs {name}=.")
         return value
 
     def nodes(self, name: str) -> IntArray:
@@ -157,7 +164,7 @@ class Card(Placed):
         self.needs(
             unrotated,
             f"the instance {self.within.name!r} is rotated, and the axes of this "
-            f"*{self.keyword} in its part may be those before or after; give it outside the "
+            f"{self.label} in its part may be those before or after; give it outside the "
             "part, or by vectors (n1, *ORIENTATION).",
         )
 
@@ -220,14 +227,20 @@ def _collect(sources: Sources, lines: list[str], file: str, cards_read: list[Car
 def _card(line: str, place: DeckPlace) -> Card:
     """The card of a keyword line."""
     head, *option_texts = _outside_quotes(line[1:])
-    keyword = "".join(head.split()).upper()
+    spaced = {}
+
+    def joined(words: str) -> str:
+        name = "".join(words.split()).upper()
+        spaced[name] = " ".join(words.split()).upper()
+        return name
+
+    keyword = joined(head)
     options = {}
     for part in option_texts:
-        name, _, value = part.partition("=")
-        name = "".join(name.split()).upper()
-        if name:
+        words, _, value = part.partition("=")
+        if name := joined(words):
             options[name] = value.strip()
-    return Card(keyword, options, place)
+    return Card(keyword, options, place, spaced=spaced)
 
 
 def _outside_quotes(text: str) -> list[str]:
@@ -389,10 +402,10 @@ def account_for(cards: list[Card], name: str) -> Account:
         if card.keyword == "STEP":
             count, step = count + 1, count
         fate = _at_step(card.keyword, CARDS.get(card.keyword, UNKNOWN), step)
-        account.cards.append((f"*{card.keyword}", card.place, fate))
+        account.cards.append((card.label, card.place, fate))
         if fate.kind == "read":
             for option in card.options:
-                label = f"*{card.keyword}, {option}="
+                label = f"{card.label}, {card.spaced.get(option, option)}="
                 account.options.append((label, card.place, _option_fate(card, option)))
         if card.keyword == "ENDSTEP":
             step = -1

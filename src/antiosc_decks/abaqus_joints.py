@@ -373,7 +373,7 @@ class _Joints:
             groups.append(joints.deck.nodes_of(card.elements()))
         nodes = np.unique(np.concatenate([NONE, *groups]))
         has_nodes = len(nodes) or card.option("PINNSET")
-        card.needs(has_nodes, f"*{card.keyword} names no nodes (NSET= or ELSET=).")
+        card.needs(has_nodes, f"{card.label} names no nodes (NSET= or ELSET=).")
         words = card.option("REFNODE"), card.option("ROTNODE")
         reference, rotation = (card.within.node(w, place) if w else None for w in words)
         if reference is None:  # a body that nothing else acts on: its nodes lead themselves
@@ -388,13 +388,13 @@ class _Joints:
     def coupling(self, card: Card) -> None:
         """*COUPLING: store its surface for the *KINEMATIC or *DISTRIBUTING card that follows."""
         surface = self._surface(card.needed("SURFACE"), card.place)
-        node = card.within.node(card.needed("REFNODE"), card.place)
+        node = card.within.node(card.needed("REF NODE"), card.place)
         self.current = node, surface.nodes, card
 
     def coupled(self, card: Card) -> None:
         """*KINEMATIC or *DISTRIBUTING of the last *COUPLING."""
         if self.current is None:
-            raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
+            raise card.place.error(f"{card.label} without *COUPLING before it.")
         if rows := card.rows():
             card.refuse_turned()
         motions = sorted({m for row in rows for m in _range(row, 0)}) or range(6)
@@ -412,7 +412,7 @@ class _Joints:
     def kinematic_coupling(self, card: Card) -> None:
         """*KINEMATIC COUPLING: nodes that follow the reference node in some motions."""
         card.refuse_turned()
-        node = card.within.node(card.needed("REFNODE"), card.place)
+        node = card.within.node(card.needed("REF NODE"), card.place)
         for row in card.rows():
             self._rigid(node, row.nodes(), _range(row, 1), card)
 
@@ -451,7 +451,7 @@ class _Joints:
         """Let a reference node follow the weighted mean motion of nodes, along `axes`."""
         card.needs(
             node not in nodes,
-            f"the reference node of *{card.keyword} is one of the nodes "
+            f"the reference node of {card.label} is one of the nodes "
             "whose mean motion it follows; give the coupling a node of its "
             "own.",
         )

@@ -221,7 +221,7 @@ def mesh_of(cards: list[Card], name: str) -> AbaqusMesh:
     for card in cards:
         card.needs(
             card.keyword not in GENERATORS,
-            f"*{card.keyword} is not read here; write the "
+            f"{card.label} is not read here; write the "
             "nodes and elements that it makes into the deck.",
         )
     mesh = AbaqusMesh()

@@ -158,7 +158,7 @@ def _add_points_and_links(
     counts = dict.fromkeys(POINT_ELEMENTS, 0)
     for card in assembled.named(*POINT_ELEMENTS):
         rows = card.rows()
-        card.needs(rows, f"*{card.keyword} without a value: a mass, stiffness or damping.")
+        card.needs(rows, f"{card.label} without a value: a mass, stiffness or damping.")
         for kind, nodes in assembled.elements_of(card):
             counts[card.keyword] += 1
             if card.keyword == "MASS":
@@ -244,12 +244,12 @@ def _link(
         values = values[1:]
     card.needs(
         len(values) == 1,
-        f"*{card.keyword} needs one {property_name} that does not depend on "
+        f"{card.label} needs one {property_name} that does not depend on "
         f"frequency or temperature; it has {len(values)}.",
     )
     value = real_number(values[0].word(0), values[0].place)
     place = values[0].place
-    builder.link(f"*{card.keyword}", property_name, terms, value, place)
+    builder.link(card.label, property_name, terms, value, place)
 
 
 def _along_motions(nodes: list[int], axes: Array, row: Row) -> list[Term]:

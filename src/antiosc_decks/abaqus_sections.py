@@ -44,7 +44,7 @@ def materials_of(cards: list[Card], builder: ModelBuilder) -> dict[str, Material
         elif current is not None and card.keyword in ("HYPERELASTIC", "HYPERFOAM"):
             if moduli := initial_moduli(card):
                 current.set_isotropic(*moduli)
-                message = f"the large strains of *{card.keyword} ({card.place}), its"
+                message = f"the large strains of {card.label} ({card.place}), its"
                 builder.tell_once(f"{message} initial moduli are taken")
         elif current is not None and card.keyword == "DENSITY":
             current.density = card.first().real(0)
@@ -292,7 +292,7 @@ class Sections:
             f"({kinds}); give each kind its own.",
         )
         raise card.place.error(
-            f"*{card.keyword} for elements ({kinds}) that carry no forces in this way; give them "
+            f"{card.label} for elements ({kinds}) that carry no forces in this way; give them "
             "as stress elements (of solids C3D…, shells S…, beams B…, trusses T…)."
         )
 

@@ -205,7 +205,7 @@ def _check(whole: Whole, roles: set[str]) -> None:
     for card in [*whole.cards, *steps]:
         card.needs(
             card.keyword not in REFUSED,
-            f"*{card.keyword} of an axisymmetric mesh is not supported: remove it, or revolve the"
+            f"{card.label} of an axisymmetric mesh is not supported: remove it, or revolve the"
             " mesh to solids (C3D8, C3D20).",
         )
     largest = np.abs(deck.points).max()

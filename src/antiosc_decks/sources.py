@@ -180,12 +180,13 @@ class Account:
         for k, (name, place, fate) in enumerate([*self.cards, *self.options]):
             if fate.kind != "refused":
                 continue
-            if alone and name in between:
+            between_pieces = name.replace(" ", "") in between
+            if alone and between_pieces:
                 self.cards[k] = (name, place, Fate("ignored", "with other pieces"))
                 continue
             remark = f" is {fate.what}, which" if fate.what else ""
             message = f"{place}: {name}{remark} is not supported here and would change the result;"
-            if name in between:
+            if between_pieces:
                 raise PiecesError(f"{message} remove it, or read one piece of the part (piece 1).")
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
 

@@ -109,7 +109,7 @@ def _check(whole: Whole, model: Card, first: Sequence[Card]) -> None:
         model.needs(everything, "a sector of some elements alone: give the whole ring.")
     for card in [*whole.cards, *first]:
         turned = card.keyword not in REFUSED
-        card.needs(turned, f"*{card.keyword} of a sector is not turned: give the whole ring.")
+        card.needs(turned, f"{card.label} of a sector is not turned: give the whole ring.")
 
 
 def _side(whole: Whole, tie: Card, k: int) -> IntArray:

@@ -265,7 +265,7 @@ def written(name: str) -> Counter[str]:
             found += written(include[1].strip().lower())
         elif name.endswith(".inp"):
             card = re.match(r"\*([^*,][^,]*)", line)
-            found[card[1].replace(" ", "") if card else ""] += 1
+            found[" ".join(card[1].split()) if card else ""] += 1
         elif started:
             card = re.match(r"([A-Z]\w*)", line)
             found[card[1] if card else ""] += 1
@@ -300,14 +300,14 @@ def test_cards_of_steps(tmp_path):
     """Later steps are ignored; a card of the model has no place in the first."""
     later = "*STEP\n*STATIC\n*END STEP\n*STEP\n*CONTACT PAIR,INTERACTION=I\nA,B\n*END STEP\n"
     model, _ = inp.read(tmp_path, SECTIONED + later)
-    assert any("*CONTACTPAIR of later steps" in text for text in model["ignored"])
+    assert any("*CONTACT PAIR of later steps" in text for text in model["ignored"])
     with pytest.raises(ao.MeshError, match="MATERIAL is in a step"):
         inp.read(tmp_path, SECTIONED + "*STEP\n*MATERIAL,NAME=N\n*END STEP\n")
 
 
 def test_options_are_told_or_refused(tmp_path):
-    _, deck = inp.read(tmp_path, SECTIONED.replace("*SOLID SECTION", "*SOLID SECTION,NOVEL=3"))
-    assert any("SOLIDSECTION, NOVEL=" in text for text in deck.remarks)
+    _, deck = inp.read(tmp_path, SECTIONED.replace("*SOLID SECTION", "*SOLID SECTION,New  Thing=3"))
+    assert any("*SOLID SECTION, NEW THING=" in text for text in deck.remarks)
     sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
     inp.read(tmp_path, sheet.format(""))
     for text in (
@@ -455,7 +455,7 @@ def test_a_bolt_is_whole_as_once_tightened(tmp_path):
     plain, _ = read(tmp_path, "plain.inp", bolt)
     cut = "*PRE-TENSION SECTION,SURFACE=CUT,NODE=99\n0.,0.,1.\n"
     tight, _ = read(tmp_path, "plain.inp", bolt + cut)
-    assert any("PRE-TENSIONSECTION" in words for words in tight.pop("ignored"))
+    assert any("*PRE-TENSION SECTION whose" in words for words in tight.pop("ignored"))
     plain.pop("ignored")
     assert tight == plain
 
