@@ -36,7 +36,7 @@ def _note(planes: list[tuple[str, float]]) -> str:
     if not planes:
         return ""
     named = " and ".join(f"{axis} = {engineering(place, 'm')}" for axis, place in planes)
-    held = " and ".join(f"along {axis} alone" for axis, _ in planes)
+    held = " and ".join(f"along {axis} alone" for axis in dict(planes))
     return (
         f"The nodes on the plane {named} are held {held}, as on a plane of symmetry. If the part is"
         " cut there, striker and force count for the cut part: a blow beside the plane is computed"

@@ -34,12 +34,17 @@ def cut(*supports: ao.Support) -> ao.Structure:
             ],
             "plane y = 0 m and z = 0 m",
         ),
+        (
+            [ao.Support(plane=((0, y, 0), (0, 1, 0)), fix="y") for y in (0.0, 0.04)],
+            "plane y = 0 m and y = 40.0 mm are held along y alone,",
+        ),
     ],
 )
 def test_planes_held_along_their_normal_alone_are_told(supports, planes):
     told = symmetry_note(cut(*supports))
     assert planes in told
     assert bool(planes) == bool(told)
+    assert told.count("along y alone") <= 1
     assert live.caution_of(None, None, cut(*supports)).startswith(told or "There is no error bar")
 
 
