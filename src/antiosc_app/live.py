@@ -681,8 +681,14 @@ def _struck(hit: History, structure: Structure | None, file: str) -> str:
 
 def _body(body: LinearBody | None) -> str:
     """Text of a striker: "A sphere of 32.9 g at 2.00 m/s"."""
+    text = striker_text(body)
+    return f"{'An' if text[0] in 'aeiouIE' else 'A'} {text}"
+
+
+def striker_text(body: LinearBody | None) -> str:
+    """Kind, mass and speed of a striker: "sphere of 32.9 g at 2.00 m/s"."""
     kind = _name_of(body) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(body).__name__).lower()
-    text = [f"{'An' if kind[0] in 'aeiouIE' else 'A'} {kind}"]
+    text = [kind]
     for name, (unit, word) in STRIKER_WORDS.items():
         value = getattr(body, name, None)
         if isinstance(value, float) and value:

@@ -54,6 +54,7 @@ from antiosc.plot.charts import (
     save_figure,
 )
 from antiosc.plotting import plot_deformed, plot_map
+from antiosc_app.conditions import beside_headline, conditions
 from antiosc_app.live import (
     bar_of_fall,
     caution_of,
@@ -435,8 +436,11 @@ def _impact(results: SceneResults) -> Presentation:
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
-    summary, explanation = (_untold(told, results) for told in (hit.summary(), hit.explanation))
-    text = [summary, str(budget or ""), format_rows([*probe_rows, *stresses])]
+    summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
+    held = conditions(results)
+    struck = format_rows([(f"{name:<{SUMMARY}}", value) for name, value in held])
+    told = "\n".join(filter(None, (struck, summary)))
+    text = [told, str(budget or ""), format_rows([*probe_rows, *stresses])]
     elastic = of_elastic_part(peaks, force)
     cautions = [doubt, elastic, caution_of(hit, budget, results.structure)]
     return Presentation(
@@ -451,11 +455,21 @@ def _impact(results: SceneResults) -> Presentation:
         plotted={**({} if is_scene else {"force": hit}), **peaks},
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
-            "Results": [_facts(hit), explanation, probe_rows, stresses],
+            "Results": [
+                _facts(hit),
+                beside_headline(results, held),
+                explanation,
+                probe_rows,
+                stresses,
+            ],
             "Errors": _errors(hit),
         },
         pictures=_impact_pictures(results, probes),
     )
+
+
+#: Width of the names in the summary of an impact.
+SUMMARY = len("contact time")
 
 
 def _untold(text: str, results: SceneResults) -> str:
