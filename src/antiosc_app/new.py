@@ -636,7 +636,7 @@ def _inspect_mesh(
     if family == "Solid":
         sites = _outside_hollows(mesh, outer, sites, largest_ball_on(longest))
         if not len(site_nodes):
-            sites = _clear_of_edges(outer, x, faces, sites)
+            sites = _clear_of_edges(outer, x, faces, sites, meshed)
     if family != "Beam" and mesh.gdim == 3:
         sites = _with_room(outer, sites, largest_ball_on(longest))
         if not len(site_nodes):
@@ -794,10 +794,14 @@ def _outside_hollows(
 
 
 def _clear_of_edges(
-    outer: Faces, x: Array, faces: IntArray, sites: Iterator[tuple[Array, Array, float | None]]
+    outer: Faces,
+    x: Array,
+    faces: IntArray,
+    sites: Iterator[tuple[Array, Array, float | None]],
+    meshed: bool,
 ) -> Iterator[tuple[Array, Array, float | None]]:
     """The sites of a solid; those where an edge cuts the smallest patch that the facets resolve
-    come last.
+    come last. The facets of a geometry are made as small as the patch (`meshed`).
     """
     from antiosc.reduce.site.doubts import WHOLE_PATCH
     from antiosc.reduce.site.sites import patches
@@ -806,7 +810,8 @@ def _clear_of_edges(
     cut = []
     for site in sites:
         place = site[0][None]
-        radius = np.array([RESOLVED * facet_size_at(x, faces, site[0])])
+        of_facets = RESOLVED * facet_size_at(x, faces, site[0])
+        radius = np.array([site[2] if meshed and site[2] else of_facets])
         contact = outer.contact(place, site[1][None], radius, labels)
         _, share = patches(outer, place, radius, contact)
         if share[0] < WHOLE_PATCH:
@@ -1022,7 +1027,7 @@ def _on_faces(
     the facets around.
 
     First the middle of the largest face, preferably far from supports and on top; then other
-    places, those with most room first.
+    places, those with most room first. Held faces are none, unless all are held.
     """
     corners = x[faces]
     middle = corners.mean(axis=1)
@@ -1053,7 +1058,8 @@ def _on_faces(
     clearance[supported[faces].any(axis=1)] = 0.0
     lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     tree = cKDTree(middle)
-    for best in np.lexsort((-clearance, -rating[side], ~chosen, fixed)):
+    ranked = np.lexsort((-clearance, -rating[side], ~chosen, fixed))
+    for best in ranked[: (~fixed).sum() or None]:
         if not chosen[best] and len(edge_points[side[best]]):
             edge_distance[best] = cKDTree(edge_points[side[best]]).query(middle[best])[0]
         neighbours = np.array(tree.query_ball_point(middle[best], UNDER_PATCH * lengths[best]))

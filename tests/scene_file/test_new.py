@@ -55,6 +55,29 @@ def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
     assert look.direction == [0.0, 0.0, -1.0]
 
 
+def test_a_held_face_is_not_struck():
+    look = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    outer = Faces(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), False)
+    size = float(np.linalg.norm(look.high - look.low))
+    none = np.zeros(0, dtype=int)
+    for held in (look.held, np.ones(len(look.held), dtype=bool)):
+        sites = template._on_faces(look.points, look.faces, outer, held, none, size)
+        free = ~held[look.faces].all(axis=1)
+        assert len(list(sites)) == (free.sum() or len(look.faces))
+
+
+def test_an_edge_cuts_no_patch_that_the_facets_are_made_for():
+    """10 mm from the edge of a plate, where its facets resolve 50 mm, and a patch of 3 mm."""
+    mesh = ao.box_mesh((0.4, 0.4, 0.05), size=0.05)
+    outer = Faces(mesh, False)
+    x = np.array(mesh.dolfinx.geometry.x)
+    near, middle = ((np.array([d, 0.21, 0.05]), -np.eye(3)[2], 3e-3) for d in (0.01, 0.2))
+    for meshed, first in ((True, near), (False, middle)):
+        sites = iter([near, middle])
+        ranked = template._clear_of_edges(outer, x, template._around(outer), sites, meshed)
+        assert next(ranked) is first
+
+
 def test_faces_that_follow_one_another_are_listed_by_the_first_and_the_last():
     numbers = [n for n in range(1, 707) if n not in (30, 40, 42)]
     lines = template._listed(["hole 6 mm (1)", "side", *(f"face {n}" for n in numbers)])

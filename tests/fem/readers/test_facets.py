@@ -469,3 +469,16 @@ def test_tetrahedra_that_touch_along_an_edge_alone_are_left_out():
     cells = np.array([[0, 1, 2, 3], [0, 1, 3, 4], [0, 1, 5, 6]])
     assert remade.without_pinches(points, cells).tolist() == cells[:2].tolist()
     assert remade.without_pinches(points, cells[:2]).tolist() == cells[:2].tolist()
+
+
+def test_small_closed_surfaces_are_no_part_of_a_solid():
+    """A crumb beside a tetrahedron, and a hollow in it that touches it at a corner."""
+    large = np.array([[0, 0, 0.0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    sides = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    points = np.vstack([large, 0.1 * large + 2, 0.1 * large])
+    hollow = np.array([0, 9, 10, 11])[sides][:, ::-1]
+    alone = remade.without_crumbs(points, np.vstack([sides, sides + 4, hollow]))
+    assert alone.tolist() == sides.tolist()
+    points[5:8] = 0.5 * large[1:] + 2  # an eighth of the volume
+    both = np.vstack([sides, sides + 4])
+    assert remade.without_crumbs(points, both).tolist() == both.tolist()
