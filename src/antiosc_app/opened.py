@@ -28,7 +28,7 @@ import numpy as np
 
 import antiosc
 from antiosc import AntiOscillators, History, ImpactMap
-from antiosc.base import checks, progress
+from antiosc.base import checks, materials, progress
 from antiosc.base.errors import (
     AntioscError,
     InputError,
@@ -403,6 +403,7 @@ class Opened:
             "faces": list(faces),
             "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
             "constants": {name: asdict(constants_of(name)) for name in MATERIALS},
+            "same_kind": materials.SAME_KIND,
             "strikers": STRIKERS,
             "striker_materials": MATERIALS,
             "hammers": HAMMERS,

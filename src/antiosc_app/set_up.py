@@ -141,7 +141,7 @@ class OwnMaterial:
     rho: float
     yield_strength: float | None = None
     yield_range: tuple[float, float] | None = None
-    #: name of the material that it begins as, whose strength grows alike with the strain rate
+    #: name of the material that it begins as: one of its kind grows alike with the strain rate
     origin: str = ""
 
     def __post_init__(self) -> None:
@@ -166,6 +166,8 @@ class OwnMaterial:
             return None
         origin = materials.record(self.origin)
         if origin.rate is None or origin.yield_strength is None:
+            return None
+        if not materials.same_kind((self.E, origin.E), (self.rho, origin.rho)):
             return None
         D, q, *strengths = origin.rate
         share = self.yield_strength / origin.yield_strength

@@ -168,6 +168,19 @@ def test_an_own_material_that_begins_as_another_has_no_narrower_bar(opened):
     stronger = set_up.OwnMaterial(**own | {"yield_strength": 470e6, "yield_range": None})
     assert stronger.table["rate"] == (*record.rate[:2], 2 * record.rate[2])
     assert "rate" not in set_up.OwnMaterial(**PRINTED).table
+    assert "rate" in set_up.OwnMaterial(**own | {"E": 1.05 * own["E"]}).table
+
+
+@pytest.mark.parametrize("plastic", [{"E": 2.1e9}, {"rho": 1270.0}])
+def test_a_plastic_that_begins_as_steel_does_not_grow_as_steel(opened, plastic):
+    """By a page, by name, and as a striker's material; a steel of other constants does."""
+    own = json.loads(json.dumps(opened.calls["look"]({})["constants"]["steel S235"]))
+    assert "rate" not in set_up.OwnMaterial(**own | plastic).table
+    assert ao.material("steel S235", **plastic).rate is None
+    striker = ao.RigidMass(0.1, 1.0, tip_radius=0.01, material="steel S235", E=2.1e9)
+    assert striker.material.rate is None
+    alloy = ao.material("steel S235", E=205e9, rho=7800, yield_strength=300e6)
+    assert alloy.rate == materials.record("steel S235").rate[:2]  # of this strength, not of S235's
 
 
 @pytest.mark.parametrize(
@@ -1066,6 +1079,10 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert softer["setup"]["own"] == {**own["setup"]["own"], "E": 70e9}
         assert softer["peak"] < own["peak"]
         assert softer["width"] <= width
+        for changed in ({}, {"E": 1.05 * 210e9}, {"E": 70e9}, {"rho": 1270.0}):
+            mine = own["setup"]["own"] | changed
+            lent = browser.run("return bench.lent(...arguments)", mine, "steel S235")
+            assert ("does not grow" in lent) == ("rate" not in set_up.OwnMaterial(**mine).table)
         browser.run(CHOOSE, "input[name=nu]", "0.6")
         rule = "return document.querySelector('input[name=nu]').closest('label').innerText"
         assert "between -1 and 0.5" in browser.run(rule)

@@ -107,6 +107,17 @@ def density_like(modulus: float) -> float:
     return float(nearest.rho)
 
 
+#: Change of Young's modulus and density, over those of a material, up to which another is of its
+#: kind: the strength of alloys of one metal grows alike with the strain rate, that of a plastic
+#: not as that of steel.
+SAME_KIND = 0.1
+
+
+def same_kind(*pairs: tuple[float | None, float]) -> bool:
+    """Whether a material is of the kind of another, by pairs of their constants; None: the same."""
+    return all(abs((own or old) - old) <= SAME_KIND * old for own, old in pairs)
+
+
 def _words(name: str) -> list[str]:
     return re.findall(r"[\w.%]+", name.lower())
 

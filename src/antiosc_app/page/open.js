@@ -346,8 +346,16 @@ class Bench {
     this.shown.push(() => {
       const { own } = this.setup, { origin = "" } = own || {};
       lent.hidden = this.setup.material !== OWN || !own.yield_strength || !origin;
-      lent.textContent = `The growth of its strength with the strain rate is that of ${origin}${own && own.yield_range ? ", and its range, until you change it, too: both in proportion to the yield strength" : ", in proportion to the yield strength"}.`;
+      if (!lent.hidden) lent.textContent = this.lent(own, origin);
     });
+  }
+
+  // What a material of one's own has of that which it began as: `same_kind` of antiosc.base.materials.
+  lent(own, origin) {
+    const before = this.facts.constants[origin];
+    const alike = ["E", "rho"].every((name) => Math.abs(own[name] - before[name]) <= this.facts.same_kind * before[name]);
+    if (!alike) return `Its strength does not grow with the strain rate, for it is not of the kind of ${origin}${own.yield_range ? `, whose range, in proportion to the yield strength, it has until you change it` : ""}.`;
+    return `The growth of its strength with the strain rate is that of ${origin}${own.yield_range ? ", and its range, until you change it, too: both in proportion to the yield strength" : ", in proportion to the yield strength"}.`;
   }
 
   // The range of the yield strength of a deck, once that is given.
