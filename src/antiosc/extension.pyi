@@ -130,6 +130,7 @@ from antiosc.impact.histories.run_end import (
 from antiosc.impact.histories.verdict import (
     YieldingZone as YieldingZone,
     brittle_sides as brittle_sides,
+    by_hertz as by_hertz,
     unknown_dent as unknown_dent,
     weaker_side as weaker_side,
     yield_share as yield_share,

@@ -58,6 +58,7 @@ from antiosc.extension import (
     WITHOUT_MESH,
     ErrorBudget,
     brittle_sides,
+    by_hertz,
     contact_time_note,
     hardest,
     left_out_text,
@@ -188,12 +189,12 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
     common_data = impact_data(
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
-    if common_data["law"]["yields"]:
-        common_data["law"]["yields"] |= {
-            "side": weaker_side(hit),
-            "unknown": unknown_dent(hit),
-            "brittle": [_brittle(matter) for matter in brittle_sides(hit)],
-        }
+    law_data = common_data["law"]
+    if law_data["yields"]:
+        law_data["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
+    law_data["brittle"] = [_brittle(matter) for matter in brittle_sides(hit)]
+    if plain := by_hertz(hit):
+        law_data["hertz"] = plain._asdict()
     return {
         **common_data,
         "ratio": _ratio(hit.model),

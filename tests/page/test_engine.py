@@ -31,7 +31,7 @@ Engine.load(fs.readFileSync(given.engine)).then((engine) => {
   const found = given.sets.map((set) => {
     const posed = pose(given.blow.body, given.blow, set);
     const hit = engine.strike(posed, given.blow.duration, given.tol);
-    const said = contact_sentence(hit, given.blow.law.yields);
+    const said = contact_sentence(hit, given.blow.law);
     return { ...hit, posed: 0, said, time: 0, force: 0,
       q: Array.from(engine.state(hit, given.at).q), at: engine.state(hit, given.at).force };
   });
@@ -146,6 +146,27 @@ def test_sliders_tell_the_tension_beside_the_contact_of_what_cracks():
         other = ao.simulate(glass, replace(ball, velocity=given["speed"]), duration=1e-3, tol=1e-6)
         assert found["said"] == other.verdict
         assert "crack" in found["said"]
+
+
+@node
+@pytest.mark.parametrize("law", [ao.Hertz, lambda k: ao.Gonthier(k, 0.6)])
+@pytest.mark.parametrize("part", ["glass, soda-lime", "steel S235"])
+def test_sliders_of_a_law_without_yield_say_what_simulate_says(law, part):
+    """The tension beside the contact of what cracks, and the force at which Hertz's law ends."""
+    model = MODEL.with_surface(ao.material(part))
+    ball = ao.Sphere(0.01, material="glass, soda-lime", velocity=1.0)
+    sets = [{"speed": 1e-3}, {"speed": 30.0}, {"stiffness": 3e9}]
+    hit = ao.simulate(model, ball, law(1e9), duration=1e-3, tol=1e-6)
+    said = []
+    for found, given in zip(on_the_page(hit, sets), sets, strict=True):
+        striker = replace(ball, velocity=given.get("speed", 1.0))
+        contact = law(given.get("stiffness", 1e9))
+        other = ao.simulate(model, striker, contact, duration=1e-3, tol=1e-6)
+        assert found["said"] == other.verdict
+        assert "crack" in found["said"]
+        said.append(found["said"])
+    ends = law is ao.Hertz and part == "steel S235"
+    assert ["Hertz's law ends" in one for one in said] == [False, ends, ends]
 
 
 @node

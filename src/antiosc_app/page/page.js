@@ -308,7 +308,7 @@ class Page {
 
   // The sentences of the headline: those of the computed case, or what is known of the present one.
   say(hit) {
-    const live = { contact: () => contact_sentence(hit, this.blow.law.yields), stress: () => stress_sentence(hit.stress, this.data.strength, this.data.scope) };
+    const live = { contact: () => contact_sentence(hit, this.blow.law), stress: () => stress_sentence(hit.stress, this.data.strength, this.data.scope) };
     const block = this.said.length ? this.said[0].p.parentElement : null;
     if (block) block.style.minHeight ||= `${block.offsetHeight}px`; // what is below does not jump
     if (block) block.classList.toggle("now", !this.at_start());

@@ -18,17 +18,20 @@ function rim_radius(yields, indentation, deepest) {
 }
 
 // Whether the contact yields, and what remains; "" of a law that does not say it.
-function contact_sentence(hit, yields) {
-  return [yielding_sentence(hit, yields), ...cracks(hit, yields)].filter(Boolean).join(" ");
+function contact_sentence(hit, law) {
+  return [yielding_sentence(hit, law), ...cracks(hit, law)].filter(Boolean).join(" ");
 }
 
-function yielding_sentence(hit, yields) {
+const UNKNOWN_YIELD = "Whether the contact yields is not known: give the yield strength or a material.";
+
+function yielding_sentence(hit, { yields, hertz }) {
+  if (hit.contacts && hertz) return hertz_sentence(hit, hertz);
   if (!yields || !yields.rim || !hit.contacts) return "";
   const [k, y] = hit.posed.params, { strength, side } = yields, elastic = elastic_depth(hit);
   const pressure = elastic_pressure(hit, yields), told = engineering(pressure, "Pa");
   const from = engineering(k * y ** 1.5, "N"), of = engineering(strength, "Pa");
   if (!(hit.dent > 0)) {
-    if ((yields.unknown || "").includes("yield strength")) return "Whether the contact yields is not known: give the yield strength or a material.";
+    if ((yields.unknown || "").includes("yield strength")) return UNKNOWN_YIELD;
     const share = general(Math.sqrt(elastic / y));
     return `The contact stays elastic: its pressure is ${told}, ${share} times that of first yield (yield strength ${of}${side ? ` of ${side}` : ""}).`;
   }
@@ -38,6 +41,11 @@ function yielding_sentence(hit, yields) {
     + ` It yields from ${from} on; Hertz's pressure would be ${told}, ${general(pressure / strength)} times the yield strength ${of}${(side || "").startsWith("the ") ? ` of ${side}` : ""}.`;
 }
 
+function hertz_sentence(hit, { limit, unknown }) {
+  if (limit && hit.peak_force > limit) return `The contact yields from ${engineering(limit, "N")} on, where Hertz's law ends: the contact "auto" goes on beyond.`;
+  return unknown ? UNKNOWN_YIELD : "";
+}
+
 // The indentation [m] that an elastic contact would have had, and the largest pressure [Pa] there.
 function elastic_depth(hit) { return (2.5 * hit.work / hit.posed.params[0]) ** 0.4; }
 function elastic_pressure(hit, { radius }) {
@@ -45,16 +53,25 @@ function elastic_pressure(hit, { radius }) {
 }
 
 // The tension at the rim of the contact on each side that cracks: antiosc.engine.contact.cracking.
-function cracks(hit, yields) {
-  if (!yields || !yields.rim || !hit.contacts) return [];
-  const y = hit.posed.params[1], mean = hit.dent > 0
-    ? hit.peak_force / (Math.PI * rim_radius(yields, y, hit.deepest) ** 2) : 2 / 3 * elastic_pressure(hit, yields);
-  return (yields.brittle || []).map(({ name, nu, bounds, small }) => {
+function cracks(hit, law) {
+  const mean = hit.contacts ? mean_pressure(hit, law) : null;
+  return mean === null ? [] : (law.brittle || []).map(({ name, nu, bounds, small }) => {
     const tension = (1 - 2 * nu) / 2 * mean, joined = (texts) => [...new Set(texts)].join(" to ");
     const shares = joined([...bounds].reverse().map((bound) => String(Number((tension / bound).toPrecision(2)))));
     return `In ${name} the tension at the rim of the contact is ${engineering(tension, "Pa")}, ${shares} times its strength in bending tests`
       + ` (${joined(bounds.map((bound) => engineering(bound, "Pa")))}): ${tension >= bounds[0] ? "it may crack there" : "no crack is expected there"}; ${small}.`;
   });
+}
+
+// Largest force over the area of the contact [Pa]; null of laws without an area.
+function mean_pressure(hit, { yields, hertz }) {
+  const [k, y] = hit.posed.params;
+  if (hertz) {
+    const radius = (0.75 * k / hertz.modulus) ** 2;
+    return 2 / 3 * (6 * hit.peak_force * hertz.modulus ** 2 / (Math.PI ** 3 * radius ** 2)) ** (1 / 3);
+  }
+  if (!yields || !yields.rim) return null;
+  return hit.dent > 0 ? hit.peak_force / (Math.PI * rim_radius(yields, y, hit.deepest) ** 2) : 2 / 3 * elastic_pressure(hit, yields);
 }
 
 // What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.

@@ -60,8 +60,12 @@ def mean_pressure(contact: Any, sides: Sequence[Matter]) -> float | None:
         return 2 / 3 * elastic_pressure(law, contact.deepest)
     if not isinstance(law, Hertz | Gonthier):
         return None
-    modulus = effective_modulus(*(value for matter in sides for value in (matter.E, matter.nu)))
-    return 2 / 3 * hertz_pressure(law.stiffness, modulus, contact.peak_force)
+    return 2 / 3 * hertz_pressure(law.stiffness, modulus_of(sides), contact.peak_force)
+
+
+def modulus_of(sides: Sequence[Matter]) -> float:
+    """E* [Pa] of two sides."""
+    return effective_modulus(*(value for matter in sides for value in (matter.E, matter.nu)))
 
 
 def _of_side(matter: Matter, pressure: float) -> str:
@@ -69,7 +73,8 @@ def _of_side(matter: Matter, pressure: float) -> str:
     assert matter.tensile is not None
     low, high = matter.tensile
     tension = (1 - 2 * matter.nu) / 2 * pressure
-    shares = " to ".join(dict.fromkeys(f"{tension / bound:.2g}" for bound in (high, low)))
+    rounded = (float(f"{tension / bound:.2g}") for bound in (high, low))
+    shares = " to ".join(dict.fromkeys(f"{share:.12g}" for share in rounded))
     strengths = " to ".join(dict.fromkeys(engineering(bound, "Pa") for bound in (low, high)))
     verdict = "it may crack there" if tension >= low else "no crack is expected there"
     return (
