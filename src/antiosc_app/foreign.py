@@ -27,6 +27,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.materials import density_like
+from antiosc.io.cad_volume import CUT, FOLLOW
 from antiosc.io.remade import ANEW
 from antiosc_app.scene_file.document import GEOMETRIES
 from antiosc_app.units import (
@@ -172,7 +173,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
         told_again: list[str] = []
         with warnings_to(told_again.append):
             mesh = antiosc.read_mesh(str(path), **read)
-        told = told_again if "solid" in read else told
+        of_first = (one for one in told if not _of_surface(one))
+        told = told_again if "solid" in read else [*of_first, *filter(_of_surface, told_again)]
     notes += told
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
         read["order"] = 1
@@ -262,10 +264,15 @@ def _first(
             failed = _not_joined(ways, options, reason)
             # what was repaired of a surface, and how it is meshed
             if "solid" not in options:
-                warned = [*failed, *(text for text in warned if ANEW in text)]
+                warned = [*failed, *filter(_of_surface, warned)]
             return mesh, options, pieces, warned
     assert reason is not None
     raise reason
+
+
+def _of_surface(warned: str) -> bool:
+    """Whether a warning is on a surface made anew, or one that the elements cut off or follow."""
+    return any(words in warned for words in (ANEW, FOLLOW, CUT))
 
 
 def _with_pieces(ways: list[Read]) -> Iterator[Read]:

@@ -22,11 +22,11 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import MeshError, MissingDependencyError, UnmeshableError
-from antiosc.io import cad, cad_curvature, facets, geo_script
+from antiosc.io import cad, cad_curvature, cad_volume, facets, geo_script
 from antiosc.io.cad import ATTEMPTS, Attempt, Names
 from antiosc.io.geo_script import CAD
 from antiosc.io.mesh_files import as_carried, known
-from antiosc.io.neutral import CELLS, FileMesh, IntArray, joined
+from antiosc.io.neutral import CELLS, FileMesh, IntArray, Solid, joined
 from antiosc.io.request import Request
 
 #: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
@@ -77,6 +77,9 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
     # faster, but its meshes of one part differ from run to run.
     gmsh.option.setNumber("Mesh.ElementOrder", order)
+    if ask.around:
+        stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(stated, ask.around))
     gmsh.model.mesh.generate(dim)
 
 
@@ -363,6 +366,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
             notes += facets.deviation(mesh, filled.volume)
             mesh.off = facets.off(mesh, filled)
         mesh.points *= unit_scale
+        mesh.solids = cad_volume.scaled(mesh.solids, unit_scale)
         mesh.remarks = [*notes, *mesh.remarks]
         mesh.cad = mesh.cad and mesh.cad.scaled(unit_scale)
         return mesh
@@ -481,10 +485,22 @@ def _arrays(gmsh: ModuleType, name: str, names: Names, numbered: bool) -> FileMe
     mesh = FileMesh(points, cells, "gmsh", of_solids | groups, aids=bool(groups))
     if numbered:
         mesh.labels = np.asarray(tags, dtype=np.int64)
+    mesh.solids = _solids(gmsh, rows)
     mesh = as_carried(mesh, name)
     surfaces = [tag for _, tag in gmsh.model.getEntities(2) if _mass(gmsh, 2, tag) is not None]
     mesh.cad = cad_curvature.at_nodes(gmsh, surfaces)
     return mesh
+
+
+def _solids(gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]]) -> list[Solid]:
+    """The solids of CAD whose cells, `rows` by entity, are tetrahedra."""
+    solids = []
+    for (dim, tag), blocks in rows.items():
+        volume = _mass(gmsh, dim, tag) if dim == 3 else None
+        if volume is not None and len(blocks) == 1:
+            members = next(iter(blocks.values()))
+            solids.append((int(members[0]), int(members[-1]) + 1, abs(volume)))
+    return solids
 
 
 def _groups(

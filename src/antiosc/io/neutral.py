@@ -96,6 +96,8 @@ def rectangles(shape: str) -> list[tuple[int, ...]]:
 IntArray = NDArray[np.int64]
 #: values as JSON holds them, by name
 Json: TypeAlias = dict[str, Any]
+#: (first row, end row, volume [m³]) of a solid of CAD: rows of the cells that fill it
+Solid = tuple[int, int, float]
 #: A motion: (node, or -1 - k of the k-th point of no element; motion 0 to 5; coefficient).
 Term = tuple[int, int, float]
 
@@ -238,6 +240,8 @@ class FileMesh:
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: by which share of its volume or its size a filled surface is off that of the file
     off: float = 0.0
+    #: (first row, end row, volume in CAD [m³]) of solids, as rows of the cells of volumes
+    solids: list[Solid] = field(default_factory=list)
 
 
 @dataclass
@@ -264,6 +268,10 @@ class RawMesh:
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
     off: float = 0.0
+    #: for each cell the volume in CAD of its solid over its number of cells [m³]; none: unknown
+    shares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    #: of the mesh, and of its solids in CAD [m³]; 0: unknown
+    volumes: tuple[float, float] = (0.0, 0.0)
 
 
 def joined(parts: Iterable[tuple[str, str, IntArray]]) -> dict[str, dict[str, IntArray]]:
@@ -305,6 +313,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "model": mesh.model,
         "cad": mesh.cad is not None,
         "off": mesh.off,
+        "solids": mesh.solids,
     }
     empty = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
@@ -348,6 +357,8 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     mesh.model = head.get("model")
     mesh.cad = cad
     mesh.off = float(head.get("off", 0.0))
+    solids = head.get("solids", [])
+    mesh.solids = [(int(first), int(end), float(volume)) for first, end, volume in solids]
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

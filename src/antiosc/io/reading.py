@@ -25,7 +25,7 @@ from antiosc.base import progress
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_is_read
-from antiosc.io import kept_surfaces, remade
+from antiosc.io import cad_volume, kept_surfaces, remade
 from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
@@ -77,6 +77,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     raw.model = mesh.model
     raw.cad = mesh.cad
     raw.off = mesh.off
+    raw.shares = cad_volume.shares(mesh.solids, cell_rows, raw.kind)
     if len(mesh.labels):
         raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
         raw.labels[: len(mesh.labels)] = mesh.labels
@@ -333,16 +334,15 @@ def read(
         "sizes": None if sizes is None else vars(sizes),
     }
 
-    def read_attempt(
-        attempt: int, most: float | None = None, file: Path = path, **other: Any
-    ) -> RawMesh:
-        asked_for = {**options, **other, "attempt": attempt, "most": most}
+    def read_once(file: Path, asked_for: Mapping[str, Any]) -> RawMesh:
         content = _content(file, timeout, unit, merge, **asked_for)
         raw = selected(content, cells, order, path.name)
         if piece is not None and not (one_solid and raw.kind.dim == 3):
             raw = one_piece(raw, piece, path.name)
+        in_cad = float(raw.shares.sum())
+        raw.shares = raw.shares[:0]
         try:
-            return sound(raw)
+            raw = sound(raw)
         except UnmeshableError as error:
             if merge is None:
                 raise
@@ -350,6 +350,24 @@ def read(
                 f"{str(error).rstrip('.')}; its nodes are joined up to {merge:g} m: take a smaller "
                 "merge, or piece 1, the largest piece alone."
             ) from None
+        if in_cad > 0:
+            raw.volumes = cad_volume.of_mesh(raw.points, raw.cells), in_cad
+        return raw
+
+    def read_attempt(
+        attempt: int, most: float | None = None, file: Path = path, **other: Any
+    ) -> RawMesh:
+        asked_for = {**options, **other, "attempt": attempt, "most": most}
+        plain = partial(read_once, file, asked_for)
+        if ATTEMPTS[attempt].curved or sizes is not None:
+            return plain()
+
+        def following(around: float) -> RawMesh:
+            limit = min(most or cad_volume.MOST_TIME, cad_volume.MOST_TIME)
+            return read_once(file, {**asked_for, "around": around, "most": limit})
+
+        key = (*Asked(path, piece=options["piece"]).state, attempt, options["size"])
+        return cad_volume.followed(plain, following, key, path.name)
 
     geometry = path.suffix.lower() in GEOMETRY
     if not (geometry or options.get("solid")):
@@ -604,7 +622,9 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
     count = int(label.max()) + 1
     if piece > count:
         raise MeshError(f"{name} has {count} pieces that share no node; there is no piece {piece}.")
-    raw = compact(replace(raw, cells=raw.cells[label == piece - 1]))
+    of_piece = label == piece - 1
+    shares = raw.shares[of_piece] if len(raw.shares) else raw.shares
+    raw = compact(replace(raw, cells=raw.cells[of_piece], shares=shares))
     raw.groups = {name: parts for name, parts in raw.groups.items() if parts}
     if count > 1:
         raw.remarks = [*raw.remarks, piece_is_read(name, piece, count)]
@@ -766,6 +786,7 @@ def _content(
             "damaged; write it anew in the program that made it."
         )
     content.points = content.points * unit.length
+    content.solids = cad_volume.scaled(content.solids, unit.length)
     content.cad = content.cad and content.cad.scaled(unit.length)
     if merge is None:
         return content

@@ -55,6 +55,8 @@ class Request:
     grading: Sequence[float] = GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: Json | None = None
+    #: least number of elements around a full turn of curved surfaces, 0: any; geometry only
+    around: float = 0.0
     #: fill a closed surface
     solid: bool = False
     #: make a surface of triangles anew, that it can be filled (`remade`)

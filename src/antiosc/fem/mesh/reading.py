@@ -30,6 +30,7 @@ from antiosc.fem.mesh import Mesh, distributed, parallel
 from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
+from antiosc.io import cad_volume
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.neutral import RawMesh, UnitSystem
@@ -88,7 +89,8 @@ def read_mesh(
     order
         Geometric order, 1 or 2. By default that of the file; geometry files are meshed with
         curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
-        at a tight fillet are straightened. `order=1` drops mid-side nodes.
+        at a tight fillet are straightened, and if the volume is then off that in CAD by more than
+        0.5 %, elements follow the curvature. `order=1` drops mid-side nodes.
     refine
         Pairs (point, size): elements of that size around the point, growing away from it;
         geometry files only. A site with a radius needs elements no larger than the radius.
@@ -143,7 +145,8 @@ def read_mesh(
     Warns
     -----
     AntioscWarning
-        Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells.
+        Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells;
+        a volume that differs from that in CAD by more than 0.5 %.
     """
     for name, value, of in (("size", size, "m"), ("merge", merge, "m"), ("timeout", timeout, "s")):
         if value is not None:
@@ -219,7 +222,7 @@ def read_mesh(
         )
 
     raw = on_root(comm, work)
-    for sentence in raw.remarks:
+    for sentence in [*raw.remarks, *cad_volume.told(raw, file.name, order == 1)]:
         warn(comm, sentence)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
     return replace(distributed(raw, file.name, comm), stated=unit_stated)
