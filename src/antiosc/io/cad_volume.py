@@ -119,11 +119,16 @@ _known: dict[Hashable, Following] = {}
 
 
 def followed(
-    plain: Callable[[], RawMesh], following: Callable[[float], RawMesh], key: Hashable, name: str
+    plain: Callable[[], RawMesh],
+    following: Callable[[float], RawMesh],
+    key: Hashable,
+    name: str,
+    least: float = 0.0,
 ) -> RawMesh:
     """The mesh `plain`; or `following` the curvature, if the volume of the former is off.
 
-    `following`: the mesh with so many elements around a full turn; `key`: file and size.
+    `following`: the mesh with so many elements around a full turn; `key`: file and size; `least`:
+    how many the mesh `plain` has.
     """
     known = _known.get(key)
     if known and known.around:
@@ -133,7 +138,7 @@ def followed(
     first = plain()
     if abs(excess(first)) <= TOLD or first.kind.order == 1 or known == Following(0.0):
         return first
-    around, best = _nearest(first, following)
+    around, best = _nearest(first, following, least)
     if not around:
         _known[key] = Following(0.0)
         return first
@@ -143,12 +148,14 @@ def followed(
     return _with_remark(best, sentence)
 
 
-def _nearest(first: RawMesh, following: Callable[[float], RawMesh]) -> tuple[float, RawMesh]:
-    """(elements around a full turn, mesh): the fewest with which the volume is right, or the
-    nearest to that; 0 and the first mesh if none is nearer.
+def _nearest(
+    first: RawMesh, following: Callable[[float], RawMesh], least: float
+) -> tuple[float, RawMesh]:
+    """(elements around a full turn, mesh): the fewest above `least` with which the volume is right,
+    or the nearest to that; 0 and the first mesh if none is nearer.
     """
     best = 0.0, first
-    for around in AROUND:
+    for around in (number for number in AROUND if number > least):
         raw = _attempted(following, around)
         if raw is None or len(raw.cells) > MOST_TIMES * len(first.cells):
             break

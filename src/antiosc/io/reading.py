@@ -26,7 +26,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io import cad_volume, kept_surfaces, remade
-from antiosc.io.by_gmsh import GEOMETRY, SCRIPTS, SizeField
+from antiosc.io.by_gmsh import AROUND_CURVED, GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
 from antiosc.io.facets import SURFACES
 from antiosc.io.geo_script import CAD
@@ -359,7 +359,7 @@ def read(
     ) -> RawMesh:
         asked_for = {**options, **other, "attempt": attempt, "most": most}
         plain = partial(read_once, file, asked_for)
-        if ATTEMPTS[attempt].curved or sizes is not None:
+        if ATTEMPTS[attempt].curved:
             return plain()
 
         def following(around: float) -> RawMesh:
@@ -367,7 +367,8 @@ def read(
             return read_once(file, {**asked_for, "around": around, "most": limit})
 
         key = (*Asked(path, piece=options["piece"]).state, attempt, options["size"])
-        return cad_volume.followed(plain, following, key, path.name)
+        least = 0.0 if sizes is None else AROUND_CURVED
+        return cad_volume.followed(plain, following, key, path.name, least)
 
     geometry = path.suffix.lower() in GEOMETRY
     if not (geometry or options.get("solid")):

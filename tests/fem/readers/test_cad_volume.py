@@ -42,6 +42,20 @@ def nothing_known():
     cad_volume._known.clear()
 
 
+@pytest.fixture
+def readings(monkeypatch) -> list[float]:
+    """The elements around a full turn of each reading."""
+    seen: list[float] = []
+    content = reading._content
+
+    def counted(*arguments, **options):
+        seen.append(options.get("around", 0.0))
+        return content(*arguments, **options)
+
+    monkeypatch.setattr(reading, "_content", counted)
+    return seen
+
+
 def plate(occ, bottom: float = 0.0) -> int:
     """A plate with holes."""
     side = HOLES * PITCH
@@ -184,7 +198,15 @@ def test_the_solids_that_are_read_count(tmp_path, options, exact):
     assert any(FOLLOW in sentence for sentence in told) == follows
 
 
-def test_straight_elements_are_as_many_as_the_size_makes_and_are_told(tmp_path):
+def test_a_piece_of_solids_that_do_not_touch_is_compared_with_its_own_volume(tmp_path):
+    path = written(tmp_path / "two.step", lambda occ: plate(occ, 1.0), block)
+    for piece, exact in ((1, OF_PLATE), (2, 2 * OF_PLATE)):  # the block has fewer cells
+        _, volume, told = read(path, size=4e-3, fragments=True, piece=piece)
+        assert volume == pytest.approx(exact, rel=5e-3)
+        assert not any(CUT in sentence for sentence in told)
+
+
+def test_straight_elements_are_as_many_as_the_size_makes_and_are_told(tmp_path, readings):
     """A rod of order 1 is a prism with fewer sides: it stays so, since that was asked for."""
     path = written(tmp_path / "rod.step", lambda occ: occ.addCylinder(0, 0, 0, 0, 0, 20, 5))
     _, volume, told = read(path, size=5e-3, order=1)
@@ -193,23 +215,10 @@ def test_straight_elements_are_as_many_as_the_size_makes_and_are_told(tmp_path):
     assert len(told) == 1
     assert "order 2" in told[0]
     assert "too small" in told[0]
+    assert readings == [0.0]
     _, volume, told = read(path, size=5e-3)
     assert volume == pytest.approx(exact, rel=5e-3)
     assert told == []
-
-
-@pytest.fixture
-def readings(monkeypatch) -> list[float]:
-    """The elements around a full turn of each reading."""
-    seen: list[float] = []
-    content = reading._content
-
-    def counted(*arguments, **options):
-        seen.append(options.get("around", 0.0))
-        return content(*arguments, **options)
-
-    monkeypatch.setattr(reading, "_content", counted)
-    return seen
 
 
 def test_a_usual_part_is_meshed_once(tmp_path, readings):
@@ -263,12 +272,19 @@ def test_a_new_scene_tells_what_its_part_needs(tmp_path, monkeypatch):
     assert [CUT in note for note in foreign_part(path, size=4e-3).notes] == [True]
 
 
-def test_a_mesh_for_an_error_tells_its_difference_and_its_coarsest_mesh_does_not(tmp_path):
+def test_a_mesh_for_an_error_keeps_its_volume_or_tells_the_difference(
+    tmp_path, readings, monkeypatch
+):
     told: list[str] = []
     path = written(tmp_path / "plate.step", plate)
     with warnings_to(told.append):
         source = source_of(path)
-        assert told == []
+        mesh = source.first(4e-3, [])
+        assert ao.Structure(mesh, STEEL).mass / 7850 == pytest.approx(OF_PLATE, rel=5e-3)
+        assert readings[:3] == [0.0, 0.0, 8.0]  # it has 6 already
+        assert told == []  # of the coarsest mesh, which has no results
+        cad_volume._known.clear()
+        monkeypatch.setattr(cad_volume, "MOST_TIMES", 0.0)
         mesh = source.first(4e-3, [])
     volume = ao.Structure(mesh, STEEL).mass / 7850
     assert abs(volume / OF_PLATE - 1) > 5e-3
