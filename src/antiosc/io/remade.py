@@ -76,9 +76,10 @@ def made_anew(skin: FacetSkin, name: str, volume: float | None = None) -> FacetS
     cells = without_pinches(points, cells.astype(np.int64))
     anew = cleaned(points, without_crumbs(points, boundary(cells)), name)
     change = _volume(anew) / (volume or _volume(skin)) - 1
+    sense = "less" if change < 0 else "more"
     told = (
-        f"the surface of {name} is {ANEW} by fTetWild, within {distance:.2g} units of the file; "
-        f"it encloses {100 * abs(change):.2g} % {'less' if change < 0 else 'more'}."
+        f"the surface of {name} is {ANEW} by fTetWild, within {100 * ENVELOPE:g} % of the "
+        f"diagonal of its box; it encloses {100 * abs(change):.2g} % {sense}."
     )
     return replace(anew, remarks=[*skin.remarks, told])
 
