@@ -271,7 +271,7 @@ class Margin(ReprMixin):
         """Place and time of the worst point: "at (1, 2, 3) mm, 809 µs"."""
         place = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
         if len(self.spans) > 1:
-            place += f", in impact {self.impact}"
+            place += f", by impact {self.impact}"
         if self.layer is None:
             return place
         return f"in layer {self.layer} ({self.surface}) {place}"
