@@ -522,7 +522,7 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     assert [span.stress for span in margin.spans] == pytest.approx(stresses)
     assert margin.stress == pytest.approx(max(stresses))
     assert "yield is not reached" in margin.sentence
-    assert f", in impact {judged + 1}" in margin.sentence
+    assert f", by impact {judged + 1}" in margin.sentence
     wide = [0.01] * 3
     wide[other] = 2e9 / stresses[other]  # its largest force yields
     assert f"yield may be reached in impact {other + 1} " in margin_with(wide).sentence
