@@ -277,6 +277,8 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
         ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
     ]  # fmt: skip
     assert headline_of_map(timed).caution.startswith("There is no error bar")
+    struck = dataclasses.replace(timed, impactor=ao.RigidMass(0.01, 1.0))
+    assert headline_of_map(struck, file="a.inp").about.endswith(" strikes a.inp.")
     assert (
         "radius of the patch (in a scene: [map] radius; on the page"
         in headline_of_map(timed).sentences[2]

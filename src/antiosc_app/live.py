@@ -491,11 +491,12 @@ def headline_of_map(
     structure: Structure | None = None,
     stresses: str = IN_SCENE,
     known: dict[int, History] | None = None,
+    file: str = "",
 ) -> Headline:
     """The headline of a map; with its structure it has the error bar of the largest force.
 
     `stresses`: how a map without stresses gets them. `known`: impacts of the map's sites alone, by
-    the numbers of the sites, to which others are added.
+    the numbers of the sites, to which others are added. `file`: name of the part's file, if known.
     """
     known = {} if known is None else known
     bar = None
@@ -536,7 +537,7 @@ def headline_of_map(
         cautions.append(_no_bar_of_map(impact_map, known))
     about = (
         f"{_body(impact_map.impactor)} strikes "
-        f"{_named(impact_map.info.get('structure', 'a part'))}."
+        f"{file or _named(impact_map.info.get('structure', 'a part'))}."
     )
     about = about if impact_map.impactor else "Models over a surface"
     return Headline(about, numbers, sentences, caution=" ".join(cautions))
@@ -786,7 +787,10 @@ def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str
 
 
 #: Beside a stress whose error by the mesh is not estimated.
-NO_MESH_ERROR = "mesh not estimated: compare two cell sizes"
+COMPARED = "compare two cell sizes"
+NO_MESH_ERROR = f"mesh not estimated: {COMPARED}"
+#: The same of a deck that keeps its elements.
+COMPARED_DECKS = "compare with a deck of smaller cells"
 
 
 def without_mesh_error(peak: PeakField) -> str:

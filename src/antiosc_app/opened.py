@@ -157,7 +157,7 @@ class Overtaken(BaseException):
 
 class PageImpact(NamedTuple):
     """An impact with its scene and inputs; `settled`: by the extracted model, with no better one to
-    come; `refining`: what a better one has.
+    come; `refining`: what a better one has; `file`: name of the part's file, with the piece.
     """
 
     sections: Table
@@ -166,6 +166,7 @@ class PageImpact(NamedTuple):
     model: AntiOscillators
     hit: History
     settled: bool
+    file: str
     refining: str = ""
 
 
@@ -310,6 +311,8 @@ class Opened:
                 is_finer = finer or result.get("taken", {}).get("finer", False)
                 remedy = _smaller_cells(source.look, self._given is None, is_finer)
             fields = {SMALLER_CELLS: remedy, **PAGE_WORDS}
+            if source is not None and source.look.kept:
+                fields[live.COMPARED] = live.COMPARED_DECKS
             if source is not None and source.look.of_deck:
                 fields[live.OWN_STRENGTH] = "the fields yield strength and its range"
             return {name: _in_words(value, fields) for name, value in {**result, **told}.items()}
@@ -556,7 +559,12 @@ class Opened:
         model = approximate or self._extracted(scene)
         evaluate = _evaluation(scene, structure=structure, model=model)
         hit: History = evaluate(scene.history)
-        return PageImpact(sections, scene, structure, model, hit, approximate is None)
+        settled = approximate is None
+        return PageImpact(sections, scene, structure, model, hit, settled, self._file())
+
+    def _file(self) -> str:
+        """Name of the opened file, with its piece; "" of a structure that was given."""
+        return "" if self._given is not None else self._opened().told
 
     def _opened(self) -> InspectedFile:
         """The opened part; InputError before that."""
@@ -696,7 +704,7 @@ class Opened:
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
         began = time.perf_counter()
-        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE, alone)
+        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE, alone, self._file())
         took = time.perf_counter() - began
         where = "the part" if values.get("where") is None else str(values["where"])
         about = f"{headline.about} {len(impact_map)} sites of {where}, {_lasting(impact_map)}."
@@ -852,7 +860,10 @@ def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
 
 
 def _in_words(value: object, fields: Mapping[str, str]) -> object:
-    """A text, or a list of such, in which the page's words replace others."""
+    """A text, a list of such, or the texts of a table, in which the page's words replace others."""
+    if isinstance(value, dict):
+        texts = {name: _in_words(one, fields) for name, one in value.items() if type(one) is str}
+        return value | texts
     if isinstance(value, str):
         return reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
     return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
@@ -923,8 +934,7 @@ def _strengths(blow: PageImpact) -> dict[str, Any]:
 def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
     """The headline of an impact."""
     budget = run.error_budget(blow.hit)
-    of_deck = blow.sections.get("deck", {}).get("path", "")
-    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None, of_deck)
+    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None, blow.file)
 
 
 def _told(blow: PageImpact) -> Data:

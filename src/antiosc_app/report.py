@@ -341,7 +341,7 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
         return falls.data_of_fall(fall, results.worst), falls.headline_of_fall(fall, results.worst)
     if results.map is not None:
         return live_data.data_of_map(results.map, results.structure), live.headline_of_map(
-            results.map, results.structure
+            results.map, results.structure, file=_file_of(results)
         )
     hit = results.history
     if hit is None or isinstance(hit, SceneHistory):

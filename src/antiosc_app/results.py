@@ -56,6 +56,8 @@ from antiosc.plot.charts import (
 from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.conditions import beside_headline, conditions
 from antiosc_app.live import (
+    COMPARED,
+    COMPARED_DECKS,
     bar_of_fall,
     caution_of,
     force_bar,
@@ -1138,13 +1140,17 @@ def with_remedy(text: str, results: SceneResults) -> str:
     if section is None or results.structure is None:
         return text
     from antiosc.extension import with_parts
+    from antiosc_decks.from_deck import kept_elements  # it needs the finite elements
 
     size = f"size in [{section}]"
     source = str(data[section].get("source")).lower()
     remedy = f"refine, or {size}"
+    kept = section == "deck" and bool(kept_elements(results.structure))
+    if kept:
+        text = text.replace(COMPARED, COMPARED_DECKS)
     if not source.endswith(GEOMETRIES) and not data[section].get("solid"):
         members = with_parts(results.structure).members()
-        remedy = halved(size, max(member.part.mesh.tdim for member in members))
+        remedy = halved(size, 0 if kept else max(member.part.mesh.tdim for member in members))
     return text.replace(SMALLER_CELLS, remedy)
 
 

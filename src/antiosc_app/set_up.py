@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from antiosc import IMPACTORS, Solid
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
+from antiosc.base.texts import piece_told
 from antiosc_app.new import (
     BALL_MATERIAL,
     FALL_HEIGHT,
@@ -76,6 +77,14 @@ class InspectedFile(NamedTuple):
     name: str
     look: Inspection
     faces: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def told(self) -> str:
+        """Its name, with the piece of it that is read: "piece 1 of 12 of a.step"."""
+        piece, count = self.look.read.get("piece"), len(self.look.pieces)
+        of_pieces = f"piece {piece} of {count}" if piece and count else ""
+        told = piece_told(self.look.notes) or of_pieces
+        return f"{told} of {self.name}" if told else self.name
 
     def size_at(self, point: Sequence[float]) -> float:
         """Size [m] of the facets of the skin under the patch that they resolve at a point."""

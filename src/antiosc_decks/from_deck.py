@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from mpi4py import MPI
@@ -142,6 +143,17 @@ def _of_parts(parts: Mapping[str, Structure], supports: Sequence[Support]) -> li
     return of_parts
 
 
+#: Structures of decks that keep their elements -> why.
+_kept: WeakKeyDictionary[Structure, str] = WeakKeyDictionary()
+
+
+def kept_elements(structure: Structure) -> str:
+    """Why the elements of the deck of a structure cannot be halved; "" if they can, or without a
+    deck.
+    """
+    return _kept.get(structure, "")
+
+
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
 #: Name of the part with the triangles, if there are quadrilaterals too.
@@ -274,10 +286,13 @@ def read_model(
         name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
         for name, raw in raws.items()
     }
-    if not model["joined"]:
-        return next(iter(structures.values()))
-    numbers = {name: raw.numbers for name, raw in raws.items()}
-    return joined(structures, numbers, model, added_supports, added_attachments, solver)
+    structure = next(iter(structures.values()))
+    if model["joined"]:
+        numbers = {name: raw.numbers for name, raw in raws.items()}
+        structure = joined(structures, numbers, model, added_supports, added_attachments, solver)
+    if reason := not_halved(model):
+        _kept[structure] = reason
+    return structure
 
 
 def outline_of_deck(

@@ -19,7 +19,7 @@ import antiosc as ao
 from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
-from antiosc_app import new, opened, units
+from antiosc_app import new, opened, set_up, units
 from antiosc_app.foreign import foreign_part
 from antiosc_app.new import inspect_part
 from parts import gmsh_session
@@ -227,6 +227,7 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
         ao.read_model(path, unit="mm")
     found = inspect_part(path)
     assert found.read == {"unit": "mm", "piece": 1}
+    assert set_up.InspectedFile(path.name, found, {}).told == "piece 1 of 2 of a.inp"
     told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
     assert [told in note for note in found.notes] == [True]
     with pytest.warns(ao.AntioscWarning, match=r"\*CONTACT PAIR with other pieces"):

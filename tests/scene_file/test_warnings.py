@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -16,6 +17,7 @@ from antiosc.base.texts import percent
 from antiosc.impact import stretching
 from antiosc.models.stretch import NARROWED
 from antiosc_app import cli, live
+from antiosc_app.opened import Opened
 from antiosc_app.scene_file import run
 from scene_files import antiosc, written
 
@@ -79,6 +81,30 @@ def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, ca
     assert said.err.startswith("warning: of plate.inp are not taken")
     assert "The cell at the site" not in said.err
     assert page.index("are not taken") > force
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_a_deck_that_keeps_its_elements_is_not_told_to_compare_two_cell_sizes(tmp_path, capsys):
+    joined = "*EQUATION\n2\n17, 1, 1., 19, 1, -1.\n*STEP"
+    written(tmp_path, plate_deck(6).replace("*STEP", joined), "plate.inp")
+    scene = written(tmp_path, SCENE.format(strength=STRENGTH))
+    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
+    for text in (capsys.readouterr().out, (tmp_path / "page.html").read_text(encoding="utf-8")):
+        assert live.COMPARED_DECKS in text
+        assert live.COMPARED not in text
+        assert "size in [deck]" not in text
+    part = Opened(tmp_path / "plate.inp", unit="m")
+    try:
+        setup = json.loads(json.dumps(part.calls["look"]({})["setup"])) | {"n": 10}
+        asked = {"tab": "a", "turn": 1, "setup": setup | {"duration": 0.02}}
+        about = part.calls["settle"](asked)["about"]
+        judged = part.calls["verdict"](asked)["judged"]
+    finally:
+        part.close()
+    assert "strikes plate.inp at" in about
+    assert "assembly of" not in about
+    assert live.COMPARED_DECKS in judged["stress_note"]
 
 
 @pytest.mark.fem
