@@ -206,15 +206,13 @@ def test_a_piece_of_solids_that_do_not_touch_is_compared_with_its_own_volume(tmp
         assert not any(CUT in sentence for sentence in told)
 
 
-def test_straight_elements_are_as_many_as_the_size_makes_and_are_told(tmp_path, readings):
+def test_straight_elements_are_as_many_as_the_size_makes(tmp_path, readings):
     """A rod of order 1 is a prism with fewer sides: it stays so, since that was asked for."""
     path = written(tmp_path / "rod.step", lambda occ: occ.addCylinder(0, 0, 0, 0, 0, 20, 5))
     _, volume, told = read(path, size=5e-3, order=1)
     exact = 1e-9 * 20 * pi * 5**2
     assert volume < 0.98 * exact
-    assert len(told) == 1
-    assert "order 2" in told[0]
-    assert "too small" in told[0]
+    assert told == []
     assert readings == [0.0]
     _, volume, told = read(path, size=5e-3)
     assert volume == pytest.approx(exact, rel=5e-3)
@@ -289,7 +287,6 @@ def test_a_mesh_for_an_error_keeps_its_volume_or_tells_the_difference(
     volume = ao.Structure(mesh, STEEL).mass / 7850
     assert abs(volume / OF_PLATE - 1) > 5e-3
     assert [CUT in sentence for sentence in told] == [True]
-    assert "order 2" not in told[0]
 
 
 RANKS = """
