@@ -453,10 +453,12 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             raw = _meshed(again, asked._replace(anew=True))
         except MeshError as error:
             _anew.clear()
-            sentence = f"{reason}; nor can its surface be filled that was made anew: {error}"
+            told = str(error).replace(file.name, asked.name)
+            sentence = f"{reason}; nor can its surface be filled that was made anew: {told}"
             raise UnmeshableError(sentence) from error
     kept_surfaces.save(key, surface, reason)
-    raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *raw.remarks]
+    own = [remark.replace(file.name, asked.name) for remark in raw.remarks]
+    raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *own]
     if SAMPLE in surface.cells:
         raw.groups = _named_by_samples(raw, surface, asked.unit)
     return raw

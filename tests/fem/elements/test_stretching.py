@@ -13,7 +13,9 @@ from scipy.integrate import cumulative_trapezoid
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
+from antiosc.extension import Faces
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh import walls
 from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
@@ -297,6 +299,17 @@ def test_the_wall_of_a_tube_is_that_between_its_facets(tmp_path):
     path.write_text("\n".join([*script, 'Physical Volume("tube") = {3};']))
     mesh = ao.read_mesh(path, size=0.01)
     assert wall_thickness(mesh) == pytest.approx(0.004, rel=0.1)
+
+
+def test_pieces_that_touch_make_no_wall_of_no_thickness():
+    """The faces in contact lie behind each other by rounding."""
+    below, above = ao.box_mesh((0.2, 0.1, 0.02), 0.02), ao.box_mesh((0.2, 0.1, 0.02), 0.02)
+    faces = [Faces(mesh, False) for mesh in (below, above)]
+    shift = np.array([0, 0, 0.02 * (1 - 1e-15)])
+    centres = np.concatenate([faces[0].centres, faces[1].centres + shift])
+    normals = np.concatenate([one.normals for one in faces])
+    for k in range(len(centres)):
+        assert walls._depth(centres, normals, centres[k], normals[k]) > 0.01
 
 
 def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():

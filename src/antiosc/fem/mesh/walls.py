@@ -12,6 +12,9 @@ from antiosc.fem.mesh.surface import Faces, quadrature
 POINTS = 64
 #: Cosine of the normals of two opposite faces, at most.
 OPPOSITE = -0.5
+#: Distance behind a face, over the size of the part, up to which an opposite face touches it, as
+#: those of pieces in contact do: their nodes in decks agree to the digits that are written.
+TOUCHING = 1e-5
 #: Share of the surface over walls that are thinner than the result: edges of holes and chamfers,
 #: which are thin too, have less.
 SHARE = 0.25
@@ -59,7 +62,7 @@ def _depth(centres: Array, normals: Array, point: Array, normal: Array) -> float
     """Distance [m] from a point of the surface along its normal to the nearest opposite face."""
     gap = centres - point
     cosine = normals @ normal
-    is_opposite = (cosine < OPPOSITE) & (gap @ normal < 0)
+    is_opposite = (cosine < OPPOSITE) & (gap @ normal < -TOUCHING * np.abs(gap).max())
     if not is_opposite.any():
         return np.inf
     distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)
