@@ -17,6 +17,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.base import clock
+from antiosc.base.errors import RangeError
 from antiosc.fem.elements import products
 from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
@@ -88,6 +89,24 @@ def test_a_first_mesh_that_is_fine_enough_is_told(tried):
     assert len({one.dofs for one in found.table}) == 1
     assert "Only one mesh was tried: the first" in found.summary()
     assert not tried.notes
+
+
+def test_a_number_whose_force_exceeds_its_law_is_left_out(monkeypatch):
+    whole = tradeoff.of_number
+    few = tradeoff.FEW[0]
+
+    def refused(structure, site, run, accuracy, n):
+        if n == few:
+            raise RangeError("the force is too large.")
+        return whole(structure, site, run, accuracy, n)
+
+    monkeypatch.setattr(tradeoff, "of_number", refused)
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    with pytest.warns(ao.AntioscWarning, match=f"{few} anti-oscillators are left out"):
+        found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
+    numbers = [one.n for one in found.table]
+    assert few not in numbers
+    assert len(numbers) > 1
 
 
 def test_members_take_no_seconds_to_compile(monkeypatch):

@@ -756,7 +756,7 @@ def stress_sentences(
         time = engineering(worst["time"], "s")
         sentences.append(
             f"The largest von Mises stress is about {value} at {point_text(worst['place'])},"
-            f" {time}, {NO_MESH_ERROR}; the material has no yield strength to compare it with."
+            f" {time}, {OF_PICTURE}; the material has no yield strength to compare it with."
         )
     return sentences
 
@@ -791,6 +791,8 @@ COMPARED = "compare two cell sizes"
 NO_MESH_ERROR = f"mesh not estimated: {COMPARED}"
 #: The same of a deck that keeps its elements.
 COMPARED_DECKS = "compare with a deck of smaller cells"
+#: What the largest stress of the picture leaves out, which is not judged without a strength.
+OF_PICTURE = f"without the stress of the contact, which a yield strength adds; {NO_MESH_ERROR}"
 
 
 def without_mesh_error(peak: PeakField) -> str:
@@ -874,7 +876,7 @@ def largest_stress(
             judged["stress_time"] = margin.time
             judged["stress_place"] = None if margin.at_edge else margin.point.tolist()
             return judged
-    note = {"stress_note": NO_MESH_ERROR}
+    note = {"stress_note": OF_PICTURE}
     return note if worst is None else {"stress": worst["value"], **note}
 
 

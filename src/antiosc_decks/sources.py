@@ -182,7 +182,7 @@ class Account:
                 continue
             between_pieces = name.replace(" ", "") in between
             if alone and between_pieces:
-                self.cards[k] = (name, place, Fate("ignored", "with other pieces"))
+                self.cards[k] = (name, place, Fate("ignored", "whose surfaces do not meet here"))
                 continue
             remark = f" is {fate.what}, which" if fate.what else ""
             message = f"{place}: {name}{remark} is not supported here and would change the result;"

@@ -230,7 +230,7 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     assert set_up.InspectedFile(path.name, found, {}).told == "piece 1 of 2 of a.inp"
     told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
     assert [told in note for note in found.notes] == [True]
-    with pytest.warns(ao.AntioscWarning, match=r"\*CONTACT PAIR with other pieces"):
+    with pytest.warns(ao.AntioscWarning, match=r"\*CONTACT PAIR whose surfaces do not meet"):
         ao.read_model(path, unit="mm", piece=1)
     assert antiosc("new", tmp_path / "a.toml", path) == 0
     capsys.readouterr()

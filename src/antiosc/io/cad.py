@@ -34,7 +34,8 @@ class Attempt:
     healing: Mapping[str, float] = field(default_factory=dict)
     #: whether faces are flat between the corners of the cells
     flat: bool = False
-    #: of a surface of triangles, if they are flat: whether large ones are cut to the size
+    #: of a surface of triangles, if they are flat: whether large ones are cut to the size; else
+    #: those near the points of `refine` alone are
     cut: bool = True
     #: of a surface of triangles: edges from this angle on are kept, degrees
     sharp: float = 40.0
@@ -106,7 +107,7 @@ ATTEMPTS = (
     Attempt("after repairs by OpenCASCADE", options=AROUND, healing=HEALING),
     Attempt("at a quarter of the element size", share=0.25, options=AROUND),
     Attempt("with flat facets", share=0.5, healing=HEALING, flat=True, refined=False),
-    Attempt("with its facets as they are", flat=True, cut=False, sharp=1.0, refined=False),
+    Attempt("with its facets as they are", flat=True, cut=False, sharp=1.0),
     Attempt("in small patches, which cut sharp edges", options=PATCHES, sharp=180.0),
 )
 

@@ -25,7 +25,7 @@ import antiosc.reduce.site.at_points
 import antiosc.reduce.site.surface  # noqa: F401
 from antiosc.base import checks
 from antiosc.base.clock import clock, uncounted_seconds
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, RangeError, warn
 from antiosc.base.progress import doing
 from antiosc.base.texts import Result, engineering, percent
 from antiosc.fem.elements.weak_form import measure
@@ -522,7 +522,11 @@ def _fewer(
             if _too_long(finest, start_time, expected):
                 break
             if FEWER * n <= min(mesh.answer.n, structure.dofs):
-                answer = of_number(structure, mesh.site, run, accuracy, n)
+                try:
+                    answer = of_number(structure, mesh.site, run, accuracy, n)
+                except RangeError as error:  # too few move too little, and the force is larger
+                    warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
+                    continue
                 fewer[mesh].append(Made(answer, mesh.site, member_of(answer)))
                 ready(fewer[mesh][-1].member)
         if mesh.answer is not finest:

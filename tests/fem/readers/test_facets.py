@@ -9,6 +9,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 import antiosc as ao
 
@@ -17,7 +18,7 @@ pytest.importorskip("jinja2")
 
 from antiosc.base.errors import UnmeshableError
 from antiosc.fem.platform import compat
-from antiosc.io import kept_surfaces, remade
+from antiosc.io import facets, kept_surfaces, remade
 from antiosc.io.cad import ATTEMPTS
 from antiosc.io.facets import (
     SIDES,
@@ -469,6 +470,26 @@ def test_tetrahedra_that_touch_along_an_edge_alone_are_left_out():
     cells = np.array([[0, 1, 2, 3], [0, 1, 3, 4], [0, 1, 5, 6]])
     assert remade.without_pinches(points, cells).tolist() == cells[:2].tolist()
     assert remade.without_pinches(points, cells[:2]).tolist() == cells[:2].tolist()
+
+
+def test_facets_near_a_point_are_cut_to_its_size_and_keep_their_surface():
+    """A cube of twelve triangles: closed, of the same volume, and small near the point alone."""
+    corners = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+    hull = ConvexHull(corners)
+    turned, piece = facets.oriented(corners, hull.simplices.astype(np.int64))
+    skin = facets.FacetSkin(corners, turned, piece)
+    point = np.array([0.3, 0.4, 1.0])
+    finer = facets.finer_near(skin, point, 0.02)
+    assert facets._unpaired(finer.triangles) == 0
+    assert facets.volumes(finer.points, finer.triangles).sum() == pytest.approx(1.0)
+    assert facets.areas(finer.points, finer.triangles).min() > 0
+    sides = finer.points[finer.triangles]
+    lengths = np.linalg.norm(sides - np.roll(sides, 1, axis=1), axis=2).max(axis=1)
+    away = np.linalg.norm(sides.mean(axis=1) - point, axis=1)
+    assert lengths[away < 0.04].max() <= 0.02
+    assert len(finer.triangles) < 1500
+    shortest = np.linalg.norm(sides - np.roll(sides, 1, axis=1), axis=2).min(axis=1)
+    assert (shortest > 0.3 * lengths).all()
 
 
 def test_small_closed_surfaces_are_no_part_of_a_solid():
