@@ -44,7 +44,7 @@ def faceted(mesh: Mesh) -> str:
         return ""
     return (
         f"The flat faces of {mesh.name} that meet at angles of up to {small.max():.2g}° are taken "
-        "for a curved surface; read the geometry with order 2 to have it curved."
+        "for a curved surface; cells of order 2 have it curved."
     )
 
 

@@ -559,7 +559,7 @@ class ShellErrors(StrainErrors):
             return ""
         return (
             f"Not included: the flat cells of {self.part.mesh.name}, which meet at angles of up "
-            f"to {self._pieces.bent:.2g}°, for a curved surface; read its geometry with order 2."
+            f"to {self._pieces.bent:.2g}°, for a curved surface; cells of order 2 have it curved."
         )
 
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
