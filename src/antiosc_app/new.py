@@ -801,24 +801,29 @@ def _clear_of_edges(
     meshed: bool,
 ) -> Iterator[tuple[Array, Array, float | None]]:
     """The sites of a solid; those where an edge cuts the smallest patch that the facets resolve
-    come last. The facets of a geometry are made as small as the patch (`meshed`).
+    come later, and last those where it cuts the own patch of the site, for which a geometry is
+    meshed again (`meshed`).
     """
+    later, cut = [], []
+    for site in sites:
+        if not _cuts_edge(outer, site, RESOLVED * facet_size_at(x, faces, site[0])):
+            yield site
+        elif meshed and site[2] and not _cuts_edge(outer, site, site[2]):
+            later.append(site)
+        else:
+            cut.append(site)
+    yield from later
+    yield from cut
+
+
+def _cuts_edge(outer: Faces, site: tuple[Array, Array, float | None], radius: float) -> bool:
+    """Whether an edge of its face cuts the patch of a radius [m] at a site."""
     from antiosc.reduce.site.doubts import WHOLE_PATCH
     from antiosc.reduce.site.sites import patches
 
-    labels = np.zeros(len(outer), dtype=int)
-    cut = []
-    for site in sites:
-        place = site[0][None]
-        of_facets = RESOLVED * facet_size_at(x, faces, site[0])
-        radius = np.array([site[2] if meshed and site[2] else of_facets])
-        contact = outer.contact(place, site[1][None], radius, labels)
-        _, share = patches(outer, place, radius, contact)
-        if share[0] < WHOLE_PATCH:
-            cut.append(site)
-        else:
-            yield site
-    yield from cut
+    place, radii = site[0][None], np.array([radius])
+    contact = outer.contact(place, site[1][None], radii, np.zeros(len(outer), dtype=int))
+    return bool(patches(outer, place, radii, contact)[1][0] < WHOLE_PATCH)
 
 
 def facet_size_at(x: Array, faces: IntArray, point: Sequence[float] | Array) -> float:

@@ -66,16 +66,18 @@ def test_a_held_face_is_not_struck():
         assert len(list(sites)) == (free.sum() or len(look.faces))
 
 
-def test_an_edge_cuts_no_patch_that_the_facets_are_made_for():
-    """10 mm from the edge of a plate, where its facets resolve 50 mm, and a patch of 3 mm."""
+def test_sites_clear_of_edges_come_first_then_those_whose_own_patch_is():
+    """10 mm and 1 mm from the edge of a plate whose facets resolve 50 mm; patches of 3 mm."""
     mesh = ao.box_mesh((0.4, 0.4, 0.05), size=0.05)
     outer = Faces(mesh, False)
     x = np.array(mesh.dolfinx.geometry.x)
-    near, middle = ((np.array([d, 0.21, 0.05]), -np.eye(3)[2], 3e-3) for d in (0.01, 0.2))
-    for meshed, first in ((True, near), (False, middle)):
-        sites = iter([near, middle])
+    rim, near, middle = (
+        (np.array([d, 0.21, 0.05]), -np.eye(3)[2], 3e-3) for d in (0.001, 0.01, 0.2)
+    )
+    for meshed, expected in ((True, [middle, near, rim]), (False, [middle, rim, near])):
+        sites = iter([rim, near, middle])
         ranked = template._clear_of_edges(outer, x, template._around(outer), sites, meshed)
-        assert next(ranked) is first
+        assert [site[0].tolist() for site in ranked] == [site[0].tolist() for site in expected]
 
 
 def test_faces_that_follow_one_another_are_listed_by_the_first_and_the_last():

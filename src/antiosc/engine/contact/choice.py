@@ -54,7 +54,7 @@ STRENGTH_RATIO = 1.6
 #: strength, of laminates.
 FLAT = "the pressure of flat faces, which are never quite parallel"
 LINES = "when a contact along a line yields"
-NO_STRENGTH = "whether a side without a yield strength yields (give the yield strength or a material)"
+NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
 LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
 
 
