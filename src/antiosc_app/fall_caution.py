@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import degrees
 
 from antiosc import Fall
@@ -31,19 +32,52 @@ def law_bar(impact: FallImpact) -> float:
 
 
 def caution_of_fall(fall: Fall) -> str:
-    """What must be read before the numbers: that the bar is missing or wide, and the remedy; of a
-    part that lands flat first the range of the force over small tilts.
+    """What must be read before the numbers: of the hardest impact, then of the others, that a bar
+    is missing or wide, and the remedy; of a part that lands flat first the range of the force over
+    small tilts.
     """
     hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force, default=None)
     if hardest is None:
         return ""
-    if reason := fall.no_bar(hardest):
-        return f"There is no error bar: {reason}."
-    start = rough_force(law_bar(fall.impacts[hardest]))
-    if not start:
-        return ""
-    over_tilt = _over_tilt(fall) if hardest == 0 and is_flat(fall) else ""
-    return f"{over_tilt}{start}{_narrows(fall, hardest)}."
+    over_tilt = ""
+    reason = fall.no_bar(hardest)
+    told = [f"There is no error bar: {reason}."] if reason else []
+    if start := rough_force(law_bar(fall.impacts[hardest])):
+        over_tilt = _over_tilt(fall) if hardest == 0 and is_flat(fall) else ""
+        told.append(f"{start}{_narrows(fall, hardest)}.")
+    others = [k for k in range(len(fall.impacts)) if k != hardest]
+    return over_tilt + " ".join([*told, *_without_bar(fall, others, reason), *_wide(fall, others)])
+
+
+def _without_bar(fall: Fall, impacts: Sequence[int], told: str) -> list[str]:
+    """Sentences on impacts without a bar for another reason than the one that is told."""
+    reasons: dict[str, list[int]] = {}
+    for k in impacts:
+        reasons.setdefault(fall.no_bar(k), []).append(k)
+    return [
+        f"There is no error bar of the force of {_impacts(numbers)}: {reason}."
+        for reason, numbers in reasons.items()
+        if reason not in ("", told)
+    ]
+
+
+def _wide(fall: Fall, impacts: Sequence[int]) -> list[str]:
+    """Sentence on impacts with a wide bar, and what narrows that of the first of them; [] if there
+    are none.
+    """
+    wide = [k for k in impacts if rough_force(law_bar(fall.impacts[k]))]
+    if not wide:
+        return []
+    first, *others = wide
+    start = rough_force(law_bar(fall.impacts[first]), f" of {_impacts([first])}")
+    bars = (f"± {percent(law_bar(fall.impacts[k]))}" for k in others)
+    also = f" So is that of {_impacts(others)}, {' and '.join(bars)}." if others else ""
+    return [f"{start}{_narrows(fall, first)}.{also}"]
+
+
+def _impacts(numbers: Sequence[int]) -> str:
+    """Text of impacts with these numbers, from 0: "impact 1", "impacts 1 and 3"."""
+    return f"impact{'s' * (len(numbers) > 1)} {' and '.join(f'{k + 1}' for k in numbers)}"
 
 
 def _over_tilt(fall: Fall) -> str:
