@@ -733,7 +733,8 @@ def force_bar(budget: ErrorBudget | None) -> float | None:
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
     """The relative error by its law of the force of the impact with the judged stress."""
-    return fall.impacts[int(worst.impact[worst.judged])].law_error
+    number = 0 if worst.exposure is None else worst.margin().impact
+    return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 
 
 def stress_sentences(

@@ -12,8 +12,10 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.special import j1
 
 import antiosc as ao
+from antiosc.base.texts import engineering, plus_minus
 from antiosc.engine.contact.line import line_indentation
-from antiosc_app import falls
+from antiosc_app import falls, live
+from antiosc_app.fall_caution import caution_of_fall
 from antiosc_studies.drops import corners, lines
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
@@ -528,6 +530,58 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     assert f"yield may be reached in impact {other + 1} " in margin_with(wide).sentence
     fall_on_one = ao.drop(fall.body, 0.1, (10, 5, 0), ao.Floor(STEEL), until=1)
     assert "impact" not in fall_on_one.worst().margin().sentence
+
+
+def test_the_stress_of_a_fall_has_one_interval_that_of_its_verdict(monkeypatch) -> None:
+    """Also where it occurs after the touch of the next impact, whose force has another error."""
+    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
+    fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
+    judged = fall.worst().margin().impact - 1
+    bars = [0.01] * 3
+    bars[judged] = 2e9 / fall.worst().margin().stress  # its largest force yields
+    pairs = zip(fall.impacts, bars, strict=True)
+    rated = Impacts(replace(impact, law_error=bar) for impact, bar in pairs)
+    monkeypatch.setitem(vars(fall), "impacts", rated)
+    worst = fall.worst()
+    worst = replace(worst, impact=np.full_like(worst.impact, (judged + 1) % 3))
+    force = live.bar_of_fall(fall, worst)
+    assert force == bars[judged]
+    below, above = live.stress_bar(worst, force)
+    stress = worst.margin().stress
+    ends = (engineering(stress * share, "Pa") for share in (1 - below, 1 + above))
+    verdict, note = live.stress_sentences({"von_mises": worst}, None, force)[:2]
+    assert f"(stress {' to '.join(ends)} with its errors" in verdict
+    assert plus_minus((below, above)) in note
+
+
+def test_a_wide_bar_of_any_impact_is_told_before_the_numbers(monkeypatch) -> None:
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), ALUMINIUM)
+    fall = ao.drop(part, 0.1, (10, 5, 0), ao.Floor(STEEL), until=3, modes=12)
+    hardest = int(np.argmax(fall.impacts.column("peak_force")))
+    first, second = (k for k in range(3) if k != hardest)
+    reasons: dict[int, str] = {}
+    monkeypatch.setattr(ao.Fall, "no_bar", lambda _, k=0: reasons.get(k, ""))
+
+    def caution_with(**bars: float) -> str:
+        pairs = enumerate(fall.impacts)
+        rated = Impacts(replace(one, law_error=bars.get(f"_{k}", 0.1)) for k, one in pairs)
+        monkeypatch.setitem(vars(fall), "impacts", rated)
+        return caution_of_fall(fall)
+
+    assert caution_with() == ""
+    wide = {f"_{first}": 0.6}
+    assert caution_with(**wide).startswith(
+        f"The force of impact {first + 1} is a rough one, ± 60 %"
+    )
+    wide[f"_{second}"] = 0.7
+    assert f" So is that of impact {second + 1}, ± 70 %." in caution_with(**wide)
+    wide[f"_{hardest}"] = 0.8
+    assert caution_with(**wide).startswith("The force is a rough one, ± 80 %")
+    assert f"The force of impact {first + 1} is a rough one" in caution_with(**wide)
+    reasons |= {first: "its law is given"}
+    sentence = f"There is no error bar of the force of impact {first + 1}: its law is given."
+    assert sentence in caution_with()
 
 
 def test_stresses_in_another_order_than_the_forces_are_told(monkeypatch) -> None:

@@ -217,7 +217,11 @@ class Margin(ReprMixin):
 
     @property
     def stresses(self) -> tuple[float, float]:
-        """Least and largest stress within the errors of mesh, edge of the balls, and force."""
+        """Least and largest stress within the errors of mesh, edge of the balls, and force; of a
+        fall those of the impact with the largest stress.
+        """
+        if self.spans:
+            return max(self.spans, key=lambda span: span.exposure).stresses
         error, at_edge = self.mesh_error, EDGE_ERROR * self.edge_stress
         of_mesh = self.value - error, self.value + self.spread + error
         of_hertz = self.edge_stress - at_edge, self.edge_stress + at_edge
@@ -328,7 +332,10 @@ class Margin(ReprMixin):
         possible = [run.impact for run in runs if run.bounds[1] >= 1]
         if possible and not is_certain:
             in_doubt = max(runs, key=lambda run: run.bounds[1])
-            verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))} ({in_doubt._range})"
+            told = in_doubt._range
+            if in_doubt.impact != self.impact:
+                told = f"by impact {in_doubt.impact} {told}"
+            verdict = f"{noun} may be reached{_in_impacts(possible, len(runs))} ({told})"
         else:
             verdict = f"{noun} is {'reached' if self.reached else 'not reached'}"
         if not self.contact:
