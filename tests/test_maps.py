@@ -20,7 +20,7 @@ import meshio
 import antiosc as ao
 import parts
 from antiosc.base.stresses import DEVIATOR, equivalent
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, on_page, percent
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import NEAR
 from antiosc.models.driving_point import stiffness_error
@@ -287,7 +287,15 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     caution = headline_of_map(most).caution
     assert "2 doubtful sites: 1 where" in caution
     assert not any("doubtful sites:" in one for one in headline_of_map(most).sentences)  # once
-    assert caution.startswith("This map is no answer for the part")
+    assert caution.startswith("This map is no answer for the part: all its sites are doubtful.")
+    told = " ".join([caution, *headline_of_map(most).sentences, most.summary()])
+    assert "not doubtful" not in told
+    assert "left out of" not in told.lower()  # the ranges are those of all sites
+    (largest,) = (one for one in headline_of_map(most).sentences if "largest force" in one)
+    assert "which are all doubtful, 2.00 N, arises" in largest
+    rows = dict(presentations(SceneResults(map=most))[1].sections["Map"][0])
+    assert "these ranges are of 2 doubtful sites" in rows["sites"]
+    assert rows["peak force"] == "1.000 N to 2.000 N"
     blow = {"impactor": ao.RigidMass(0.01, 1.0), "contact": ao.Hertz(1e12)}
     assert (
         "strike such a site by itself"
@@ -609,6 +617,48 @@ def test_the_reasons_of_doubtful_sites_add_up_to_their_number(steel):
     assert both.doubtful.tolist() == [True, True, True, False]
     told = map_results.doubts_text(both)
     assert told == "3 doubtful sites: 2 where it is cut, 1 where it is held"
+
+
+def with_bar(share, **shares):
+    """An impact whose peak force has errors, the largest of them by truncation."""
+    bar = ErrorBar(2.0, **{"mesh": 0.02, "time": 0.0, "patch": 0.0, "truncation": share, **shares})
+    budget = ErrorBudget(dict.fromkeys(("peak_force", "impulse", "contact_time"), bar), 0.0)
+    return SimpleNamespace(error_budget=budget)
+
+
+def test_a_wide_bar_of_a_map_is_told_before_the_numbers_with_what_narrows_it(steel):
+    points, given = [(0.06, 0.04, 0.03)], {"direction": (0, 0, -1), "radius": 0.02}
+    found = ao.impact_map(steel, points, **given, accuracy=1e9)
+    hard = dataclasses.replace(found, peak_force=np.array([2.0]), contact_time=np.array([1.0]))
+    caution = headline_of_map(hard, steel, known={0: with_bar(0.65)}).caution
+    assert caution.startswith("The largest force is a rough one, ± 67 %")
+    assert "n in [map]" in caution  # a map has no [extract]
+    assert "(the field anti-oscillators)" in on_page(caution)
+    assert headline_of_map(hard, steel, known={0: with_bar(0.4)}).caution == ""
+
+
+def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
+    with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:
+        ao.impact_map(steel, "top", n=2, accuracy=1e-9)
+    (text,) = (str(one.message) for one in told if "Z may be off" in str(one.message))
+    assert "(in a scene: [sites]; on the page: Strike this site)" in text
+    assert "(Strike this site)" in on_page(text)
+    assert "in the scene that Save writes: modes, n, band in [map]" in on_page(text)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
+def test_the_stress_of_the_worst_site_stands_beside_its_force_and_is_no_surer():
+    part, found = struck(supports=True, yield_strength=YIELD)
+    known = {}
+    told = " ".join(verdict.headline_of_map(found, part, known=known).sentences)
+    worst = int(found.exposure.argmax())
+    hit = known[worst]
+    assert f"with a force of {hit.error_budget.shown('peak_force', 3)}: " in told
+    ((peak, _),) = verdict._stress_alone(part, hit)
+    for force in (0.0, 0.3, 0.67, 2.0):
+        below, above = verdict.stress_bar(peak, force)
+        assert above >= force
+        assert below >= min(force, 1.0)
 
 
 def test_a_map_whose_law_has_no_error_says_so_and_tells_the_other_errors(monkeypatch):

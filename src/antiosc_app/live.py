@@ -464,11 +464,10 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     number, count = int(impact_map.doubtful.sum()), len(impact_map)
     cautions = []
     if 2 * number > count:
-        others_text = f"the other {count - number}" if number < count else "these"
-        cautions.append(
-            f"This map is no answer for the part: the numbers are those of {others_text} sites."
-            f" {left_out_text(impact_map)}"
-        )
+        rest = f"the numbers are those of the other {count - number} sites"
+        reason = rest if number < count else "all its sites are doubtful"
+        told = f"This map is no answer for the part: {reason}. {left_out_text(impact_map)}"
+        cautions.append(told)
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))
     return cautions
@@ -514,8 +513,12 @@ def headline_of_map(
         place_text = point_text(impact_map.points[worst_site])
         bar = None if structure is None else map_bar(impact_map, structure, known)
         force_text = engineering(high, "N") + (f" ± {percent(bar)}" if bar else "")
-        of_sites = " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
+        of_sites = _whose_numbers(impact_map)
         sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
+        if impact_map.doubtful.all() and bar:
+            sentences.append("Its bar leaves out what makes it doubtful.")
+        if worst_site in known:
+            cautions.append(_rough_of_map(known[worst_site]))
         sentences.append(_softest(impact_map))
         left_out = left_out_text(impact_map)
         if left_out and left_out not in " ".join(cautions):
@@ -540,7 +543,22 @@ def headline_of_map(
         f"{file or _named(impact_map.info.get('structure', 'a part'))}."
     )
     about = about if impact_map.impactor else "Models over a surface"
-    return Headline(about, numbers, sentences, caution=" ".join(cautions))
+    return Headline(about, numbers, sentences, caution=" ".join(filter(None, cautions)))
+
+
+def _whose_numbers(impact_map: ImpactMap) -> str:
+    """The end of a phrase: whether numbers of a map are those of sound or of doubtful sites; ""
+    if no site is doubtful.
+    """
+    if impact_map.doubtful.all():
+        return " of the sites, which are all doubtful"
+    return " of the sites that are not doubtful" if impact_map.doubtful.any() else ""
+
+
+def _rough_of_map(hit: History) -> str:
+    """Sentence, before the numbers, on a wide bar of a map's largest force; "" if it is not."""
+    sentence = rough(hit, hit.error_budget)
+    return sentence.replace("The force", "The largest force", 1).replace("[extract]", "[map]")
 
 
 def _no_bar_of_map(impact_map: ImpactMap, known: Mapping[int, History]) -> str:
@@ -616,6 +634,7 @@ def _most_dangerous(
     i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
     hit = None if structure is None else struck_alone(impact_map, structure, i, known)
     alone = [] if structure is None or hit is None else _stress_alone(structure, hit)
+    force_text = "" if hit is None else hit.error_budget.shown("peak_force", 3)
     text = (
         f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
         f" {engineering(impact_map.peak_stress[i], 'Pa')} at "
@@ -628,8 +647,7 @@ def _most_dangerous(
     low, high = _scatter(alone, float(exposure[i]))
     reached, possible = (int(np.sum(sought * factor >= 1)) for factor in (low, high))
     of_sites = f" of {len(sought)} sites"
-    if len(sought) < len(impact_map):
-        of_sites += " that are not doubtful"
+    of_sites += _whose_numbers(impact_map).removeprefix(" of the sites")
     sites_text = f"reached at {reached}{of_sites}" if reached else "reached nowhere"
     if possible > reached:
         certain = " for certain" * (not reached)
@@ -645,7 +663,8 @@ def _most_dangerous(
         f" {sites_text}. The zone of the contact itself is left out."
     ]
     for peak, force in alone:
-        sentences.append(f"Struck by itself there: {judgement(peak, force)}.")
+        with_force = f"Struck by itself there, with a force of {force_text}"
+        sentences.append(f"{with_force}: {judgement(peak, force)}.")
         if note := stress_note(peak, force):
             sentences.append(f"{capitalised(note)}.")
     return sentences

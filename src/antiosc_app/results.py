@@ -1065,7 +1065,8 @@ def _map(results: SceneResults) -> Presentation:
         f", {impact_map.skipped} left out" if impact_map.skipped else ""
     )
     if impact_map.doubtful.any():
-        sites += f"; not in these ranges: {doubts_text(impact_map)}"
+        ranges = "these ranges are of" if impact_map.doubtful.all() else "not in these ranges:"
+        sites += f"; {ranges} {doubts_text(impact_map)}"
     rows = [("sites", sites)]
     labels = {name: MAP_QUANTITIES.get(name, (_spaced(name), "")) for name in quantities}
     for name, values in quantities.items():

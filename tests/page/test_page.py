@@ -50,6 +50,13 @@ let dark = 0;
 for (let i = 0; i < read.length; i += 4) dark += read[i] < 250;
 return dark / (w * h);
 """
+#: What the legend of a map says: the quantity, and names of colours that are not on the scale.
+MAP_LEGEND = """
+page.picture();
+return ["what", "doubtful", "without"].map((id) => {
+  const one = document.getElementById(id);
+  return one.offsetParent ? one.textContent.trim() : "";
+});"""
 
 
 @pytest.fixture(scope="module")
@@ -260,6 +267,18 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     assert "yield strength" in browser.run("return document.getElementById('what').textContent")
     high = browser.run("return document.getElementById('high').textContent")
     assert float(high) == pytest.approx(found.exposure.max(), rel=5e-3)
+    assert browser.run(f"page.data.sites.doubtful.fill(false); {MAP_LEGEND}")[1:] == ["", ""]
+    some = "const {exposure} = page.data.sites.quantities; exposure[0] = exposure[1] = NaN;"
+    assert browser.run(some + MAP_LEGEND)[1:] == ["", "stress not sought"]
+    first = "page.data.sites.doubtful[0] = true;"
+    assert browser.run(first + MAP_LEGEND)[1:] == ["doubtful", "stress not sought"]
+    every = browser.run("page.data.sites.doubtful.fill(true);" + MAP_LEGEND)
+    assert "all sites doubtful" in every[0]
+    assert every[1] == ""  # none is grey
+    low, high = browser.run("return page.sites.range('exposure')")
+    assert (low, high) == pytest.approx((found.exposure[2:].min(), found.exposure[2:].max()))
+    colours = browser.run("return Array.from(page.sites.view.meshes.get('dots').values)")
+    assert {-1, 0, 1} <= set(colours)
     told = browser.run(
         """const {quantities} = page.data.sites;
         quantities.k0 = quantities.k0.map((_, i) => 10 ** (i / 5));

@@ -40,7 +40,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.process import one_thread
 from antiosc.base.progress import counting, doing
-from antiosc.base.texts import engineering, percent, point_text as placed
+from antiosc.base.texts import engineering, percent, point_text as placed, where_to_change
 from antiosc.engine.contact import ContactLaw, ElasticPlastic
 from antiosc.engine.contact.curvature import SHARP
 from antiosc.engine.contact.peak_error import error_of_peak
@@ -463,9 +463,10 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
     if poor:
         warn(
             f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
-            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): more"
-            " modes, more anti-oscillators (n) or a lower band reduce it; an impact at one site"
-            " alone does without these modes.",
+            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}). An impact"
+            " at one site alone does without the free modes of the map"
+            f" ({where_to_change('[sites]', 'Strike this site')}); of all sites more modes, more"
+            " anti-oscillators or a lower band reduce it (in a scene: modes, n, band in [map]).",
             AccuracyWarning,
         )
 

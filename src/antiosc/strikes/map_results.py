@@ -220,8 +220,11 @@ class ImpactMap(Completed):
                 i = hardest(self, of_surface)
                 force = engineering(self.peak_force[i], "N", 4)
                 row += f"{force:>12}  {point_text(self.points[i])}"
+            row += " (doubtful)" * bool(self.doubtful[of_surface].all())
             rows.append(row)
-        if self.doubtful.any():
+        if self.doubtful.all():
+            rows.append(left_out_text(self))
+        elif self.doubtful.any():
             stress = "" if self.peak_stress is None else " and the largest stress"
             rows.append(f"{doubts_text(self)}; left out of k0, the peak forces{stress}")
         if self.law_error:
@@ -250,6 +253,10 @@ class ImpactMap(Completed):
         return plot_map(self, path, quantity)
 
 
+#: Of a map whose sites are all doubtful.
+NONE_SOUND = "No site is free of doubts"
+
+
 def doubted(impact_map: ImpactMap, which: BoolArray, reason: str) -> ImpactMap:
     """The map with further doubtful sites, a mask (P,), and their reason if they have none yet."""
     reasons = np.where(which & ~impact_map.doubtful, reason, impact_map.reasons)
@@ -271,6 +278,8 @@ def left_out_text(impact_map: ImpactMap) -> str:
         return ""
     remedy = doubts_remedy(impact_map)
     text = f"Left out of the ranges of {len(impact_map)} sites are {doubts_text(impact_map)}"
+    if impact_map.doubtful.all():
+        text = f"{NONE_SOUND}: the ranges are those of {doubts_text(impact_map)}"
     return f"{text}; {remedy}.".replace("; .", ".")
 
 

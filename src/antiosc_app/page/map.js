@@ -34,8 +34,20 @@ class Sites {
 
   quantity(kind) { return this.values[kind] || this.data.quantities[kind]; }
 
+  // Whether no site is free of doubts: then these have the colours.
+  all_doubtful() { return this.data.doubtful.every(Boolean); }
+
+  // Which sites are grey.
+  grey() { return this.all_doubtful() ? this.data.doubtful.map(() => false) : this.data.doubtful; }
+
+  // Whether sites that are not grey have no value, as where no stress was sought.
+  lacks(kind) {
+    const grey = this.grey();
+    return Boolean(kind) && Array.from(this.quantity(kind)).some((v, i) => !grey[i] && !Number.isFinite(v));
+  }
+
   range(kind) {
-    const { doubtful } = this.data, known = Array.from(this.quantity(kind)).filter((v, i) => Number.isFinite(v) && !doubtful[i]);
+    const grey = this.grey(), known = Array.from(this.quantity(kind)).filter((v, i) => Number.isFinite(v) && !grey[i]);
     if (!known.length) return [0, 0];
     return [Math.min(...known), Math.max(...known)];
   }
@@ -47,9 +59,9 @@ class Sites {
   }
 
   show(kind, chosen) {
-    const { data, view } = this, values = this.quantity(kind), scale = this.logarithmic(kind) ? Math.log : Number;
+    const { data, view } = this, grey = this.grey(), values = this.quantity(kind), scale = this.logarithmic(kind) ? Math.log : Number;
     const [low, high] = this.range(kind).map((end) => scale(end));
-    const shade = Float32Array.from(values, (v, i) => (data.doubtful[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
+    const shade = Float32Array.from(values, (v, i) => (grey[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
     if (data.faces.length) this.surface(shade);
     const dots = { points: [], faces: [], values: [] };
     data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));

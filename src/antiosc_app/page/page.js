@@ -374,7 +374,9 @@ class Page {
   picture() {
     find("legend").hidden = !this.kind;
     find("held").hidden = Boolean(this.kind) || Boolean(this.sites);
-    find("doubtful").hidden = !this.sites || !this.data.sites.doubtful.some(Boolean);
+    find("doubtful").hidden = !this.sites || !this.sites.grey().some(Boolean);
+    find("without").hidden = !this.sites || !this.sites.lacks(this.kind);
+    find("lacking").textContent = NOT_SOUGHT[this.kind] || "no result";
     if (this.sites) this.sites.show(this.kind, this.site);
     else if (this.part) this.part.show(this.kind, this.frame);
     find("frame").value = this.frame;
@@ -391,7 +393,8 @@ class Page {
     find("high").textContent = engineering(high, unit) + (most > high ? ` and more, up to ${engineering(most, unit)}` : "");
     const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.time(), "s")}` : "";
     const wide = this.sites && this.sites.logarithmic(this.kind);
-    find("what").textContent = label + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
+    const doubtful = this.sites && this.sites.all_doubtful() ? ", all sites doubtful" : "";
+    find("what").textContent = label + doubtful + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
   }
 
   play(on) {
@@ -410,6 +413,7 @@ class Page {
 }
 
 // The numbers of a run that the page could not compute to its end.
+const NOT_SOUGHT = { peak_stress: "stress not sought", exposure: "stress not sought" }; // quantities of some sites of a map
 const UNKNOWN = Object.fromEntries([...QUANTITIES, DENT, SITE_MOVED].map(([name]) => [name, NaN]));
 
 // Relative differences of two impacts, each at least half the largest: antiosc.impact.quantities.
