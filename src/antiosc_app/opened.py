@@ -689,6 +689,7 @@ class Opened:
             duration,
             direction=None if is_solid else set_up.direction,
             radius=radius,
+            n=set_up.n,
             longest=None if set_up.duration else max(duration, LONGER * DURATION),
         )
 

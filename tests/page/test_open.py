@@ -299,6 +299,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     assert np.array_equal(sure, sought)  # doubtful sites count in nothing
     alone = next(one for one in stressed["verdict"] if "Struck by itself" in one)
     assert "of the yield strength" in alone
+    assert re.match(r"Struck by itself there, with a force of [0-9.]+ .?N ± ", alone)
     assert "±" in " ".join(stressed["verdict"])
     assert sites["units"]["peak_stress"] == "Pa"
     away = asked(opened, point=[0.03, 0.03, 0.015], direction=[0, 0, -1])
@@ -323,6 +324,18 @@ def test_patches_of_a_map_grow_until_they_carry_its_forces(opened, monkeypatch):
     blow.model.patch_radius = None  # of a point load: there is no patch that could grow
     opened._impact_map(set_up.read(asked(opened)), blow, None)
     assert asked_for == [0.0]
+
+
+def test_anti_oscillators_of_the_page_are_those_of_its_map_too(opened, monkeypatch):
+    """A wide bar by truncation names this field."""
+    asked_for = []
+    monkeypatch.setattr(opened_page.antiosc, "impact_map", lambda *_, n, **__: asked_for.append(n))
+    hit = SimpleNamespace(impactor=None, duration=1e-3)
+    monkeypatch.setattr(opened_page, "duration_of_map", lambda hit: hit.duration)
+    blow = SimpleNamespace(structure=None, hit=hit)
+    for n in (None, 80):
+        opened._map_with(set_up.read(asked(opened, n=n)), blow, None, None)
+    assert asked_for == [None, 80]
 
 
 def test_the_stress_has_the_errors_of_mesh_and_force(opened):

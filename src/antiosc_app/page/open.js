@@ -495,7 +495,7 @@ class Bench {
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
     if (this.falls()) return this.striker({ finer: places.concat(data.stressed ? [data.stressed] : []) });
     const more = data.stress_place ? [data.stress_place] : [];
-    this.change({ finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
+    this.change({ ...this.chosen, finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
   }
 
   coarser() {
