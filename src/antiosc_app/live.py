@@ -464,9 +464,8 @@ def map_cautions(impact_map: ImpactMap) -> list[str]:
     number, count = int(impact_map.doubtful.sum()), len(impact_map)
     cautions = []
     if 2 * number > count:
-        rest = f"the numbers are those of the other {count - number} sites"
-        reason = rest if number < count else "all its sites are doubtful"
-        told = f"This map is no answer for the part: {reason}. {left_out_text(impact_map)}"
+        rest = f": the numbers are those of the other {count - number} sites" * (number < count)
+        told = f"This map is no answer for the part{rest}. {left_out_text(impact_map)}"
         cautions.append(told)
     if sentence := low_band(impact_map):
         cautions.append(capitalised(sentence))

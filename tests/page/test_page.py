@@ -279,6 +279,12 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     assert (low, high) == pytest.approx((found.exposure[2:].min(), found.exposure[2:].max()))
     colours = browser.run("return Array.from(page.sites.view.meshes.get('dots').values)")
     assert {-1, 0, 1} <= set(colours)
+    dots = browser.run(
+        """const faces = Uint32Array.of(0, 1, 2, 1, 2, 3, 3, 4, 5), alone = [6];
+        const shade = Float32Array.of(0, 1, 1, -1, 1, -3, -1);
+        return page.sites.bare.call({data: {faces, alone}}, shade);"""
+    )
+    assert dots == [4, 6]  # in no triangle that has colours
     told = browser.run(
         """const {quantities} = page.data.sites;
         quantities.k0 = quantities.k0.map((_, i) => 10 ** (i / 5));

@@ -64,12 +64,22 @@ class Sites {
     const shade = Float32Array.from(values, (v, i) => (grey[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
     if (data.faces.length) this.surface(shade);
     const dots = { points: [], faces: [], values: [] };
-    data.alone.forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
+    this.bare(shade).forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
     const d = this.along(chosen);
     add(dots, ball(before(this.at(chosen), d, 0.012 * this.size), d, 0.012 * this.size), MARK);
     add(dots, arrow(before(this.at(chosen), d, 0.024 * this.size), d, 0.18 * this.size), MARK);
     view.put("dots", Float32Array.from(dots.points), Float32Array.from(dots.values), Uint32Array.from(dots.faces));
     view.draw();
+  }
+
+  // The sites that are drawn as dots: those of no triangle, and those with a colour that no triangle shows.
+  bare(shade) {
+    const { faces, alone } = this.data, shown = new Set(), single = new Set(alone);
+    for (let f = 0; f < faces.length; f += 3) {
+      const own = faces.subarray(f, f + 3);
+      if (own.every((i) => shade[i] >= 0)) own.forEach((i) => shown.add(i));
+    }
+    return [...shade.keys()].filter((i) => single.has(i) || shade[i] >= 0 && !shown.has(i));
   }
 
   // The triangles between the sites, each with points of its own: one is grey where a site of it is.
