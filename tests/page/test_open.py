@@ -1200,6 +1200,47 @@ def test_a_refused_set_up_keeps_all_that_was_typed(command):
         assert browser.said() == []
 
 
+#: Number fields of all kinds: a constant, a range, the cells, a slider, a coordinate, the striker.
+TYPED_INTO = ["E", "yield_range", "size", "damping", "point x", "speed"]
+SELECT = """
+const fields = document.querySelectorAll(`input[name="${arguments[0]}"][type=number]`);
+const last = [...fields].at(-1);
+last.focus();
+last.select();
+return last.value;
+"""
+FOCUSED = "return [document.activeElement.name, document.activeElement.value]"
+ENTER = {"key": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_a_text_that_is_not_yet_confirmed_outlasts_the_answers_of_the_server(command):
+    with Browser() as browser:
+        browser.address(command, 1300)
+        reached(browser, "complete", 1)
+        browser.run(CHOOSE, "select[name=material]", set_up.OWN)
+        asked = reached(browser, "complete", 2)["setup"]
+        for turn, name in enumerate(TYPED_INTO, 3):
+            before = browser.run(SELECT, name)
+            browser.command("Input.insertText", text="1.250")
+            browser.run("bench.change({duration: 1e-4 * bench.turn})")
+            answered = reached(browser, "complete", turn)["setup"]
+            assert browser.run(FOCUSED) == [name, "1.250"]
+            assert answered == {**asked, "duration": answered["duration"]}  # nor does it count
+            browser.run("document.activeElement.value = arguments[0]", before)
+        browser.run(SELECT, "speed")
+        browser.command("Input.insertText", text="1.250")
+        browser.command("Input.dispatchKeyEvent", type="keyDown", **ENTER)  # confirmed, and shown
+        assert browser.run("return bench.setup.striker.speed") == 1.25
+        assert browser.run(FOCUSED) == ["speed", "1.25"]
+        browser.run(SELECT, "speed")
+        browser.command("Input.insertText", text="2")
+        browser.run("document.activeElement.blur()")  # confirms as well
+        assert browser.run("return bench.setup.striker.speed") == 2
+        assert browser.said() == []
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_coordinates_that_are_typed_beside_a_map_are_struck():

@@ -303,6 +303,8 @@ class Bench {
     this.cell_size();
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
     this.deck_range();
+    // before the handler of the field, which may fill it
+    find("setup").addEventListener("change", ({ target }) => { target.dataset.shown = target.value; }, true);
     find("undo").onclick = () => this.undo(this.past, this.future);
     find("redo").onclick = () => this.undo(this.future, this.past);
     document.addEventListener("keydown", (e) => {
@@ -857,9 +859,14 @@ function forget(rows = "") {
   for (const input of document.querySelectorAll(`${rows} [aria-invalid=true]`)) mark(input, "");
 }
 
-// The value of a field, unless what was typed is marked.
+// Whether a field has the focus and a text that is not yet confirmed: one that differs from the last one shown.
+const unconfirmed = (input) => input === document.activeElement && (input.validity.badInput || input.value !== input.dataset.shown);
+
+// The value of a field, unless what was typed is marked, or not yet confirmed.
 function fill(input, value) {
-  if (input.getAttribute("aria-invalid") !== "true") input.value = value;
+  if (input.getAttribute("aria-invalid") === "true" || unconfirmed(input)) return;
+  input.value = value;
+  input.dataset.shown = input.value;
 }
 
 // Mass, energy and tip of a striker, as far as they are known.
