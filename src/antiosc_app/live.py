@@ -346,8 +346,8 @@ def _computed(hit: History) -> Data:
     counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
-    moved = {"site_deflection": site_motion(hit)[0]}
-    return {"time": time, "force": force, **numbers, **counts, **ends, **moved}
+    told = {"site_deflection": site_motion(hit)[0], "contact_time_note": contact_time_note(hit)}
+    return {"time": time, "force": force, **numbers, **counts, **ends, **told}
 
 
 #: Times of a run, and of its contacts, at which the deflection at the site is looked for.

@@ -86,6 +86,19 @@ def test_the_page_marks_the_main_impact_as_the_program_finds_it(browser, tmp_pat
         assert note == contact_time_note(hit)
 
 
+def test_one_contact_time_is_told_in_the_same_words_by_a_rough_curve(browser, tmp_path):
+    """It said "of the main impact" in the row and "of all contacts" in the sentence below."""
+    model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.05], omega=[3000.0])
+    hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), duration=2e-2)
+    opened(browser, ao.write_report(hit, tmp_path / "all.html"))
+    note = "return page.remark('contact_time', true)"
+    assert browser.run(note) == contact_time_note(hit) == "of all contacts, flights included"
+    # the page's own steps do not know the contact time to a permille
+    rough = "contact_time_note: undefined, contact_time: 1.01 * page.hit.contact_time"
+    browser.run(f"Object.assign(page.hit, {{{rough}}})")
+    assert browser.run(note) == "of all contacts, flights included"
+
+
 def opened(browser, page, width=1300):
     """Open a page, and wait until it has struck; what the page before asked for is forgotten."""
     browser.requested()

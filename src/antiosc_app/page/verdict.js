@@ -76,10 +76,11 @@ function mean_pressure(hit, { yields, hertz }) {
 
 // What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.
 function contact_time_note(hit) {
+  if (hit.contact_time_note !== undefined) return hit.contact_time_note; // of the computed case
   if (!(hit.contacts > 1 && hit.main)) return "";
-  const [first, last] = [hit.touches[0][0], hit.touches[hit.touches.length - 1][1]];
-  if (Math.abs(last - first - hit.contact_time) < 1e-3 * hit.contact_time) return "of all contacts, flights included";
-  const [from, to] = hit.main, flights = hit.touches.some(([start, end]) => start === from && end < to);
+  const [from, to] = hit.main;
+  if (from === hit.touches[0][0] && to === hit.touches.at(-1)[1]) return "of all contacts, flights included";
+  const flights = hit.touches.some(([start, end]) => start === from && end < to);
   return `of the main impact${flights ? ", flights included" : ""}; last release at ${engineering(hit.last, "s")}`;
 }
 
