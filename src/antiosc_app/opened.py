@@ -402,6 +402,7 @@ class Opened:
         self._first = {
             "name": self._path.name,
             "told": _told_of_file(inspection),
+            "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "skin": shape,
             "faces": list(faces),
             "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
@@ -847,8 +848,7 @@ def _told_of_file(look: new.Inspection) -> str:
         choices += f"; mass {look.mass_text()}"
     if look.kept:
         choices += f"; the deck keeps its elements, for {look.kept}"
-    striker = f"The first striker is a {look.ball_text()}."
-    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, look.notes), striker])
+    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, look.notes)])
 
 
 def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:

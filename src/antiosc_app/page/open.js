@@ -28,7 +28,7 @@ const rule_of = (name) => RULES[name] || ABOVE_0;
 const SET = "set by you, at every site "; // beside a field that the page chooses otherwise
 const OF_CELLS = ["point", "finer", "size"]; // what a patch as the cells resolve it depends on
 const STRUCK = ["ball", "mass", "hammer"];
-const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "a hammer of IEC 60068-2-75", floor: "the floor: the part falls" };
+const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "hammer, IEC 60068-2-75", floor: "the floor: the part falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
 const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
@@ -284,7 +284,6 @@ class Bench {
 
   make_fields() {
     const { facts } = this;
-    find("file").textContent = facts.told;
     const names = this.in_order(facts.faces).map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
@@ -492,6 +491,12 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
+  // Whether the striker is still the one with which the page began, be it faster.
+  is_first_striker() {
+    const { facts, setup } = this;
+    return ["kind", "radius", "material"].every((name) => setup.striker[name] === facts.setup.striker[name]);
+  }
+
   // Smaller cells around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
   finer() {
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
@@ -533,7 +538,8 @@ class Bench {
   show_fields() {
     for (const one of this.shown) one();
     forget("[hidden]");
-    const falls = this.falls();
+    const falls = this.falls(), { told, first_striker: first } = this.facts;
+    find("file").textContent = this.is_first_striker() ? [told, first].filter(Boolean).join(" ") : told;
     find("site-fields").hidden = find("strikes").hidden = falls;
     const clicks_hold = !falls && this.facts.faces.length;
     for (const one of document.querySelectorAll(".of-click")) one.hidden = !clicks_hold;

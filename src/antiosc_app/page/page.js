@@ -219,11 +219,11 @@ class Page {
     return this.known;
   }
 
-  // A number and its bar, with the word for what the bar leaves out: a line may end between both.
+  // A number and its bar, with the word for what the bar leaves out: a line may end between all.
   with_bar(name, plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
     const text = name === "restitution" ? (value) => engineering(value, "", 2) : percent;
-    return [`${plain}${word ? "," : ""}`, `${word}${plus_minus(bar, text)}`];
+    return [`${plain}${word ? "," : ""}`, ...(word ? [word.trim()] : []), plus_minus(bar, text)];
   }
 
   // The error below and above a number; that of the restitution is not relative.

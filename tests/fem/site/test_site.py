@@ -244,12 +244,12 @@ def part():
     return on_mesh(ao.Structure(box((2, 1, 1), (0.2, 0.1, 0.1)), ao.Solid(**STEEL), order=1))
 
 
-def told(part, **facts) -> list[str]:
-    """The warnings of three sites with patches that are sound but for these facts."""
-    points = np.tile([0.1, 0.05, 0.1], (3, 1))
-    places = located(part, points, np.tile([0.0, 0.0, -1.0], (3, 1)), np.full(3, 0.04))
+def told(part, count=3, **facts) -> list[str]:
+    """The warnings of some sites with patches that are sound but for these facts."""
+    points = np.tile([0.1, 0.05, 0.1], (count, 1))
+    places = located(part, points, np.tile([0.0, 0.0, -1.0], (count, 1)), np.full(count, 0.04))
     sound = {"size": 0.01, "share": 1.0, "moving": 1.0, "local": 1e-9, "radii": 0.04}
-    arrays = {name: np.full(3, value) for name, value in sound.items()}
+    arrays = {name: np.full(count, value) for name, value in sound.items()}
     arrays |= {name: np.array(values) for name, values in facts.items()}
     with warnings.catch_warnings(record=True, action="always") as found:
         warn_of_doubts(part, replace(places, **arrays))
@@ -259,12 +259,15 @@ def told(part, **facts) -> list[str]:
 def test_the_worst_of_the_doubtful_patches_is_told(part):
     (text,) = told(part, size=[0.0401, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
     assert "the facets at 2 measure 60 mm, more than the radius 45 mm" in text
+    (text,) = told(part, 1, size=[0.0107], radii=[0.00386])  # rounded so that both help
+    assert "take cells of at most 3.8 mm there" in text
+    assert "or a radius of 11 mm" in text
     (text,) = told(part, share=[0.89, 1.0, 0.5])
     assert "at 2 of 3 sites: an edge cuts it at 2, down to 50 % of its load area" in text
     (text,) = told(part, moving=[1.0, 0.89, 0.25])
     assert "supports fix up to 75 % of it at 2" in text
     (text,) = told(part, radii=[np.nan, 0.04, 0.04])
-    assert "the element there measures 0.17 m" in text
+    assert "the element there measures 170 mm" in text
 
 
 def test_a_sheet_is_told_whose_cells_are_far_larger_than_the_radius():

@@ -123,7 +123,8 @@ def _points_on_solids(structure: MeshedStructure, sites: Sites) -> Doubt:
     if not without_radius.any():
         return Doubt(without_radius, "", "")
     size = size_at(structure.mesh, closest(structure.mesh, sites.points[np.argmax(without_radius)]))
-    remedy = f"{rounded_up(size):g} m (the element there measures {size:.2g} m"
+    here, there = (engineering(value, "m", 2) for value in (rounded_up(size), size))
+    remedy = f"{here} (the element there measures {there}"
     reason = "the compliance under a point load on a solid grows without limit as the mesh is"
     return Doubt(
         without_radius,
@@ -149,11 +150,12 @@ def _coarse(structure: MeshedStructure, sites: Sites) -> Doubt:
         return Doubt(is_coarse, "", "")
     larger = "measure {}, more than {}the radius {}".format(*_told_apart(size, rule, radius, times))
     # where an edge cuts the patch, its radius must not be larger
-    remedy = "" if _cut(sites).any() else f", or a radius of {rounded_up(size / times):g} m"
+    enough = engineering(rounded_up(size / times), "m", 2)
+    remedy = "" if _cut(sites).any() else f", or a radius of {enough}"
     return Doubt(
         is_coarse,
         f"the {entities} at the site {larger}: the patch is not resolved; take cells of at most "
-        f"{times * radius:g} m there ({SMALLER_CELLS}){remedy}.",
+        f"{engineering(rounded_down(times * radius), 'm', 2)} there ({SMALLER_CELLS}){remedy}.",
         f"the {entities} at {{}} {larger} (smaller cells help: {SMALLER_CELLS}{remedy})",
     )
 
@@ -197,3 +199,9 @@ def rounded_up(value: float) -> float:
     """A positive value rounded up to two digits."""
     step = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{ceil(value / step - SIZE_ROUNDING) * step:.2g}")
+
+
+def rounded_down(value: float) -> float:
+    """A positive value rounded down to two digits."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{floor(value / step + SIZE_ROUNDING) * step:.2g}")
