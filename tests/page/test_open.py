@@ -232,7 +232,7 @@ def test_a_site_whose_patch_an_edge_cuts_comes_last():
     outer = Faces(mesh, False)
     x, faces = mesh.dolfinx.geometry.x, new._around(outer)
     places = [np.array([a, 0.035, 0.02]) for a in (0.077, 0.045, 0.003, 0.035)]
-    sites = new._clear_of_edges(outer, x, faces, iter([(at, down, None) for at in places]))
+    sites = new._clear_of_edges(outer, x, faces, iter([(p, down, None) for p in places]), False)
     order = [site[0][0] for site in sites]
     assert order == [0.045, 0.035, 0.077, 0.003]
     for a in order:
