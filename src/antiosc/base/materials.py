@@ -113,9 +113,13 @@ def density_like(modulus: float) -> float:
 SAME_KIND = 0.1
 
 
-def same_kind(*pairs: tuple[float | None, float]) -> bool:
-    """Whether a material is of the kind of another, by pairs of their constants; None: the same."""
-    return all(abs((own or old) - old) <= SAME_KIND * old for own, old in pairs)
+def same_kind(*pairs: tuple[object, float]) -> bool:
+    """Whether a material is of the kind of another, by pairs of their constants; None: the same.
+
+    What is no number is refused by the material itself.
+    """
+    numbers = ((own or old, old) for own, old in pairs if isinstance(own, (int, float)))
+    return all((1 - SAME_KIND) * old <= own <= (1 + SAME_KIND) * old for own, old in numbers)
 
 
 def _words(name: str) -> list[str]:

@@ -345,7 +345,7 @@ def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reaso
     asked = Asked(tmp_path / "part.step")
     (tmp_path / "part.step").write_text("")
     for _ in range(2):
-        with pytest.raises(UnmeshableError, match=r"PLC error; nor .* part.stl is not closed"):
+        with pytest.raises(UnmeshableError, match=r"PLC error; nor .* part.step is not closed"):
             reading._filled(lambda *_: None, asked)
     assert not (tmp_path / "kept").exists()
 
