@@ -234,7 +234,8 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
         ao.read_model(path, unit="mm", piece=1)
     assert antiosc("new", tmp_path / "a.toml", path) == 0
     capsys.readouterr()
-    assert antiosc("run", tmp_path / "a.toml", "--report", tmp_path / "a.html") == 0
+    written = "--report", tmp_path / "a.html", "--out", tmp_path / "out"
+    assert antiosc("run", tmp_path / "a.toml", *written) == 0
     assert capsys.readouterr().out.splitlines()[0] == "An impact on a.inp, piece 1 of 2"
     assert "strikes piece 1 of 2 of a.inp at" in (tmp_path / "a.html").read_text()
 
