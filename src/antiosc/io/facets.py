@@ -639,28 +639,30 @@ def finer_near(skin: FacetSkin, point: Array, size: float) -> FacetSkin:
         is_long = length > size + growth * np.maximum(away - reach * size, 0.0)
         if not is_long.any():
             break
-        skin = _halved(skin, edge.reshape(3, -1).T, length.reshape(3, -1).T, is_long)
+        skin = _halved(skin, ends, edge, length, is_long)
     return skin
 
 
-def _halved(skin: FacetSkin, edges: IntArray, lengths: Array, is_long: BoolArray) -> FacetSkin:
+def _halved(
+    skin: FacetSkin, ends: IntArray, edge: IntArray, length: Array, is_long: BoolArray
+) -> FacetSkin:
     """Triangles cut through the middles of long edges, the longest edge of each first (Rivara, Int.
     J. Numer. Meth. Eng. 20 (1984) 745), so that angles stay above half the least.
 
-    `edges`: (t, 3) number of each side 01, 12, 20; `lengths`: (t, 3); `is_long`: (3t,), sides in
-    the order of `edges_of`.
+    `ends` (3t, 2) and `edge` (3t,) of the sides as `edges_of` gives them, and their lengths.
     """
-    cut = np.zeros(edges.max() + 1, dtype=bool)
-    cut[edges.T.ravel()[is_long]] = True
-    longest = edges[np.arange(len(edges)), lengths.argmax(axis=1)]
+    cut = np.zeros(edge.max() + 1, dtype=bool)
+    cut[edge[is_long]] = True
+    edges = edge.reshape(3, -1).T  # of each triangle, sides 01, 12, 20
+    first = length.reshape(3, -1).argmax(axis=0)
+    longest = edges[np.arange(len(edges)), first]
     while not cut[longest[cut[edges].any(axis=1)]].all():
         cut[longest[cut[edges].any(axis=1)]] = True
-    ends = np.concatenate([skin.triangles[:, list(side)] for side in SIDES])
     pair = np.zeros((len(cut), 2), dtype=np.int64)
-    pair[edges.T.ravel()] = ends
+    pair[edge] = ends
     middle = len(skin.points) + np.cumsum(cut) - 1
     points = np.vstack([skin.points, skin.points[pair[cut]].mean(axis=1)])
-    turn = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest side comes first
+    turn = (first[:, None] + np.arange(3)) % 3  # the longest side comes first
     a, b, c = np.take_along_axis(skin.triangles, turn, axis=1).T
     ab, bc, ca = np.take_along_axis(edges, turn, axis=1).T
     m, n, o = middle[ab], middle[bc], middle[ca]

@@ -522,13 +522,10 @@ def _fewer(
             if _too_long(finest, start_time, expected):
                 break
             if FEWER * n <= min(mesh.answer.n, structure.dofs):
-                try:
-                    answer = of_number(structure, mesh.site, run, accuracy, n)
-                except RangeError as error:  # too few move too little, and the force is larger
-                    warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
-                    continue
-                fewer[mesh].append(Made(answer, mesh.site, member_of(answer)))
-                ready(fewer[mesh][-1].member)
+                found = _made(mesh, run, accuracy, n)
+                if found is not None:
+                    fewer[mesh].append(found)
+                    ready(found.member)
         if mesh.answer is not finest:
             structure.drop_factor()
     return fewer
@@ -564,13 +561,25 @@ def _between(
     if not n or _too_long(meshes[-1].answer, start_time, best.member.seconds):
         return None
     structure = mesh.answer.structure
-    answer = of_number(structure, mesh.site, run, accuracy_of_steps(BRACKET * tol), n)
+    found = _made(mesh, run, accuracy_of_steps(BRACKET * tol), n)
     if mesh is not meshes[-1]:
         structure.drop_factor()
-    found = Made(answer, mesh.site, member_of(answer))
-    fewer[mesh].append(found)
-    fewer[mesh].sort(key=lambda made: made.member.n)
+    if found is not None:
+        fewer[mesh].append(found)
+        fewer[mesh].sort(key=lambda made: made.member.n)
     return found
+
+
+def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
+    """The member of a mesh with n anti-oscillators; None, told, if its force exceeds its law: too
+    few move too little, so that their force is larger.
+    """
+    try:
+        answer = of_number(mesh.answer.structure, mesh.site, run, accuracy, n)
+    except RangeError as error:
+        warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
+        return None
+    return Made(answer, mesh.site, member_of(answer))
 
 
 def number_between(few: TradeoffMember, many: TradeoffMember, tol: float) -> int:
