@@ -199,6 +199,12 @@ class Margin(ReprMixin):
         return 1 / self.exposure - 1
 
     @property
+    def least_margin(self) -> float:
+        """`margin` with the lowest strength of the range, of batches and directions."""
+        lowest, _ = self._strengths
+        return (1 + self.margin) * lowest / self.strength - 1
+
+    @property
     def reached(self) -> bool:
         """Whether yield or failure is reached at the worst point: exposure >= 1."""
         return self.exposure >= 1
@@ -233,9 +239,14 @@ class Margin(ReprMixin):
         """Least and largest exposure within the errors of the stress and the range of the
         strength.
         """
-        weakest, strongest = self.strength_range or (self.strength, self.strength)
+        weakest, strongest = self._strengths
         least, largest = self.stresses
         return least / strongest, largest / weakest
+
+    @property
+    def _strengths(self) -> tuple[float, float]:
+        """Least and largest strength: both are `strength` where no range is known."""
+        return self.strength_range or (self.strength, self.strength)
 
     @property
     def sentence(self) -> str:
@@ -286,18 +297,17 @@ class Margin(ReprMixin):
         low, high = (max(end, 0.0) for end in self.stresses)
         if not self.is_stress:
             return f"exposure {low:.3g} to {high:.3g} with its errors, failure from 1"
-        strength = _range_of(*self.strength_range or (self.strength, self.strength))
+        strength = _range_of(*self._strengths)
         return f"stress {_range_of(low, high)} with its errors, strength {strength}"
 
     @property
     def _largest(self) -> str:
         """Text: the largest stress or exposure, and the margin of safety."""
         there = " there" if self.scope else ""
-        margin = f"margin of safety {self.margin:.3g}"
         if not self.is_stress:
             name = CRITERIA[self.criterion][1]
-            exposure = f"{self.exposure:.3g}, {self._place}"
-            return f"the largest exposure{there} by {name} is {exposure}; {margin}"
+            exposure = f"{self.exposure:.3g}, {self._place}; margin of safety {self.margin:.3g}"
+            return f"the largest exposure{there} by {name} is {exposure}"
         strength = engineering(self.strength, "Pa")
         if self.strength_range is not None:
             low, high = (engineering(bound, "Pa") for bound in self.strength_range)
@@ -307,8 +317,16 @@ class Margin(ReprMixin):
         name, of_strength = STRESSES[self.criterion]
         return (
             f"the largest {name}{there}, {self._stress}, is {self.exposure:.3g} of the"
-            f" {of_strength} {strength}; {margin}"
+            f" {of_strength} {strength}; {self._margins}"
         )
+
+    @property
+    def _margins(self) -> str:
+        """Text: the margins of safety against the strength and the lowest of its range."""
+        lowest, _ = self._strengths
+        margins = {self.strength: self.margin, lowest: self.least_margin}
+        told = (f"{m:.3g} against {engineering(one, 'Pa')}" for one, m in margins.items())
+        return f"margin of safety {', '.join(told)}"
 
     @property
     def _stress(self) -> str:

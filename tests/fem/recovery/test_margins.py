@@ -352,6 +352,11 @@ def test_the_range_of_a_yield_strength_belongs_to_the_verdict(stress, verdict):
     assert f"strength {engineering(YIELD, 'Pa')} (taken as exact: no range was given)" in exact
     low, high = (engineering(share * YIELD, "Pa") for share in (0.8, 1.3))
     assert f"{engineering(YIELD, 'Pa')} ({low} to {high})" in margin.sentence
+    lowest = dataclasses.replace(margin, strength_range=None, strength=0.8 * YIELD)
+    assert margin.least_margin == pytest.approx(lowest.margin)
+    alone = f"margin of safety {1 / stress - 1:.3g} against {engineering(YIELD, 'Pa')}"
+    assert f"{alone}, {0.8 / stress - 1:.3g} against {low}" in margin.sentence
+    assert exact.endswith(alone)
 
 
 def test_a_peak_takes_the_range_of_its_material():
