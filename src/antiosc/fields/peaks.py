@@ -572,6 +572,7 @@ def peak_field(
         points, cells, displacements = source(structure).at_nodes(structure, shapes, part)
         best = Maxima(*search(displacements, length))
         of_spans: list[Maxima] = []
+        zones_of_spans = [zones]
     else:
         zones_of_spans = [zones, *(zones.of_span(k) for k in range(len(searches)))]
         maxima: list[list[Maxima]] = []
@@ -596,9 +597,6 @@ def peak_field(
         )
     points, cells, best, of_spans = structure.comm.bcast((points, cells, best, of_spans), root=0)
     result = _peak_field_of(quantity, unit, points, cells, best)
-    if result._margin is not None:
-        spans = tuple(one.margin for one in of_spans if one.margin is not None)
-        result = replace(result, _margin=replace(result._margin, spans=spans))
     if quantity in ("von_mises", "stress", "yield", "tension"):
         peak_times = np.where(best.values > 0, best.times, instants[-1])
         errors = mesh_error(structure, shapes, part, history, peak_times, body)
@@ -618,10 +616,10 @@ def peak_field(
             strength_range=margin.strength_range(structure, result._margin),
         )
         judged = _with_errors(result, judged, zones)
-        known = judged.strength_range
-        known_spans = [replace(span, strength_range=known) for span in judged.spans]
-        spans = tuple(_of_one(_with_errors(result, span, zones)) for span in known_spans)
-        result = replace(result, _margin=replace(judged, spans=spans))
+        result = replace(result, _margin=judged)
+    if result._margin is not None:
+        spans = tuple(_margins_of_spans(result, cells, of_spans, zones_of_spans[1:]))
+        result = replace(result, _margin=replace(result._margin, spans=spans))
     largest = float(result.values.max(initial=0.0))
     if result.error is not None and result.error > UNRESOLVED * largest:
         warn(
@@ -750,7 +748,7 @@ def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margi
     if field.mesh_error is None:
         return replace(judged, mesh_error=NOT_ESTIMATED * judged.value if field.doubt else 0.0)
     k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
-    shares = field.mesh_error / np.where(field.values > 0, field.values, 1.0)
+    shares = _mesh_shares(field)
     judged = replace(judged, mesh_error=float(shares[k]) * judged.value)
     if judged.away is None or field.exposure is None:
         return judged
@@ -762,9 +760,31 @@ def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margi
     return replace(judged, others=(least, largest))
 
 
-def _of_one(span: Margin) -> Margin:
-    """The margin of one impact of a fall: the least stress elsewhere is that of all impacts."""
-    return replace(span, others=(0.0, span.others[1]))
+def _margins_of_spans(
+    field: PeakField,
+    cells: list[tuple[str, IntArray]],
+    of_spans: Sequence[Maxima],
+    zones: Sequence[margin.Zones],
+) -> Iterator[Margin]:
+    """Yields the margins of the spans of a run, each with the errors of the span's own stresses."""
+    assert field._margin is not None
+    used_nodes = _used_nodes(cells)
+    for one, of_span in zip(of_spans, zones, strict=True):
+        if one.margin is None or one.exposure is None:
+            continue
+        judged = replace(one.margin, strength_range=field._margin.strength_range)
+        if judged.is_stress:
+            values = one.values[used_nodes]
+            own = replace(field, values=values, exposure=one.exposure[used_nodes])
+            if field.mesh_error is not None:
+                own = replace(own, mesh_error=_mesh_shares(field) * values)
+            judged = _with_errors(own, judged, of_span)
+        yield judged
+
+
+def _mesh_shares(field: PeakField) -> Array:
+    """Estimated errors by the mesh over the stresses of all nodes."""
+    return np.asarray(field.mesh_error) / np.where(field.values > 0, field.values, 1.0)
 
 
 def _places(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,6 +69,25 @@ def test_a_stress_beside_a_sharp_edge_converges_with_the_mesh(tmp_path):
     assert low < fine < high
     assert np.ptp(ends) < high - low
     assert abs(fine / coarse - 1) < 0.1 < sharp[1] / sharp[0] - 1
+
+
+def test_a_span_of_a_run_has_the_interval_of_its_own_stresses(tmp_path):
+    """Of a second span with a tenth of the motion all stresses and errors are a tenth."""
+    site = ao.Site((0.05, 0.01, 0.005), (0, -1, 0), radius=4.5e-3)
+    part, hit = held(angle(tmp_path, 4e-3), site, FORCE)
+    whole = hit.at(hit.time)["part"]
+    names = ("q", "v", "a", "forces")
+    both = {name: getattr(whole, name) for name in names}
+    both = {name: np.concatenate([values, 0.1 * values]) for name, values in both.items()}
+    both["time"] = np.append(whole.time, whole.time[-1] + whole.time)
+    run = replace(whole, spans=np.repeat([0, 1], whole.time.size), **both)
+    margin = ao.peak_field(part, run, sharp_edges=False).margin()
+    assert margin.away.edges
+    strong, weak = margin.spans
+    assert strong.others[1] > strong.stress  # elsewhere it may be more
+    assert weak.stress == pytest.approx(0.1 * strong.stress)
+    assert weak.stresses == pytest.approx(0.1 * np.array(strong.stresses))
+    assert margin.stresses == strong.stresses
 
 
 def test_the_sharp_edge_of_an_angle_is_its_inner_one(tmp_path):
