@@ -31,13 +31,14 @@ def lines(stream: Terminal) -> list[str]:
     return stream.getvalue().split(progress.CLEAR)[1:]
 
 
-def test_the_innermost_work_is_shown_and_goes_away(terminal):
+def test_the_innermost_work_is_shown_behind_the_count_around_it_and_goes_away(terminal):
     with progress.doing("outer") as further:
         further("1 of 2")
         with progress.doing("inner"):
             pass
         further("2 of 2")
-    texts = ["outer", "outer: 1 of 2", "inner", "outer: 1 of 2", "outer: 2 of 2"]
+    both = "outer: 1 of 2 – inner"
+    texts = ["outer", "outer: 1 of 2", both, "outer: 1 of 2", "outer: 2 of 2"]
     assert lines(terminal) == [*(f"antiosc: {text} …" for text in texts), ""]
 
 

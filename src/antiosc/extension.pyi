@@ -114,6 +114,7 @@ from antiosc.impact.histories import (
     error_scope as error_scope,
 )
 from antiosc.impact.histories.bars import (
+    OF_ALL_CONTACTS as OF_ALL_CONTACTS,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
     contact_time_note as contact_time_note,

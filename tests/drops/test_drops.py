@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 from types import SimpleNamespace
 from typing import Any
@@ -13,6 +14,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
+from antiosc.base import progress
 from antiosc.base.texts import percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
@@ -893,3 +895,26 @@ def test_floors_take_one_law() -> None:
     ball, unknown = Curvature.of_radii(0.1, 0.1), np.full(2, np.nan)
     soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), ball, unknown)
     assert soft.force(1e-3, 0.0, soft.touch(0.0)) == pytest.approx(np.pi * 1e6 * 0.1 * 1e-6 / 0.01)
+
+
+@pytest.mark.parametrize(
+    ("until", "done"),
+    [(3, ["0 of 3", "1 of 3", "2 of 3"]), (0.5, []), ("rest", [])],
+)
+def test_a_fall_tells_how_far_it_is(until, done) -> None:
+    told: list[str] = []
+    with progress.following(told.append):
+        fall = ao.drop(HARD, 0.05, floor=ao.Floor(ao.material(SOFT)), until=until)
+    steps = [text for text in told if text.startswith("the fall: ")]
+    impacts = [
+        f"contact {c + 1} of impact {k + 1}"
+        for k, g in enumerate(fall.groups)
+        for c in range(len(g))
+    ]
+    assert len(steps) == len(impacts)
+    assert all(place in text for place, text in zip(impacts, steps, strict=True))
+    assert [text.split("impacts done ")[1] for text in steps if "done" in text] == done
+    if until == 0.5:
+        times = [int(re.search(r": (\d+) of 500 ms, ", text)[1]) for text in steps]
+        touched = [1e3 * fall.episodes[i].start.time for i in range(len(steps))]
+        assert times == pytest.approx(touched, abs=0.5)

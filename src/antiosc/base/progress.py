@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import shutil
 import sys
 import threading
@@ -21,6 +22,8 @@ from typing import Any, TextIO
 #: Carriage return, and the sequence that clears the line.
 CLEAR = "\r\x1b[2K"
 
+#: How much of a work is done, in its text.
+COUNTED = re.compile(r"\b\d+ of \d+\b")
 #: Seconds between two changes of a count.
 REFRESH = 0.1
 #: Seconds of work from which a notebook keeps the line that tells them.
@@ -41,6 +44,12 @@ class _Lines(threading.local):
         self.shown: Any = None
         self.work = ""
         self.began = self.written = 0.0
+
+    @property
+    def innermost(self) -> str:
+        """The innermost work, behind the last work around it that is counted; "" without any."""
+        counted = [text for text in self.texts[:-1] if COUNTED.search(text)]
+        return " – ".join([*counted[-1:], *self.texts[-1:]])
 
 
 _lines = _Lines()
@@ -114,7 +123,7 @@ def seconds_text(seconds: float) -> str:
 def _write(rank: int) -> None:
     """Write the innermost work on the line, or clear the line if there is none."""
     if _lines.told is not None:
-        _lines.told(_lines.texts[-1] if _lines.texts else "")
+        _lines.told(_lines.innermost)
     stream = sys.stderr
     if not rank and not world_rank() and _in_notebook():
         _write_in_notebook()
@@ -125,7 +134,7 @@ def _write(rank: int) -> None:
         if os.environ.get("TERM") == "dumb":
             return
         width = shutil.get_terminal_size().columns - 1
-        line = f"antiosc: {_lines.texts[-1]} …"[:width] if _lines.texts else ""
+        line = f"antiosc: {_lines.innermost} …"[:width] if _lines.texts else ""
         stream.write(CLEAR + line)
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
@@ -152,7 +161,7 @@ def _write_in_notebook() -> None:
         return
     elapsed = now - _lines.began
     text = (
-        f"antiosc: {_lines.texts[-1]} …"
+        f"antiosc: {_lines.innermost} …"
         if _lines.texts
         else f"antiosc: {_lines.work}: {elapsed:.1f} s"
     )

@@ -30,6 +30,7 @@ from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
+from antiosc_studies.drops.follow import followed
 from antiosc_studies.drops.free_body import FreeBody, State
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.lines import with_lines
@@ -454,7 +455,8 @@ def drop(
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give Tilts as the ensemble.")
-        fall = fall_of(body, start, setting)
+        with followed(setting) as report:
+            fall = fall_of(body, start, setting, report)
         fall.warn()
         return fall
     check_executor(executor)

@@ -647,6 +647,11 @@ class Fall(Trajectory, Result):
             )
 
 
-def fall_of(body: FreeBody, start: State, setting: Setting) -> Fall:
-    """The fall of a body from a state."""
-    return Fall(body, setting, start, *trajectory(body, start, setting))
+def fall_of(
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    report: Callable[[int, int, float], None] = lambda *_: None,
+) -> Fall:
+    """The fall of a body from a state; `report` as of `trajectory`."""
+    return Fall(body, setting, start, *trajectory(body, start, setting, report))

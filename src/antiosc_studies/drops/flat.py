@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from antiosc.base._types import Array
 from antiosc.base.errors import without_warnings
+from antiosc.base.progress import counting
 from antiosc_studies.drops.drop import onto
 from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.flight import rotation_matrices
@@ -44,7 +45,11 @@ def range_over_tilt(fall: Fall, angle: float = ANGLE) -> tuple[float, float]:
     turns = [rotation_matrices(angle * axis) for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2]))]
     forces = [float(fall.impacts[0].peak_force)]
     with without_warnings():
-        forces += [_force(fall, turn) for turn in [*turns, *_flattening(fall, angle)]]
+        turns += _flattening(fall, angle)
+        with counting("the force over small tilts", len(turns)) as done:
+            for k, turn in enumerate(turns):
+                done(k)
+                forces.append(_force(fall, turn))
     return min(forces), max(forces)
 
 

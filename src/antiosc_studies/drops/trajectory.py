@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, sqrt
@@ -26,7 +26,7 @@ from antiosc.engine.contact.peak_error import (
     mean_strain_rate,
 )
 from antiosc.engine.contact.surfaces import Matter
-from antiosc.extension import HertzContact, YieldingZone
+from antiosc.extension import OF_ALL_CONTACTS, HertzContact, YieldingZone
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
@@ -70,9 +70,15 @@ def initial_state(
 
 
 def trajectory(
-    body: FreeBody, start: State, setting: Setting
+    body: FreeBody,
+    start: State,
+    setting: Setting,
+    report: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[State, list[Episode], list[Flight], list[list[int]], str]:
     """Follow a fall until it rests or ends.
+
+    `report` is called before each contact with the number of its impact and of the contact in it,
+    from 1, and its time [s].
 
     Returns the last state, the contacts, the flights, the indices of the contacts of each impact,
     and why it ended.
@@ -113,6 +119,7 @@ def trajectory(
             groups.append([])
             deepest = 0.0
         groups[-1].append(len(episodes))
+        report(len(groups), len(groups[-1]), touch.time)
         last_duration = episodes[-1].duration if ongoing else np.inf
         episodes.append(contact := episode(body, touch, setting, ongoing, last_duration))
         state = contact.end
@@ -243,6 +250,7 @@ class FallImpact:
     Attributes
     ----------
     time : time of the first touch [s]; contact_time : from there to the last release [s].
+    touches : number of times that the part touches in the contact time, with flights in between.
     place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
     peak_force : largest sum of the normal forces [N]; impulse : sum of the normal impulses [N s].
@@ -256,6 +264,7 @@ class FallImpact:
 
     time: float
     contact_time: float
+    touches: int
     place: Array
     contacts: int
     peak_force: float
@@ -266,6 +275,11 @@ class FallImpact:
     spin_after: Array
     lost: float
     law_error: float | None
+
+    @property
+    def contact_time_note(self) -> str:
+        """What the contact time is of, where the part touches several times; "" of once."""
+        return OF_ALL_CONTACTS if self.touches > 1 else ""
 
 
 #: Scalars of an impact, and their units.
@@ -287,6 +301,7 @@ class Impacts(tuple[FallImpact, ...]):
         """Name with unit -> (n,) values."""
         place = self.column("place").reshape(-1, 3)
         table = {f"{name.replace('_', ' ')} ({unit})": self.column(name) for name, unit in UNITS}
+        table["touches"] = self.column("touches")
         table |= {f"place {axis} (m)": place[:, k] for k, axis in enumerate("xyz")}
         for name in ("spin_before", "spin_after"):
             spin = self.column(name).reshape(-1, 3)
@@ -298,24 +313,36 @@ class Impacts(tuple[FallImpact, ...]):
         columns = {name: values.tolist() for name, values in self.columns().items()}
         return {name: [None if v != v else v for v in values] for name, values in columns.items()}
 
+    @property
+    def touch_again(self) -> bool:
+        """Whether the part touches several times in an impact."""
+        return any(impact.touches > 1 for impact in self)
+
     def __str__(self) -> str:
-        names = ("no.", "time", "place", "peak", "± law", "impulse", "contact", "speed before")
-        rows: list[tuple[str, ...]] = [
-            (*names, "speed after", "spin after", "lost"),
-            ("", "s", "m", "N", "", "N s", "s", "m/s", "m/s", "rad/s", "J"),
-        ]
+        names = (
+            *("no.", "time", "place", "peak", "± law", "impulse", "contact", "touches"),
+            *("speed before", "speed after", "spin after", "lost"),
+        )
+        units = ("", "s", "m", "N", "", "N s", "s", "", "m/s", "m/s", "rad/s", "J")
+        rows: list[tuple[str, ...]] = [names, units]
         for k, impact in enumerate(self):
             by_law = "–" if impact.law_error is None else percent(impact.law_error)
             spin = np.linalg.norm(impact.spin_after)
-            values = (impact.contact_time, impact.speed_before, impact.speed_after, spin)
+            values = (impact.speed_before, impact.speed_after, spin)
             rows.append((
                 f"{k + 1}", f"{impact.time:.5f}", ", ".join(f"{c:.3g}" for c in impact.place),
                 f"{impact.peak_force:.4g}", by_law,
-                *(f"{value:.4g}" for value in (impact.impulse, *values)), f"{impact.lost:.3g}",
+                f"{impact.impulse:.4g}", f"{impact.contact_time:.4g}", f"{impact.touches}",
+                *(f"{value:.4g}" for value in values), f"{impact.lost:.3g}",
             ))  # fmt: skip
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = [zip(row, widths, strict=True) for row in rows]
-        return "\n".join("  ".join(f"{cell:>{width}}" for cell, width in line) for line in lines)
+        columns = list(zip(*rows, strict=True))
+        if not self.touch_again:
+            del columns[names.index("touches")]
+        aligned = [[cell.rjust(max(map(len, column))) for cell in column] for column in columns]
+        lines = ["  ".join(row) for row in zip(*aligned, strict=True)]
+        if self.touch_again:
+            lines.append(f"contact: {OF_ALL_CONTACTS}")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True)
@@ -361,6 +388,7 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
     return FallImpact(
         time=first_state.time,
         contact_time=final_state.time - first_state.time,
+        touches=_touches(force_of(episodes)[1]),
         place=body.points[strongest] - body.balls[strongest] * first_state.R[2] + body.centre,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=peak,
@@ -372,6 +400,20 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
         lost=energies[0] - energies[1],
         law_error=by_law,
     )
+
+
+def force_of(episodes: Sequence[Episode]) -> tuple[Array, Array]:
+    """Times (n,) [s] since the start of the first episode, and the sum of the normal forces [N]."""
+    first = episodes[0].start.time
+    records = [(episode.start.time - first, *episode.forces()) for episode in episodes]
+    time = np.concatenate([offset + t for offset, t, _ in records])
+    return time, np.concatenate([force.sum(axis=1) for _, _, force in records])
+
+
+def _touches(force: Array) -> int:
+    """How many times a force (n,) begins."""
+    touching = np.append(False, force > 0)
+    return int(np.sum(touching[1:] & ~touching[:-1]))
 
 
 def _rising(body: FreeBody, state: State, point: int) -> float:

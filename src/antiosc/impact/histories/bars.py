@@ -296,6 +296,10 @@ def contacts_of_main(result: Any) -> int:
     return last - first + 1
 
 
+#: Of what a contact time is, where the impact has several contacts and no other follows.
+OF_ALL_CONTACTS = "of all contacts, flights included"
+
+
 def contact_time_note(result: Any) -> str:
     """What the contact time is of, where there are several contacts; "" of a single one."""
     count = len(result.contacts)
@@ -303,7 +307,7 @@ def contact_time_note(result: Any) -> str:
         return ""
     of_main = contacts_of_main(result)
     if of_main == count:
-        return "of all contacts, flights included"
+        return OF_ALL_CONTACTS
     flights = ", flights included" if of_main > 1 else ""
     last = engineering(result.contacts[-1][1], "s")
     return f"of the main impact{flights}; last release at {last}"
