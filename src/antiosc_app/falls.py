@@ -17,11 +17,13 @@ from antiosc_app.live import (
     Headline,
     bar_of_fall,
     stress_sentences,
+    stresses_of_impacts,
 )
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.results import how_it_ended, stresses_of_impacts
+from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
+from antiosc_studies.drops.trajectory import force_of
 
 #: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
@@ -49,7 +51,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     part = geometry(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
-        part["values"] = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)[nearest]
+        part["values"] = np.minimum(worst.values / (_top(fall, worst) or 1.0), 1.0)[nearest]
         part["values"] = part["values"].astype(np.float32)
     return {
         "fall": {
@@ -59,9 +61,9 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
-            "stresses": stresses_of_impacts(worst),
+            "stresses": [one._asdict() for one in stresses_of_impacts(fall, worst)],
             "stressed": None if worst is None else _stressed(worst),
-            "most": None if worst is None else _legend(worst),
+            "most": None if worst is None else _legend(fall, worst),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
@@ -72,22 +74,22 @@ def _stressed(worst: WorstField) -> list[float]:
     return [float(x) for x in worst.points[worst.judged]]
 
 
-def _top(worst: WorstField) -> float:
+def _top(fall: Fall, worst: WorstField) -> float:
     """The end of the scale of colours: the largest value, or what it exceeds at few points."""
-    largest = _largest(worst)
+    largest = _largest(fall, worst)
     usual = float(np.quantile(worst.values, USUAL))
     return usual if 0 < SPIKE * usual < largest else largest
 
 
-def _largest(worst: WorstField) -> float:
+def _largest(fall: Fall, worst: WorstField) -> float:
     """The largest value, with those of the impacts where these are stresses too."""
-    stresses = stresses_of_impacts(worst) if worst.unit == "Pa" else []
-    return float(max([worst.values.max(), *stresses]))
+    stresses = stresses_of_impacts(fall, worst) if worst.unit == "Pa" else []
+    return float(max([worst.values.max(), *(one.stress for one in stresses)]))
 
 
-def _legend(worst: WorstField) -> str:
+def _legend(fall: Fall, worst: WorstField) -> str:
     """Text at the end of the scale of colours."""
-    top, largest = (engineering(end(worst), worst.unit) for end in (_top, _largest))
+    top, largest = (engineering(end(fall, worst), worst.unit) for end in (_top, _largest))
     return top if top == largest else f"{top} and more, up to {largest}"
 
 
@@ -113,11 +115,13 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     impact = fall.impacts[k]
     body = fall.body
     touch = at(fall, fall.impacts[k].time)
-    time, force = _force(fall, k)
+    time, force = force_of([fall.episodes[i] for i in fall.groups[k]])
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
         "bar": law_bar(impact),
+        "touches": impact.touches,
+        "contact_time_note": impact.contact_time_note,
         "time": impact.time,
         "at": point_text(impact.place),
         "point": impact.place.tolist(),
@@ -125,16 +129,6 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
         "frame": int(np.searchsorted(times, impact.time)),
         "curve": {"time": samples, "force": np.interp(samples, time, force)},
     }
-
-
-def _force(fall: Fall, k: int) -> tuple[Array, Array]:
-    """Times (n,) [s] since the first touch of an impact, and the sum of its normal forces (n,)."""
-    episodes = [fall.episodes[i] for i in fall.groups[k]]
-    records = [
-        (episode.start.time - episodes[0].start.time, *episode.forces()) for episode in episodes
-    ]
-    time = np.concatenate([offset + t for offset, t, _ in records])
-    return time, np.concatenate([force.sum(axis=1) for _, _, force in records])
 
 
 def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
@@ -150,6 +144,8 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
     if bar := law_bar(strongest):
         values[0] += f" ± {percent(bar)}"
+    if note := strongest.contact_time_note:
+        values[1] += f" {note}"
     labels = "peak force", "contact time", "impulse"
     numbers += zip(labels, values, strict=True)
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
@@ -177,7 +173,7 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
 def _other_order(fall: Fall, worst: WorstField) -> str:
     """Sentence on an impact with a larger stress than one with a larger force; "" if none has."""
     forces = fall.impacts.column("peak_force")
-    stresses = stresses_of_impacts(worst)
+    stresses = [one.stress for one in stresses_of_impacts(fall, worst)]
     if not stresses or np.array_equal(np.argsort(forces), np.argsort(stresses)):
         return ""
     return (

@@ -836,16 +836,45 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
 def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
     """`stress_bar` with the relative error of the force; None without an estimate of the mesh."""
     if peak.exposure is not None and peak.margin().is_stress:
-        margin = _margin_with(peak, force)
-        if not margin.at_edge and not peak.largest_mesh_error:
-            return None
-        low, high = (end / margin.stress for end in margin.stresses)
-        return 1 - max(low, 0.0), high - 1
+        return _bar_of(_margin_with(peak, force), bool(peak.largest_mesh_error))
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None
     share = peak.largest_mesh_error / value + force
     return min(share, 1.0), share
+
+
+def _bar_of(margin: Margin, has_mesh_error: bool) -> tuple[float, float] | None:
+    """`stress_bar` of a margin with its force error; None without an estimate of the mesh."""
+    if not margin.stress or not (margin.at_edge or has_mesh_error):
+        return None
+    low, high = (end / margin.stress for end in margin.stresses)
+    return 1 - max(low, 0.0), high - 1
+
+
+class ImpactStress(NamedTuple):
+    """The judged stress [Pa] of an impact of a fall, and its `stress_bar`."""
+
+    stress: float
+    bar: tuple[float, float] | None
+
+    @property
+    def bar_text(self) -> str:
+        """The bar as text; a dash if it is not known."""
+        return "–" if self.bar is None else plus_minus(self.bar)
+
+
+def stresses_of_impacts(fall: Fall, worst: WorstField | None) -> list[ImpactStress]:
+    """The largest judged stress of each impact; [] where none is judged by yield."""
+    if worst is None or worst.exposure is None or worst.margin().criterion != "yield":
+        return []
+    spans = worst.margin().spans
+    is_known = [fall.impacts[span.impact - 1].law_error is not None for span in spans]
+    bars = (_bar_of(span, worst.mesh_error is not None and span.mesh_error > 0) for span in spans)
+    return [
+        ImpactStress(span.stress, bar if known else None)
+        for span, bar, known in zip(spans, bars, is_known, strict=True)
+    ]
 
 
 def _judged(peak: PeakField) -> float:

@@ -66,6 +66,7 @@ from antiosc_app.live import (
     map_cautions,
     of_elastic_part,
     stress_note,
+    stresses_of_impacts,
     without_mesh_error,
 )
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -638,8 +639,8 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
 
 #: Attributes of a margin among the numbers.
 MARGIN_KEYS = (
-    "criterion", "scope", "exposure", "margin", "reached", "contact", "beyond", "spread",
-    "edge_stress", "thin", "layer", "sentence", "point", "time",
+    "criterion", "scope", "exposure", "margin", "least_margin", "reached", "contact", "beyond",
+    "spread", "edge_stress", "thin", "layer", "sentence", "point", "time",
 )  # fmt: skip
 
 
@@ -875,6 +876,9 @@ def _fall(results: SceneResults) -> Presentation:
         pictures.append(Picture("Fall", f"{caption} forces of the impacts (N).", fall.plot))
     if worst is not None:
         numbers["worst"] = {worst.quantity: float(worst.values.max())} | _margin_numbers(worst)
+        if is_single:
+            of_impacts = [one._asdict() for one in stresses_of_impacts(fall, worst)]
+            numbers["worst"]["impacts"] = of_impacts
         caption = "The largest value at each node over all impacts."
         pictures.append(Picture("Largest stress", caption, worst.plot))
     caution = ""
@@ -883,7 +887,10 @@ def _fall(results: SceneResults) -> Presentation:
 
         caution = caution_of_fall(fall)
     return Presentation(
-        text=[fall.summary() if is_single else format_columns(table), format_rows(rows)],
+        text=[
+            *(_fall_text(fall, worst) if is_single else [format_columns(table)]),
+            format_rows(rows),
+        ],
         caution=caution,
         tables={"fall.csv": table},
         numbers=numbers,
@@ -900,30 +907,41 @@ def _fall(results: SceneResults) -> Presentation:
     )
 
 
-def stresses_of_impacts(worst: WorstField | None) -> list[float]:
-    """The largest judged stress [Pa] of each impact; [] where none is judged by yield."""
-    if worst is None or worst.exposure is None or worst.margin().criterion != "yield":
-        return []
-    return [span.stress for span in worst.margin().spans]
+def _fall_text(fall: Fall, worst: WorstField | None) -> list[str]:
+    """The impacts of a fall as text, and the largest stress of each."""
+    stresses = _stress_columns(fall, worst)
+    numbers = {"impact": np.arange(1, len(fall.impacts) + 1)}
+    return [fall.summary(), *([format_columns(numbers | stresses)] if stresses else [])]
 
 
 def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
     """The impacts of a fall as a table that fits on paper, with the largest stress of each."""
     impacts = fall.impacts
-    stresses = stresses_of_impacts(worst)
     before, after = (impacts.column(f"speed_{when}") for when in ("before", "after"))
     return {
         "impact": np.arange(1, len(impacts) + 1),
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
-        **({"largest stress (Pa)": stresses} if stresses else {}),
+        **_stress_columns(fall, worst),
         "contact time (s)": impacts.column("contact_time"),
+        **({"touches": impacts.column("touches").astype(int)} if impacts.touch_again else {}),
         "speed before, after (m/s)": [
             f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)
         ],
         "lost (J)": impacts.column("lost"),
         "at": [placed(impact.place) for impact in impacts],
+    }
+
+
+def _stress_columns(fall: Fall, worst: WorstField | None) -> Columns:
+    """The largest stress of each impact with its bar; {} where none is judged by yield."""
+    stresses = stresses_of_impacts(fall, worst)
+    if not stresses:
+        return {}
+    return {
+        "largest stress (Pa)": [one.stress for one in stresses],
+        "its error": [one.bar_text for one in stresses],
     }
 
 

@@ -14,7 +14,7 @@ from scipy.special import j1
 import antiosc as ao
 from antiosc.base.texts import engineering, plus_minus
 from antiosc.engine.contact.line import line_indentation
-from antiosc_app import falls, live
+from antiosc_app import falls, live, results
 from antiosc_app.fall_caution import caution_of_fall
 from antiosc_studies.drops import corners, lines
 from antiosc_studies.drops.beside import share_beside
@@ -591,7 +591,8 @@ def test_stresses_in_another_order_than_the_forces_are_told(monkeypatch) -> None
     worst = fall.worst()
     forces = fall.impacts.column("peak_force")
     for stresses, is_told in ((1e4 * forces, False), (1e9 / forces, True)):
-        monkeypatch.setattr(falls, "stresses_of_impacts", lambda _, s=stresses: s.tolist())
+        of_impacts = [live.ImpactStress(stress, None) for stress in stresses]
+        monkeypatch.setattr(falls, "stresses_of_impacts", lambda *_, s=of_impacts: s)
         told = " ".join(falls.headline_of_fall(fall, worst).sentences)
         assert ("order of their forces" in told) == is_told
 
@@ -618,3 +619,84 @@ def test_a_stiff_mesh_lands_on_a_layer_as_a_rigid_block(
     known = ao.drop(rigid, 0.1, tilt, floor, until=1)
     assert fall.peak_force == pytest.approx(known.peak_force, rel=5e-3)
     assert fall.impacts[0].impulse == pytest.approx(known.impacts[0].impulse, rel=5e-3)
+
+
+@pytest.fixture(scope="module")
+def chattering() -> ao.Fall:
+    """A case whose corners strike one after the other, some of them twice in an impact."""
+    solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
+    part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
+    return ao.drop(part, 0.1, (1, 0.5, 0), ao.Floor(STEEL), until=3, modes=12)
+
+
+def _merged(fall: ao.Fall, impact: int) -> int:
+    """Number of contacts by the marches' own times of touch and release, of all points together."""
+    pairs = []
+    for episode in (fall.episodes[i] for i in fall.groups[impact]):
+        of_points = (c.contacts for c in episode.history.contact_histories)
+        pairs += [(episode.start.time + np.array(p)) for ps in of_points for p in ps]
+    count, last = 0, -np.inf
+    for start, end in sorted(map(tuple, pairs)):
+        count += start > last + 1e-12
+        last = max(last, end)
+    return count
+
+
+def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chattering) -> None:
+    touches = [impact.touches for impact in chattering.impacts]
+    assert touches == [_merged(chattering, k) for k in range(3)]
+    assert touches[0] == 1
+    assert {len(chattering.groups[k]) for k in range(3) if touches[k] > 1} == {1, 2}
+    notes = [impact.contact_time_note for impact in chattering.impacts]
+    assert notes == ["" if n == 1 else "of all contacts, flights included" for n in touches]
+    numbers = dict(falls.headline_of_fall(chattering, None).numbers)
+    hardest = int(np.argmax(chattering.impacts.column("peak_force")))
+    assert numbers["contact time"].endswith(f" {notes[hardest]}")
+    told = falls.data_of_fall(chattering, None)["fall"]["impacts"]
+    assert [(one["touches"], one["contact_time_note"]) for one in told] == [
+        *zip(touches, notes, strict=True)
+    ]
+    assert results.narrow_table(chattering)["touches"].tolist() == touches
+    head, _, *rows, note = str(chattering.impacts).splitlines()
+    assert [head.split()[7:9], note] == [["contact", "touches"], f"contact: {notes[1]}"]
+    assert [int(row.split()[-5]) for row in rows] == touches
+    assert "touches" not in str(Impacts(chattering.impacts[:1]))
+
+
+def test_every_stress_of_a_fall_has_a_bar_with_the_error_of_its_own_force(
+    chattering, monkeypatch
+) -> None:
+    """Of the stress (1 - b, 1 + a) without an error f of the force it is (1 - b)(1 - f) to …"""
+
+    def stresses_with(*errors: float) -> list[live.ImpactStress]:
+        pairs = zip(chattering.impacts, errors, strict=True)
+        rated = Impacts(replace(one, law_error=error) for one, error in pairs)
+        monkeypatch.setitem(vars(chattering), "impacts", rated)
+        worst = chattering.worst()
+        stresses = live.stresses_of_impacts(chattering, worst)
+        judged = stresses[worst.margin().impact - 1]
+        assert judged.bar == live.stress_bar(worst, live.bar_of_fall(chattering, worst))
+        told = falls.data_of_fall(chattering, worst)["fall"]["stresses"]
+        assert told == [{"stress": stress, "bar": bar} for stress, bar in stresses]
+        texts = results.narrow_table(chattering, worst)["its error"]
+        assert texts == [plus_minus(one.bar) for one in stresses if one.bar is not None]
+        return stresses
+
+    errors = 0.1, 0.3, 0.2
+    for error, without, with_it in zip(
+        errors, stresses_with(0.0, 0.0, 0.0), stresses_with(*errors), strict=True
+    ):
+        assert with_it.stress == without.stress
+        below, above = with_it.bar
+        assert 1 - below == pytest.approx((1 - without.bar[0]) * (1 - error))
+        assert 1 + above == pytest.approx((1 + without.bar[1]) * (1 + error))
+
+
+def test_a_stress_of_an_impact_whose_force_has_no_bar_has_none(chattering, monkeypatch) -> None:
+    impacts = [
+        replace(one, law_error=None if k else 0.1) for k, one in enumerate(chattering.impacts)
+    ]
+    monkeypatch.setitem(vars(chattering), "impacts", Impacts(impacts))
+    stresses = live.stresses_of_impacts(chattering, chattering.worst())
+    assert [one.bar is None for one in stresses] == [False, True, True]
+    assert [one.bar_text for one in stresses[1:]] == ["–", "–"]

@@ -37,7 +37,17 @@ class FallPage {
       const bar = one.bar ? [`± ${percent(one.bar)}`] : [];
       unbroken(made("td", row), [engineering(one.peak_force, "N"), ...bar]).dataset.value = one.peak_force;
       unbroken(made("td", row), [engineering(one.contact_time, "s")]);
-      if (stresses.length) unbroken(made("td", row), [engineering(stresses[k], "Pa")]);
+      if (stresses.length) {
+        const { stress, bar } = stresses[k];
+        const cell = unbroken(made("td", row), [engineering(stress, "Pa")]);
+        cell.dataset.value = stress;
+        cell.append(" ");
+        if (bar) unbroken(made("span", cell, "", { className: "sides" }), plus_minus(bar).split(/ (?=−)/));
+      }
+      if (one.contact_time_note) {
+        const below = made("tr", find("numbers"), "", { className: "note" });
+        made("td", below, `${one.touches} touches: the contact time is that ${one.contact_time_note}`, { colSpan: 4 });
+      }
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
   }
