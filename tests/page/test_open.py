@@ -36,6 +36,9 @@ from webdriver import MISSING, Browser
 from words import python_in
 
 pytestmark = pytest.mark.fem
+#: Largest cell of the angle [m]: a sixth of the cells that the page takes by itself, which strike
+#: alike within 0.1 % and answer a set-up in a fifth of the time.
+SIZE = 6e-3
 CLICK = """
 const view = document.getElementById("view"), box = view.getBoundingClientRect();
 const [x, y] = bench.view.seen(arguments[0]);
@@ -100,7 +103,7 @@ def step(tmp_path_factory):
 def opened(step):
     from antiosc_app.opened import Opened
 
-    one = Opened(step)
+    one = Opened(step, size=SIZE)
     yield one
     one.close()
 
@@ -419,16 +422,16 @@ def test_the_size_of_the_cells_is_that_of_a_set_up(opened, step):
     """Of the mesh, of the patch, which has a size by the mesh, and of the scene that is saved."""
     first = opened.calls["look"]({})
     size = first["size"]
-    setups = [asked(opened, size=part) for part in (None, size, 2 * size)]
+    setups = [asked(opened, size=part) for part in (None, size, size / 2)]
     meshes = [opened._struck(set_up.read(setup)).structure.mesh for setup in setups]
     assert meshes[0].n_cells == meshes[1].n_cells
-    assert meshes[1].n_cells > 4 * meshes[2].n_cells
+    assert meshes[2].n_cells > 4 * meshes[1].n_cells
     found = [call(opened, "blow", setup) for setup in setups[1:]]
-    assert found[0]["site"]["radius"] < 0.8 * found[1]["site"]["radius"]
+    assert found[1]["site"]["radius"] < 0.8 * found[0]["site"]["radius"]
     names = opened.calls["save"]({})["names"]
     assert call(opened, "write", setups[2], agreed=names)["written"] == names
     scene, page = (step.with_name(name) for name in names)
-    assert tomllib.loads(scene.read_text(encoding="utf-8"))["geometry"]["size"] == 2 * size
+    assert tomllib.loads(scene.read_text(encoding="utf-8"))["geometry"]["size"] == size / 2
     for path in (scene, page):
         path.unlink()
 
@@ -571,7 +574,7 @@ def test_every_striker_strikes(opened, striker):
 def test_a_patch_that_is_too_small_for_the_force_grows(opened):
     setup = asked(opened)
     small = call(opened, "blow", setup)["site"]["radius"]
-    setup["striker"] |= {"kind": "hammer"}
+    setup["striker"] |= {"kind": "hammer", "name": "IK10"}
     grown = call(opened, "blow", setup)
     assert grown["site"]["radius"] > small
     assert any("The patch has grown to" in told for _, told in grown["warnings"])
@@ -742,7 +745,7 @@ def test_page_and_new_scene_begin_with_the_same_striker_and_the_same_fall(opened
     path = step.with_name("written.toml")
     setup = asked(opened)
     for drop in (False, True):
-        new.write_scene(path, step, drop=drop)
+        new.write_scene(path, step, drop=drop, size=SIZE)
         written = tomllib.loads(path.read_text(encoding="utf-8"))
         setup["striker"]["kind"] = "floor" if drop else "ball"
         shown = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)
@@ -873,6 +876,7 @@ def test_what_is_no_part_is_not_shown(part):
 def command(step):
     """The address of `antiosc open`."""
     arguments = [sys.executable, "-m", "antiosc", "open", step.name, "--no-browser"]
+    arguments += ["--size", str(SIZE)]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
         arguments, cwd=step.parent, stdout=subprocess.PIPE, text=True, env=environment
