@@ -33,7 +33,7 @@ from antiosc import (
     simulate,
 )
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, InputError, warnings_to
+from antiosc.base.errors import NARROWING, AntioscError, InputError, warnings_to
 from antiosc.base.texts import (
     SMALLER_CELLS,
     capitalised,
@@ -1041,7 +1041,7 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
     return (
         f"the largest part of the bar of the peak force comes from the {cause},"
-        f" {percent(getattr(bar, cause))}: to narrow it, {remedy}."
+        f" {percent(getattr(bar, cause))}: {NARROWING.lower()}{remedy}."
     )
 
 
@@ -1054,7 +1054,7 @@ def _remedy_of_stretch(hit: History) -> str:
             return REMEDIES["stretch"]
         if stretch.count == "auto" and hit.assembly.stretch_settled:
             return REMEDIES["time"]
-    return f"{NARROWED}, for no more motions are taken"
+    return NARROWED
 
 
 #: A striker of unknown size is drawn as a ball of this density [kg/m^3].

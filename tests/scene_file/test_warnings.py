@@ -12,7 +12,14 @@ import antiosc as ao
 import sheets
 import stretched
 from abaqus_decks import plate_deck
-from antiosc.base.errors import AccuracyWarning, NotTakenWarning, by_weight, warn, warnings_to
+from antiosc.base.errors import (
+    AccuracyWarning,
+    Message,
+    NotTakenWarning,
+    by_weight,
+    warn,
+    warnings_to,
+)
 from antiosc.base.texts import percent
 from antiosc.impact import stretching
 from antiosc.models.stretch import NARROWED
@@ -57,6 +64,10 @@ def test_what_questions_the_numbers_comes_first_and_nothing_twice():
             warn(message)
     assert by_weight(again) == ["number of it", "model of it", "file of it"]
     assert by_weight(again, "Told: Model of it.") == ["number of it", "file of it"]
+    warning = Message("It is rough. To narrow it, use smaller cells.", AccuracyWarning)
+    (rest,) = by_weight([warning], "The bar is wide: to narrow it, use smaller cells.")
+    assert (rest, rest.category) == ("It is rough.", AccuracyWarning)
+    assert by_weight([warning], "To narrow it, wait.") == [warning]
     with run.collected_warnings(again):
         pass
     assert again == ["number of it", "model of it", "file of it"]
@@ -176,10 +187,17 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
     assert "holds" not in told
     assert told.endswith("Take the force and deflection with this error.")
     told = stretching._not_enough(30, {**last, "peak_force": 0.2}, 0.01)
-    share = 'an error of 60 % of the force (the share "stretch" of its bar): '
+    share = 'an error of 60 % of the force (the share "stretch" of its bar) and an error of 15 %'
     assert told.startswith(f"Second-order forces leave {share}")
     assert told.endswith(f"To narrow it, {NARROWED}.")
     assert NARROWED.index("smaller elements") < NARROWED.index("explicit")
+    told = stretching._not_enough(30, {**last, "peak_force": 0.02, "impulse": 0.5}, 0.01)
+    share = stretching.stretch_shares({**last, "peak_force": 0.02, "impulse": 0.5})["peak_force"]
+    assert f"leave an error of {percent(share)} of the force" in told  # as in its bar
+    assert "one of the impulse (in its bar)" in told  # which momentum bounds
+    assert "an error of 15 % of the deflection" in told
+    told = stretching._not_enough(30, {**last, "impulse": 0.2}, 0.01, left_out=(10, 12))
+    assert "Runs of 10 and 12 motions" in told
 
 
 @pytest.mark.fem

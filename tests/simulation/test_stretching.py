@@ -16,7 +16,7 @@ from antiosc.base.texts import STOPPED, percent
 from antiosc.impact import stretching
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
-from antiosc.impact.stretching import NEGLIGIBLE, with_rows
+from antiosc.impact.stretching import NEGLIGIBLE, Series, released, with_rows
 from antiosc.impact.truncation import WARN_SHARE, truncation_share
 from antiosc.models.stretch import Stretch
 from antiosc_app import live
@@ -128,6 +128,44 @@ def test_modes_whose_energy_has_no_bound_do_not_count(monkeypatch):
     assert hit.status != STOPPED
     assert hit.peak_force == pytest.approx(right.peak_force, rel=hit.error["stretch peak_force"])
     assert hit.error["stretch peak_force"] < 0.2
+
+
+def run_of(count, well=0.0):
+    """A run with the first motions; a well is a quadratic force that pulls the first away."""
+    body = model("auto", size=5)
+    forces = body.stretch.turned(np.eye(5)[:, :count])
+    quadratic = forces.quadratic.copy()
+    quadratic[0, 0, 0] += well * np.abs(quadratic).max()
+    return ao.simulate(
+        replace(body, stretch=replace(forces, quadratic=quadratic)), BALL, LAW, DURATION
+    )
+
+
+def test_a_run_whose_motion_ran_away_by_chance_is_left_out():
+    """Two that run away in the same way are no chance: they snap through."""
+    sound = [run_of(count) for count in (4, 5, 5)]
+    away = run_of(4, well=8.0)
+    assert released(away) > 0.5 > 100 * max(map(released, sound))
+    alone = Series([*sound[:2], away, sound[2]])
+    assert alone.kept().left_out == (4,)
+    assert alone.kept().runs == sound
+    assert alone.kept().unsettled < 0.2 * alone.unsettled
+    twice = Series([*sound, away, away])
+    assert twice.kept() is twice
+    few = Series([sound[0], away, sound[1]])
+    assert few.kept() is few
+
+
+def test_what_second_order_forces_release_is_the_energy_of_the_modes():
+    """The largest sum of linear and second-order energy that is below the linear one alone."""
+    hit = run_of(4, well=8.0)
+    omega, forces = hit.model.modal().omega, hit.assembly.stretched["structure"]
+    t = np.linspace(0, hit.time[-1], 4000)
+    q = hit.states(t)[0][:, : omega.size]
+    linear = ((omega * q) ** 2).sum(axis=1) / 2
+    assert released(hit) == pytest.approx(
+        -forces.energy(q @ forces.modes).min() / linear.max(), rel=0.05
+    )
 
 
 def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():

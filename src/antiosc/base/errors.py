@@ -107,10 +107,25 @@ def weight(message: str) -> int:
     return ON_FILE if issubclass(category, NotTakenWarning) else ON_MODEL
 
 
+#: Begins the last sentence of a warning or of a verdict, on what narrows an error.
+NARROWING = "To narrow it, "
+
+
 def by_weight(messages: Iterable[str], told: str = "") -> list[str]:
-    """Warnings in the order of their weight, each once, without those that `told` contains."""
+    """Warnings in the order of their weight, each once, without what `told` contains of them: the
+    whole, or the remedy at their end.
+    """
     told = told.lower()
-    return sorted((one for one in dict.fromkeys(messages) if one.lower() not in told), key=weight)
+    others = [one for one in dict.fromkeys(messages) if one.lower() not in told]
+    return sorted((_without_remedy(one, told) for one in others), key=weight)
+
+
+def _without_remedy(message: str, told: str) -> str:
+    """The message without a remedy at its end that `told`, in small letters, contains."""
+    start, found, remedy = message.rpartition(f" {NARROWING}")
+    if not found or f"{NARROWING}{remedy}".lower() not in told:
+        return message
+    return Message(start, getattr(message, "category", AntioscWarning))
 
 
 #: what takes antiosc's warnings of this thread; None: Python's own filters

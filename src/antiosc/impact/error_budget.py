@@ -45,7 +45,7 @@ from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget, Rebound
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
-from antiosc.impact.stretching import DECIDING, NEGLIGIBLE, STRETCH_SAFETY, differences
+from antiosc.impact.stretching import NEGLIGIBLE, differences, stretch_shares
 from antiosc.impact.truncation import (
     WARN_SHARE,
     TruncationError,
@@ -361,8 +361,6 @@ def _kept(
     return run
 
 
-#: Least error by the choice of second-order modes, that of their tensors (`STRETCH_SAFETY`).
-STRETCH_LEAST = 1e-3
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
 WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
@@ -373,10 +371,7 @@ COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscilla
 
 
 def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> Shares:
-    """Error due to the truncated second-order modes: the change from m to m + 2 modes.
-
-    The change of a peak force may vanish by chance: the deflection's counts too.
-    """
+    """Error due to the truncated second-order modes: the change from m to m + 2 modes."""
     if model.stretch is None:
         return bars.NO_ERROR
     stretch = hit.assembly.stretched.get("structure")
@@ -388,9 +383,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     else:
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
-    worst = max(stretch_errors[name] for name in DECIDING)
-    lower_bound = max(bars.FLOOR * worst, STRETCH_LEAST)
-    return {name: STRETCH_SAFETY * max(stretch_errors[name], lower_bound) for name in QUANTITIES}
+    return stretch_shares(stretch_errors)
 
 
 def with_count(model: AntiOscillators, count: int) -> AntiOscillators:

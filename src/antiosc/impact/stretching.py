@@ -7,14 +7,15 @@ force acts on the site.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from itertools import pairwise
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from antiosc.base._types import Array
-from antiosc.base.errors import InputError
+from antiosc.base.errors import NARROWING, InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
@@ -36,6 +37,10 @@ LEAST_TOL = 2e-3
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
 #: random sheets (benchmarks/thin_sheets.py).
 AGREE = 2
+#: Factor on the least energy that second-order forces release in a run, beyond which the motion of
+#: another ran away; and the change between two of these above which they did so by chance.
+RAN_AWAY = 2.0
+BY_CHANCE = 0.05
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
 WARN = 1e-2
 #: Error above which another program is advised.
@@ -44,6 +49,8 @@ ROUGH = 0.5
 #: the tensors themselves, 55 of 56 random sheets have bars that cover the error (50 with a factor
 #: of 2 and no least error); tried with others (benchmarks/random_sheets.py).
 STRETCH_SAFETY = 3.0
+#: Least change in the error budget, of the tensors themselves.
+STRETCH_LEAST = 1e-3
 #: What decides on their number, and how much more it may change than the force; contact times,
 #: which may jump by a whole touch, do not.
 DECIDING = {"peak_force": 1.0, "impulse": 1.0, "deflection": 2.5}
@@ -127,8 +134,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     again : integrates another assembly.
     """
     a = linear.assembly
-    motions = {name: motion_of(linear, name) for name in a.bodies}
-    motion_by_body = {name: motion for name, motion in motions.items() if motion is not None}
+    every_motion = {name: motion_of(linear, name) for name in a.bodies}
+    motion_by_body = {name: motion for name, motion in every_motion.items() if motion is not None}
     force = largest_force(linear)
     fixed = not any(motion.forces.count == "auto" for motion in motion_by_body.values())
     if not fixed and max(motion.change for motion in motion_by_body.values()) <= NEGLIGIBLE:
@@ -136,8 +143,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     for name in motion_by_body:
         check_body(a.bodies[name])
     aim = max(tol, LEAST_TOL)
-    best = None
-    changes: list[dict[str, float]] = []
+    series = Series[H]()
     most_modes = min(max(motion.forces.size for motion in motion_by_body.values()), MOST)
     count = min(FIRST_MODES, most_modes)
     while True:
@@ -147,20 +153,85 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
         if fixed:
             return run, ""
         if run.status != STOPPED:  # else these modes alone have no bounded energy; others may have
-            changes += [] if best is None else [differences(best, run)]
-            best = run
-        last = largest(changes[-AGREE:])
-        worst = max((last[n] / x for n, x in DECIDING.items() if last), default=np.inf)
-        if (worst <= aim and len(changes) >= AGREE) or count >= most_modes:
+            series.add(run)
+        if (series.unsettled <= aim and len(series.changes) >= AGREE) or count >= most_modes:
             break
         count = min(count + 2, most_modes)
-    found = run if best is None else best
+    limit = max(tol, WARN)
+    if series.unsettled > limit:
+        series = series.kept()
+    found = series.runs[-1] if series.runs else run
+    last = series.last
     found.error.update({f"stretch {name}": value for name, value in last.items()})
-    found.assembly.stretch_settled = worst <= aim
-    if last and worst > max(tol, WARN):
-        taken = max(forces.size for forces in found.assembly.stretched.values())
-        return found, _not_enough(taken, last, max(tol, WARN))
+    found.assembly.stretch_settled = series.unsettled <= aim
+    if last and series.unsettled > limit:
+        return found, _not_enough(motions(found), last, limit, series.left_out)
     return found, ""
+
+
+class Series(Generic[H]):
+    """Runs with more and more motions, and how much each changes the one before."""
+
+    def __init__(self, runs: Sequence[H] = (), left_out: Sequence[H] = ()) -> None:
+        self.runs: list[H] = []
+        self.changes: list[dict[str, float]] = []
+        self.left_out = tuple(motions(run) for run in left_out)
+        for run in runs:
+            self.add(run)
+
+    def add(self, run: H) -> None:
+        """Take a run with more motions."""
+        if self.runs:
+            self.changes.append(differences(self.runs[-1], run))
+        self.runs.append(run)
+
+    @property
+    def last(self) -> dict[str, float]:
+        """The largest of the last changes of each quantity; {} without changes."""
+        return largest(self.changes[-AGREE:])
+
+    @property
+    def unsettled(self) -> float:
+        """The largest of these, each over what it may change more than the force."""
+        return worst_of(self.last)
+
+    def kept(self) -> Series[H]:
+        """The series without the runs whose motion ran away; itself if it settles no better.
+
+        Forces to third order may release energy that whole second-order strain would hold: some
+        choices of motions then fall into a well that their neighbours do not have. What truly snaps
+        through does so with more motions too, and in the same way.
+        """
+        releases = [released(run) for run in self.runs]
+        most = RAN_AWAY * min(releases, default=0.0) + NEGLIGIBLE
+        kept = [run for run, energy in zip(self.runs, releases, strict=True) if energy <= most]
+        away = [run for run, energy in zip(self.runs, releases, strict=True) if energy > most]
+        alike = min((worst_of(differences(*pair)) for pair in pairwise(away)), default=np.inf)
+        without = Series(kept, away)
+        chance = alike > BY_CHANCE and len(kept) > AGREE
+        return without if chance and without.unsettled < self.unsettled else self
+
+
+def worst_of(changes: Mapping[str, float]) -> float:
+    """The largest of what decides, over how much more it may change; no end without changes."""
+    return max((changes[name] / x for name, x in DECIDING.items() if changes), default=np.inf)
+
+
+def motions(history: History) -> int:
+    """The number of motions whose second-order forces take part in a run."""
+    return max(forces.size for forces in history.assembly.stretched.values())
+
+
+def released(history: History) -> float:
+    """The largest energy that second-order forces release, over the largest linear one."""
+    a = history.assembly
+    shares = [0.0]
+    for name, forces in a.stretched.items():
+        omega = a.bodies[name].omega
+        q = sampled_motion(history, omega)[:, a.spans[name]]
+        linear = float(np.sum((omega * q) ** 2, axis=1).max()) / 2
+        shares.append(-float(forces.energy(q @ forces.modes).min()) / max(linear, 1e-300))
+    return max(shares)
 
 
 def largest_force(history: History) -> float:
@@ -190,22 +261,47 @@ def differences(first: History, second: History) -> dict[str, float]:
     return {**worst, "deflection": max(apart, default=0.0)}
 
 
-def _not_enough(count: int, last: dict[str, float], limit: float) -> str:
-    """Sentence on the quantities that change by more than a limit with each two modes more."""
+def stretch_shares(changes: Mapping[str, float]) -> dict[str, float]:
+    """Shares of the error bars by motions that are left out, from what two more of them change.
+
+    The change of a peak force may vanish by chance: the deflection's counts too.
+    """
+    worst = max(changes.get(name, 0.0) for name in DECIDING)
+    lower_bound = max(bars.FLOOR * worst, STRETCH_LEAST)
+    return {
+        name: STRETCH_SAFETY * max(changes.get(name, 0.0), lower_bound) for name in bars.QUANTITIES
+    }
+
+
+def _not_enough(
+    count: int, last: dict[str, float], limit: float, left_out: Sequence[int] = ()
+) -> str:
+    """Sentence on the quantities that change by more than a limit with each two modes more.
+
+    The impulse has no number: momentum bounds its bar.
+    """
     unsettled = {name: last[name] for name, x in DECIDING.items() if last[name] > limit * x}
-    name, worst = max(unsettled.items(), key=lambda entry: entry[1])
     words = " and ".join(each.removeprefix("peak_") for each in unsettled)
     settled = ""
     if "peak_force" not in unsettled:
         settled = f" The force holds: they change it by {percent(last['peak_force'])}."
-    off = STRETCH_SAFETY * worst
+    force, deflection = stretch_shares(last)["peak_force"], STRETCH_SAFETY * last["deflection"]
+    errors = {
+        "peak_force": f'an error of {percent(force)} of the force (the share "stretch" of its bar)',
+        "impulse": "one of the impulse (in its bar)",
+        "deflection": f"an error of {percent(deflection)} of the deflection",
+    }
+    left = " and ".join(errors[name] for name in unsettled)
+    name, worst = max(unsettled.items(), key=lambda entry: entry[1])
     advice = f"Take the {words} with this error."
-    if off > ROUGH:
-        advice = f"To narrow it, {NARROWED}."
-    share = "" if name == "deflection" else ' (the share "stretch" of its bar)'
+    if max(force, deflection) > ROUGH:
+        advice = f"{NARROWING}{NARROWED}."
+    away = ""
+    if left_out:
+        numbers = " and ".join(map(str, left_out))
+        away = f" Runs of {numbers} motions, which ran away from the others, are left out."
     return (
-        f"Second-order forces leave an error of {percent(off)} of the"
-        f" {name.removeprefix('peak_')}{share}: the deflection is so large or so local that those"
-        f" of {count} motions still change it by {percent(worst)} with each two more, and more are"
-        f" not taken.{settled} {advice}"
+        f"Second-order forces leave {left}: the deflection is so large or so local that those of"
+        f" {count} motions still change the {name.removeprefix('peak_')} by {percent(worst)} with"
+        f" each two more, and more are not taken.{away}{settled} {advice}"
     )
