@@ -15,6 +15,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,9 +26,9 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.clock import clock
-from antiosc.base.errors import InputError, without_warnings
+from antiosc.base.errors import InputError, RangeError, without_warnings
 from antiosc.base.process import MEMORY_SHARE, free_memory
-from antiosc.base.texts import percent
+from antiosc.base.texts import engineering, percent
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -59,6 +60,10 @@ from antiosc.strikes.advice import advise
 AIM = 0.8
 #: Least share of the tolerance that is left for the mesh.
 LEAST_ROOM = 0.05
+#: A tolerance over what does not depend on the mesh, which leaves the other half for it.
+REACHABLE = 2.0
+#: Largest ratio of radii of patches for which the smaller one is worth a mention.
+SMALLER = 0.8
 #: Largest goal of a further mesh over the present error: a smaller step is not worth a mesh.
 LEAST_STEP = 0.8
 #: Factor by which the goal of each further mesh is lowered, since the previous one missed it.
@@ -252,7 +257,8 @@ def struck(
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
             )
             if not reason:
-                ratio, reason = _next(result, mesh, order, tol, limit, start_time, len(records))
+                costs = limit, start_time, len(records)
+                ratio, reason = _next(result, mesh, order, tol, *costs, asked)
         if reason or meets_tol:
             structure.drop_factor()
             return _finished(result, tol, asked, records, reason)
@@ -349,7 +355,13 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     before = 0.0  # without the factorization, which all numbers share
     while True:
         model = extract(structure, site, n=n, error="estimate")
-        hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+        try:
+            hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+        except RangeError:  # of too few, which move too little: their force is larger
+            if n >= limit or model.n < n:
+                raise
+            n = min(3 * n, limit)
+            continue
         budget = hit.error_budget
         truncation = max(bar.truncation for bar in budget.values())
         if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
@@ -447,7 +459,8 @@ def _count(model: AntiOscillators, run: RunFunction, error: float, tol: float) -
     if half < 1:
         return FIRST_N
     omega = float(model.omega[half])
-    with without_warnings():  # a linear run tells of deflections that the answer has
+    coarser = math.inf  # of too few, whose force exceeds its law
+    with without_warnings(), suppress(RangeError):  # a linear run tells of deflections
         truncated = model.truncated(half)
         coarser = truncation_error(truncated, run, next_omega=omega, tol=0.1 * share).worst
     error = max(error, 0.1 * share)
@@ -489,14 +502,27 @@ def _next(
     limit: float | None,
     start_time: float,
     meshes: int,
+    asked: float,
 ) -> tuple[Array, str]:
-    """(ratio of new to old cell sizes, or the reason for no further mesh)."""
+    """(ratio of new to old cell sizes, or the reason for no further mesh).
+
+    If what does not depend on the mesh leaves too little of `tol`, meshes are made finer up to
+    `REACHABLE` times that. `asked`: the tolerance that the reason names.
+    """
     allowed = _room(answer.budget, tol)
     resolved = all(bar.stretch and bar.mesh <= allowed[name] for name, bar in answer.budget.items())
-    if resolved or min(allowed.values()) < LEAST_ROOM * tol:
-        return np.ones(0), _no_room(answer.budget, tol)
-    if answer.n >= MOST_N:
-        return np.ones(0), f"{MOST_N} anti-oscillators do not bring the truncation below its share."
+    if not resolved and min(allowed.values()) < LEAST_ROOM * tol:
+        tol = REACHABLE * max(bar.time + bar.patch + bar.stretch for bar in answer.budget.values())
+        allowed = _room(answer.budget, tol)
+        resolved = answer.budget.numerical <= tol
+    if resolved:
+        return np.ones(0), _no_room(answer, asked)
+    truncation = max(bar.truncation for bar in answer.budget.values())
+    if answer.n >= MOST_N and truncation > TRUNCATION_SHARE * tol:
+        return np.ones(0), (
+            f"{MOST_N} anti-oscillators, the most that are tried, leave {percent(truncation)} by"
+            f" truncation: take a tol of at least {_enough(answer.budget)}."
+        )
     usual_factor = _usual(answer)
     goal = min(
         allowed[name] / (usual_factor * bar.mesh) for name, bar in answer.budget.items() if bar.mesh
@@ -560,22 +586,40 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
     return room
 
 
-def _no_room(budget: ErrorBudget, tol: float) -> str:
+def _no_room(answer: Answer, tol: float) -> str:
     """Why a finer mesh does not bring the budget within the tolerance, and what does."""
+    budget = answer.budget
     bar = max(budget.values(), key=lambda one: one.time + one.patch + one.stretch)
     shares = {"time steps": bar.time, "patch": bar.patch, "second-order forces": bar.stretch}
     words = [f"{name} {percent(share)}" for name, share in shares.items() if share]
-    remedy = "shorten the time steps"
+    remedy = "shorten the time steps, or "
     if bar.patch >= max(bar.time, bar.stretch):
-        remedy = "take a smaller radius of the site, on smaller cells there"
+        remedy = _smaller_patch(answer.hit)
     elif bar.stretch > bar.time:
-        remedy = "take more motions that stretch it"
-    wider = sum(shares.values()) * AIM / (AIM - TRUNCATION_SHARE - LEAST_ROOM)
+        remedy = "take more motions that stretch it, or "
     return (
         f"A finer mesh does not help: what does not depend on it ({', '.join(words)}) leaves too"
-        f" little of {percent(tol)} for mesh and truncation; {remedy}, or take a tol of at least"
-        f" {percent(wider)}."
+        f" little of {percent(tol)} for mesh and truncation; {remedy}take a tol of at least"
+        f" {_enough(budget)}."
     )
+
+
+def _smaller_patch(hit: History) -> str:
+    """Start of a remedy: a smaller patch, down to what its force allows; "" if that is none."""
+    radius = hit.model.patch_radius
+    laws = [contact.law for contact in hit.contact_histories]
+    least = [law.enough_radius(hit.peak_force, radius) or 0.0 for law in laws]
+    if radius is None or max(least, default=0.0) > SMALLER * radius:
+        return ""
+    down_to = f" (down to {engineering(max(least), 'm', 2)})" if max(least) else ""
+    return f"take a smaller radius of the site{down_to}, on smaller cells there, or "
+
+
+def _enough(budget: ErrorBudget) -> str:
+    """The tolerance that a budget meets, as text with two digits, rounded up."""
+    share = budget.numerical
+    digit = 10.0 ** (math.floor(math.log10(share)) - 1)
+    return percent(math.ceil(share / digit) * digit)
 
 
 def _finished(
