@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import re
 import warnings
 from types import SimpleNamespace
 
@@ -19,20 +20,22 @@ import meshio
 
 import antiosc as ao
 import parts
+import sheets
 from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import engineering, on_page, percent
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import NEAR
 from antiosc.models.driving_point import stiffness_error
+from antiosc.reduce.error import quadrilaterals
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, sites_of, surface
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results, map_stresses
-from antiosc.strikes.map_results import hardest
-from antiosc_app import live as verdict, live_meshes as sites
-from antiosc_app.live import headline_of_map
+from antiosc.strikes.map_results import hardest, low_band
+from antiosc_app import live as verdict, live_meshes as sites, report
+from antiosc_app.live import COARSE_CELLS, headline_of_map
 from antiosc_app.results import presentations
-from antiosc_app.scene_file.run import SceneResults
+from antiosc_app.scene_file.run import SceneResults, error_budget
 
 pytestmark = pytest.mark.fem
 
@@ -623,7 +626,12 @@ def with_bar(share, **shares):
     """An impact whose peak force has errors, the largest of them by truncation."""
     bar = ErrorBar(2.0, **{"mesh": 0.02, "time": 0.0, "patch": 0.0, "truncation": share, **shares})
     budget = ErrorBudget(dict.fromkeys(("peak_force", "impulse", "contact_time"), bar), 0.0)
-    return SimpleNamespace(error_budget=budget)
+    return known_only_by(budget)
+
+
+def known_only_by(budget):
+    """An impact without a contact, with a budget."""
+    return SimpleNamespace(error_budget=budget, run=SimpleNamespace(touches=False))
 
 
 def test_a_wide_bar_of_a_map_is_told_before_the_numbers_with_what_narrows_it(steel):
@@ -643,7 +651,15 @@ def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
     (text,) = (str(one.message) for one in told if "Z may be off" in str(one.message))
     assert "(in a scene: [sites]; on the page: Strike this site)" in text
     assert "(Strike this site)" in on_page(text)
-    assert "in the scene that Save writes: modes, n, band in [map]" in on_page(text)
+    assert "in a scene: n in [map], or modes, or a lower band" in text
+    assert "reduce it (the field anti-oscillators)" in on_page(text)
+    ball = ao.Sphere(0.001, material="bearing steel 100Cr6", velocity=1.0)
+    given = {"direction": (0, 0, -1), "radius": 0.02, "n": 2, "band": 1e3, "accuracy": 1e9}
+    low = ao.impact_map(steel, [(0.06, 0.04, 0.03)], ball, ao.Hertz(1e8), 1e-4, **given)
+    told = low_band(low)
+    assert re.search(r"band = [\d.e+]+ in \[map\]", told)
+    assert "by itself (Strike this site)." in on_page(told)
+    assert not re.search(r"\b(more modes|band|scene)\b", on_page(text) + on_page(told))
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
@@ -665,11 +681,56 @@ def test_a_map_whose_law_has_no_error_says_so_and_tells_the_other_errors(monkeyp
     monkeypatch.setattr(verdict, "hardest", lambda impact_map: 4)
     bar = ErrorBar(100.0, mesh=0.2, truncation=0.0, time=0.0, patch=0.04, law=None)
     budget = ErrorBudget({"peak_force": bar}, 0.0, law="The total is not known: no strength.")
-    known = {4: SimpleNamespace(error_budget=budget)}
+    known = {4: known_only_by(budget)}
     told = verdict._no_bar_of_map(SimpleNamespace(peak_force=[100.0]), known)
     assert "numerical error of 24 %" in told
     assert told.endswith(budget.law)
     other = {3: known[4]}
     assert "mesh's error is not estimated" in verdict._no_bar_of_map(
         SimpleNamespace(peak_force=[100.0]), other
+    )
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_a_map_has_no_bar_where_a_single_blow_has_none_for_its_cells(monkeypatch):
+    """The waves of the contact of a ball on a sheet of 1 mm have a length of some 60 mm."""
+    part = sheets.plate(4, 0.001, cell="quadrilateral")
+    ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    site = (0.5, 0.5, 0.0)
+    monkeypatch.setattr(verdict, "ALONE", 10)  # of so few dofs
+    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)  # as of a part too large to be divided
+    given = {"direction": (0, 0, -1), "n": 8, "accuracy": 1e9}
+    found = ao.impact_map(part, [site], ball, ao.Hertz(1e9), 1e-3, **given)
+    known = {}
+    head = headline_of_map(found, part, known=known)
+    alone = verdict.headline_of_history(known[0], part, error_budget(known[0]), {})
+    assert COARSE_CELLS in alone.caution
+    assert COARSE_CELLS in head.caution
+    assert not any("±" in sentence for sentence in head.sentences)
+    assert verdict.bars_of_sites(known) == {}
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_the_report_of_a_map_has_the_bars_of_the_sites_that_were_struck_by_themselves():
+    part, found = struck(supports=True, yield_strength=YIELD)
+    data, head = report._live(SceneResults(map=found, structure=part))
+    worst = str(hardest(found))
+    below, above = data["barred"][worst]["peak_force"]
+    assert f"± {percent(above)}" in head.sentences[0]
+    assert below == min(above, 1.0)
+
+
+def test_a_stress_has_the_error_of_the_force_also_without_that_of_the_law():
+    bar = ErrorBar(100.0, mesh=0.4, truncation=0.2, time=0.0, patch=0.07, law=None)
+    budget = ErrorBudget({"peak_force": bar}, 0.0, law="The total is not known: no strength.")
+    force = verdict.force_bar(budget)
+    margin = ao.results.Margin("yield", 5e6, 50e6, np.zeros(3), 0.0, mesh_error=1e6)
+    field = ao.results.PeakField(
+        "von_mises", "Pa", np.zeros((1, 3)), np.array([5e6]), np.zeros(1), [], None, np.ones(1)
+    )
+    peak = dataclasses.replace(field, mesh_error=np.array([1e6]), _margin=margin)
+    shares = (1 - 0.8 * (1 - 0.67), 1.2 * 1.67 - 1)
+    assert verdict.stress_bar(peak, force) == pytest.approx(shares)
+    assert "force, without that of the contact's law, this stress" in verdict.stress_note(
+        peak, force
     )

@@ -451,6 +451,11 @@ def _refined(
     return SiteModels(k0, m0, m_st, omega, m), error, direct
 
 
+#: What reduces the error at all sites: in a scene, and on the page.
+OF_ALL_SITES = "n in [map], or modes, or a lower band"
+ON_PAGE = "the field anti-oscillators"
+
+
 def _tell(result: ImpactMap, accuracy: float) -> None:
     """Warn of sites without a result, and of errors above `accuracy`."""
     if result.skipped:
@@ -465,8 +470,8 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
             f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
             f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}). An impact"
             " at one site alone does without the free modes of the map"
-            f" ({where_to_change('[sites]', 'Strike this site')}); of all sites more modes, more"
-            " anti-oscillators or a lower band reduce it (in a scene: modes, n, band in [map]).",
+            f" ({where_to_change('[sites]', 'Strike this site')}); of all sites more"
+            f" anti-oscillators reduce it ({where_to_change(OF_ALL_SITES, ON_PAGE)}).",
             AccuracyWarning,
         )
 

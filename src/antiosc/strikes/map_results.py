@@ -16,7 +16,14 @@ from antiosc.base import files
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import path as checked_path, store, whole
 from antiosc.base.errors import InputError
-from antiosc.base.texts import Completed, engineering, percent, point_text, range_text
+from antiosc.base.texts import (
+    Completed,
+    engineering,
+    percent,
+    point_text,
+    range_text,
+    where_to_change,
+)
 from antiosc.engine.contact import ContactLaw
 from antiosc.fields.pictures import plot_map
 from antiosc.impact.from_rest import Force
@@ -358,10 +365,10 @@ def low_band(result: ImpactMap) -> str:
     excited = excited_by(result.impactor, result.contact)
     if excited is None or 2 * math.pi * result.band >= excited:
         return ""
+    in_scene = f"[sites], or of all sites band = {excited / (2 * math.pi):.2g} in [map]"
     return (
         f"the models of the map hold up to {engineering(result.band, 'Hz')}, the blow excites"
         f" up to {engineering(excited / (2 * math.pi), 'Hz')}: the anti-oscillators are too few"
         " for this contact where the part is thin, and forces are too large there; strike such a"
-        " site by itself (on the page: click it), or give the band"
-        f" {excited / (2 * math.pi):.2g} Hz (band of the map)."
+        f" site by itself ({where_to_change(in_scene, 'Strike this site')})."
     )
