@@ -159,7 +159,7 @@ def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
     hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force)
     sentences = [contact := fall.contact_verdict, made_of(fall, hardest)]
     if worst is not None and worst.exposure is not None:
-        sentences += stress_sentences({worst.quantity: worst}, None, bar_of_fall(fall, worst))
+        sentences += stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
         sentences += [fall.stress_limits, _other_order(fall, worst)]
     sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
     if fall.missed:

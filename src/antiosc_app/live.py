@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import pi
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -72,7 +72,7 @@ from antiosc.extension import (
 from antiosc.models.auto_contact import piercing
 from antiosc.models.body import info_of, site_points
 from antiosc.models.stretch import MOST_ASKED, NARROWED
-from antiosc_app.scene_file.run import coarse_cells
+from antiosc_app.scene_file.run import coarse_cells, error_budget
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
@@ -420,13 +420,11 @@ def headline_of_history(
     structure: Structure | None,
     budget: ErrorBudget | None,
     fields: Mapping[str, PeakField],
-    worst: Data | None,
     file: str = "",
 ) -> Headline:
     """The headline of an impact of two bodies.
 
-    `fields`: its `PeakField`s by quantity; `worst`: the largest stress of the picture, if known;
-    `file`: name of the part's file, if known.
+    `fields`: its `PeakField`s by quantity; `file`: name of the part's file, if known.
     """
     numbers = [
         (
@@ -435,7 +433,7 @@ def headline_of_history(
         )
         for name, unit in QUANTITIES.items()
     ]
-    stresses = stress_sentences(fields, worst, force_bar(budget))
+    stresses = stress_sentences(fields, force_bar(budget))
     e = hit.restitution
     rebound = restitution_text(e) if e is not None else "not defined"
     numbers.append(("restitution", budget.shown_restitution(e) if budget else rebound))
@@ -448,15 +446,26 @@ def headline_of_history(
         ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
+    caution = cautions_of(hit, structure, budget, fields)
+    return Headline(_struck(hit, structure, file), numbers, list(sentences), kinds, caution)
+
+
+def cautions_of(
+    hit: History,
+    structure: Structure | None,
+    budget: ErrorBudget | None,
+    fields: Mapping[str, PeakField],
+) -> str:
+    """What must be read before the numbers of an impact, on the page, in a report and of a run."""
+    several = isinstance(hit, SceneHistory)
     cautions = [
-        piercing(hit.model, hit.impactor),
-        rough(hit, budget),
-        hit.unfinished,
+        "" if several else piercing(hit.model, hit.impactor),
+        "" if several else rough(hit, budget),
+        "" if several else hit.unfinished,
         of_elastic_part(fields, force_bar(budget)),
         caution_of(hit, budget, structure),
     ]
-    caution = " ".join(filter(None, cautions))
-    return Headline(_struck(hit, structure, file), numbers, list(sentences), kinds, caution)
+    return " ".join(filter(None, cautions))
 
 
 def map_cautions(impact_map: ImpactMap) -> list[str]:
@@ -556,20 +565,36 @@ def _whose_numbers(impact_map: ImpactMap) -> str:
 
 def _rough_of_map(hit: History) -> str:
     """Sentence, before the numbers, on a wide bar of a map's largest force; "" if it is not."""
-    sentence = rough(hit, hit.error_budget)
+    sentence = rough(hit, error_budget(hit))
     return sentence.replace("The force", "The largest force", 1).replace("[extract]", "[map]")
 
 
 def _no_bar_of_map(impact_map: ImpactMap, known: Mapping[int, History]) -> str:
     """Sentence why the largest force of a map has no bar."""
     hit = known.get(hardest(impact_map)) if impact_map.peak_force is not None else None
-    if hit is None or not hit.error_budget.law:
+    if coarse := coarse_cells(hit):
+        return f"{COARSE_CELLS} {capitalised(coarse).rstrip('.')}."
+    budget = error_budget(hit)
+    if budget is None or not budget.law:
         return "There is no error bar: the mesh's error is not estimated."
-    numerical = percent(hit.error_budget["peak_force"].without_law)
+    numerical = percent(budget["peak_force"].without_law)
     return (
         f"The largest force has a numerical error of {numerical}, without that of the contact's"
-        f" law. {_left_out(hit.error_budget)}"
+        f" law. {_left_out(budget)}"
     )
+
+
+def bars_of_sites(known: Mapping[int, History]) -> Data:
+    """Number of a site of a map that was struck by itself -> the bars of its quantities."""
+    budgets = ((site, error_budget(hit)) for site, hit in known.items())
+    return {str(site): _bars_of(one) for site, one in budgets if one and "mesh" not in one.unknown}
+
+
+def _bars_of(budget: ErrorBudget) -> Data:
+    """The errors of an impact below and above its quantities; None where they are not known."""
+    known = [name for name in budget if budget.shares(name)["total"] is not None]
+    bars = {name: budget.sides(name) if name in known else None for name in budget}
+    return {**bars, "restitution": budget.restitution_sides if "impulse" in known else None}
 
 
 def _softest(impact_map: ImpactMap) -> str:
@@ -584,10 +609,10 @@ def _softest(impact_map: ImpactMap) -> str:
 def map_bar(impact_map: ImpactMap, structure: Structure, known: dict[int, History]) -> float | None:
     """Relative error of the largest force of a map by its own extraction; None if not known."""
     hit = struck_alone(impact_map, structure, hardest(impact_map), known)
-    if hit is None:
-        return None
-    bar = hit.error_budget["peak_force"].total
-    return bar if bar is not None and np.isfinite(bar) else None
+    budget = error_budget(hit)
+    bar = force_bar(budget)
+    known_bar = bar is not None and np.isfinite(bar) and not isinstance(bar, Numerical)
+    return bar if known_bar else None
 
 
 #: Least number of anti-oscillators of an impact at a site of a map by itself.
@@ -597,7 +622,8 @@ ALONE = 40
 def struck_alone(
     impact_map: ImpactMap, structure: Structure, i: int, known: dict[int, History]
 ) -> History | None:
-    """The impact at site i by its own extraction, with error bars; None if it is not known.
+    """The impact at site i by its own extraction, with error bars where the part has them; None if
+    it is not known.
 
     Parts in pieces over several ranks have none: only the first rank asks.
     """
@@ -613,7 +639,8 @@ def struck_alone(
     assert law is not None
     with contextlib.suppress(AntioscError), warnings_to(lambda _: None):
         count = max(ALONE, impact_map.models.m.shape[1])
-        model = extract(structure, site, n=min(count, structure.dofs - 1), error="estimate")
+        error: Literal["estimate"] | None = "estimate" if has_bars(structure) else None
+        model = extract(structure, site, n=min(count, structure.dofs - 1), error=error)
         hit = simulate(model, impact_map.impactor, law, impact_map.duration)
         hit.error_budget  # noqa: B018 (parts without one end here)
         known[i] = hit
@@ -633,14 +660,17 @@ def _most_dangerous(
     i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
     hit = None if structure is None else struck_alone(impact_map, structure, i, known)
     alone = [] if structure is None or hit is None else _stress_alone(structure, hit)
-    force_text = "" if hit is None else hit.error_budget.shown("peak_force", 3)
+    budget = error_budget(hit)
+    force_text = "" if hit is None else engineering(hit.peak_force, "N")
+    force_text = force_text if budget is None else budget.shown("peak_force", 3)
     text = (
         f"A blow at {point_text(impact_map.points[i])} stresses the part most:"
         f" {engineering(impact_map.peak_stress[i], 'Pa')} at "
         f"{point_text(impact_map.stress_points[i])}"
     )
+    by_itself = _by_itself(alone, force_text)
     if exposure is None:
-        return [f"{text}; the material has no yield strength to compare it with."]
+        return [f"{text}; the material has no yield strength to compare it with.", *by_itself]
     sought = exposure[trusted(impact_map)]
     sought = sought[np.isfinite(sought)]
     low, high = _scatter(alone, float(exposure[i]))
@@ -657,10 +687,16 @@ def _most_dangerous(
         if alone
         else "their error by the mesh is not estimated"
     )
-    sentences = [
+    return [
         f"{text}, {exposure[i]:.3g} of the yield strength; by these stresses, {bars}, yield is"
-        f" {sites_text}. The zone of the contact itself is left out."
+        f" {sites_text}. The zone of the contact itself is left out.",
+        *by_itself,
     ]
+
+
+def _by_itself(alone: Sequence[tuple[PeakField, float | None]], force_text: str) -> list[str]:
+    """Sentences on the stresses of a site that is struck by itself, beside its force."""
+    sentences = []
     for peak, force in alone:
         with_force = f"Struck by itself there, with a force of {force_text}"
         sentences.append(f"{with_force}: {judgement(peak, force)}.")
@@ -674,20 +710,20 @@ def _scatter(alone: Sequence[tuple[PeakField, float | None]], exposure: float) -
     that is not known.
     """
     for peak, force in alone:
-        margin = _margin_with(peak, force)
-        if margin.criterion == "yield" and exposure > 0:
-            return [bound / exposure for bound in margin.bounds]
+        worst = peak.worst_point
+        if worst is not None and worst.criterion == "yield" and exposure > 0:
+            return [bound / exposure for bound in _with_force(worst, force).bounds]
     return 1.0, 1.0
 
 
 def _stress_alone(structure: Structure, hit: History) -> list[tuple[PeakField, float | None]]:
-    """The stress fields of an impact for which strengths are known, with the force's error."""
+    """The stress fields of an impact in which a largest one is sought, with the force's error."""
     from antiosc_app.scene_file.scene import by_strengths
 
     with contextlib.suppress(AntioscError), warnings_to(lambda _: None):
-        force = force_bar(hit.error_budget)
+        force = force_bar(error_budget(hit))
         fields = dict(by_strengths(structure, hit)).values()
-        return [(peak, force) for peak in fields if peak.exposure is not None]
+        return [(peak, force) for peak in fields if peak.worst_point is not None]
     return []
 
 
@@ -742,11 +778,18 @@ def _contacts(hit: History) -> str:
     )
 
 
+class Numerical(float):
+    """A relative error of a force without that of the contact's law, which is not known."""
+
+
 def force_bar(budget: ErrorBudget | None) -> float | None:
-    """Relative error of the largest force, its law's included; None if it is not known."""
+    """Relative error of the largest force with its law's, or without where that is not known
+    (`Numerical`); None if that by the mesh is not known.
+    """
     if budget is None or "mesh" in budget.unknown:
         return None
-    return budget["peak_force"].total
+    bar = budget["peak_force"]
+    return Numerical(bar.without_law) if bar.total is None else bar.total
 
 
 def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
@@ -755,39 +798,34 @@ def bar_of_fall(fall: Fall, worst: WorstField) -> float | None:
     return fall.impacts[number - 1 if number else int(worst.impact[worst.judged])].law_error
 
 
-def stress_sentences(
-    fields: Mapping[str, PeakField], worst: Data | None, force: float | None
-) -> list[str]:
-    """Sentences on strengths, where they are reached; else on the largest stress of the picture.
+def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> list[str]:
+    """Sentences on strengths, where they are reached; without any on the largest stress.
 
     `force`: relative error of the force, which the stresses follow; None: unknown.
     """
     sentences = []
     for peak in fields.values():
-        if peak.exposure is not None:
+        if peak.worst_point is not None:
             sentences.append(f"{capitalised(judgement(peak, force))}.")
         if note := stress_note(peak, force):
             sentences.append(f"{capitalised(note)}.")
         if peak.doubt:
             sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
-    if not fields and worst is not None:
-        value = engineering(worst["value"], "Pa")
-        time = engineering(worst["time"], "s")
-        sentences.append(
-            f"The largest von Mises stress is about {value} at {point_text(worst['place'])},"
-            f" {time}, {OF_PICTURE}; the material has no yield strength to compare it with."
-        )
     return sentences
 
 
 def judgement(peak: PeakField, force: float | None) -> str:
-    """Sentence on the margin, in whose verdict the error of the force counts."""
-    return f"{_margin_with(peak, force).sentence}{without_mesh_error(peak)}"
+    """Sentence on the margin, in whose verdict the error of the force counts, or on the largest
+    stress where no strength is known.
+    """
+    worst = peak.worst_point
+    assert worst is not None
+    return f"{_with_force(worst, force).sentence}{without_mesh_error(peak)}"
 
 
-def _margin_with(peak: PeakField, force: float | None) -> Margin:
-    """The margin of a stress, with the relative error of the force."""
-    return replace(peak.margin(), force_error=force or 0.0)
+def _with_force(worst: Margin, force: float | None) -> Margin:
+    """The worst point of a stress with the relative error of the force."""
+    return replace(worst, force_error=force or 0.0)
 
 
 def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str:
@@ -795,7 +833,8 @@ def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str
 
     `force`: relative error of the force, as in the verdict.
     """
-    margins = [_margin_with(peak, force) for peak in fields.values() if peak.exposure is not None]
+    points = (peak.worst_point for peak in fields.values())
+    margins = [_with_force(worst, force) for worst in points if worst is not None]
     shares = [margin.bounds[0] for margin in margins if margin.criterion == "yield"]
     if max(shares, default=0.0) < 1:
         return ""
@@ -810,8 +849,6 @@ COMPARED = "compare two cell sizes"
 NO_MESH_ERROR = f"mesh not estimated: {COMPARED}"
 #: The same of a deck that keeps its elements.
 COMPARED_DECKS = "compare with a deck of smaller cells"
-#: What the largest stress of the picture leaves out, which is not judged without a strength.
-OF_PICTURE = f"without the stress of the contact, which a yield strength adds; {NO_MESH_ERROR}"
 
 
 def without_mesh_error(peak: PeakField) -> str:
@@ -822,7 +859,7 @@ def without_mesh_error(peak: PeakField) -> str:
 
 def _lacks_mesh_error(peak: PeakField) -> bool:
     """Whether the judged stress is that of a mesh, without an estimate of its error."""
-    by_hertz = peak.exposure is not None and peak.margin().at_edge
+    by_hertz = peak.worst_point is not None and peak.worst_point.at_edge
     return not by_hertz and _bar(peak, 0.0) is None
 
 
@@ -835,8 +872,9 @@ def stress_bar(peak: PeakField, force: float | None) -> tuple[float, float] | No
 
 def _bar(peak: PeakField, force: float) -> tuple[float, float] | None:
     """`stress_bar` with the relative error of the force; None without an estimate of the mesh."""
-    if peak.exposure is not None and peak.margin().is_stress:
-        return _bar_of(_margin_with(peak, force), bool(peak.largest_mesh_error))
+    worst = peak.worst_point
+    if worst is not None and worst.is_stress:
+        return _bar_of(_with_force(worst, force), bool(peak.largest_mesh_error))
     value = _judged(peak)
     if not peak.largest_mesh_error or not value:
         return None
@@ -880,10 +918,10 @@ def stresses_of_impacts(fall: Fall, worst: WorstField | None) -> list[ImpactStre
 def _judged(peak: PeakField) -> float:
     """The judged stress, as `Margin.stress` where there is a strength, in its unit."""
     value = float(peak.values[peak.judged])
-    if peak.exposure is None or not peak.margin().is_stress:
+    worst = peak.worst_point
+    if worst is None or not worst.is_stress:
         return value
-    margin = peak.margin()
-    return margin.exposure if peak.quantity == "yield" else margin.stress
+    return worst.exposure if peak.quantity == "yield" else worst.stress
 
 
 def stress_note(peak: PeakField, force: float | None) -> str:
@@ -898,34 +936,34 @@ def stress_note(peak: PeakField, force: float | None) -> str:
             " it, and is not known"
         )
     else:
-        text = f"with the errors of mesh, patch and force this stress is {value}"
-    margin = None if peak.exposure is None else peak.margin()
-    if margin is not None and margin.reached and margin.criterion != "tension":
+        law = ", without that of the contact's law," * isinstance(force, Numerical)
+        text = f"with the errors of mesh, patch and force{law} this stress is {value}"
+    worst = peak.worst_point
+    if worst is not None and worst.reached and worst.criterion != "tension":
         return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text
 
 
-def largest_stress(
-    fields: Mapping[str, PeakField], worst: Data | None, force: float | None
-) -> Data:
-    """The von Mises stress [Pa] nearest to yield with its strength; else that of the picture.
+def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> Data:
+    """The von Mises stress [Pa] nearest to yield with its strength, null where that is not known;
+    {} where no such stress was sought.
 
     `scope`: where it is judged, as text, "" anywhere; `stress_place` [m]: its place, null at the
     edge of a contact's surroundings; `stress_bar`: how far it may lie below and above, over
     itself, by mesh, patch and force, whose error is `force`; `stress_note`: what this leaves out.
     """
     for peak in fields.values():
-        margin = None if peak.exposure is None else peak.margin()
-        if margin is not None and margin.criterion == "yield":
-            judged: Data = {"stress": margin.stress, "strength": margin.strength}
+        margin = peak.worst_point
+        if margin is not None and margin.is_mises:
+            strength = None if peak.exposure is None else margin.strength
+            judged: Data = {"stress": margin.stress, "strength": strength}
             judged["stress_bar"] = stress_bar(peak, force)
             judged["stress_note"] = _stress_note(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time
             judged["stress_place"] = None if margin.at_edge else margin.point.tolist()
             return judged
-    note = {"stress_note": OF_PICTURE}
-    return note if worst is None else {"stress": worst["value"], **note}
+    return {}
 
 
 def _stress_note(peak: PeakField, force: float | None) -> str:
@@ -1022,10 +1060,15 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
 
 
 def _accuracy(hit: History, budget: ErrorBudget) -> str:
-    """Sentence on the cause that limits the accuracy, and the remedy, if it is not told before."""
-    if rough(hit, budget):
-        return _left_out(budget)
-    return f"{_left_out(budget)} {capitalised(_narrows(hit, budget))}".lstrip()
+    """Sentences on what the bars leave out, the cause that limits the accuracy, and the remedy."""
+    return " ".join(filter(None, [_left_out(budget), remedy_of(hit, budget)]))
+
+
+def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
+    """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before."""
+    if budget is None or rough(hit, budget):
+        return ""
+    return capitalised(_narrows(hit, budget))
 
 
 def _left_out(budget: ErrorBudget) -> str:

@@ -73,7 +73,6 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     if stress is not None:
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
-        page["worst"] = _worst(stress_fields, x, skin.points[used_nodes], times)
     return page
 
 
@@ -282,17 +281,6 @@ def _deflection(motion: Array, points: Array, hit: History) -> Data:
     if time >= end:
         told += " (end of the run)"
     return {"value": value, "told": f"{told}, no bar"}
-
-
-def _worst(stress: list[Array], x: Array, points: Array, times: Array) -> Data:
-    """The largest von Mises stress at the times: value [Pa], place [m], time [s]."""
-    values = np.max([_equivalent(tensors @ x.T) for tensors in stress], axis=0)
-    i, k = np.unravel_index(int(values.argmax()), values.shape)
-    return {
-        "value": float(values[i, k]),
-        "place": points[i].tolist(),
-        "time": float(times[k]),
-    }
 
 
 #: Largest number of sites on a page.

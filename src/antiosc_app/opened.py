@@ -637,7 +637,7 @@ class Opened:
         self._work.submit(self._search_modes)
         stresses = _strengths(blow)
         force = live.force_bar(run.error_budget(blow.hit))
-        judged = live.largest_stress(stresses, None, force)
+        judged = live.largest_stress(stresses, force)
         head = _headline(blow, stresses)
         told: Data = {"verdict": head.sentences, "caution": head.caution}
         if _taken(blow)["finer"] and _stressed_elsewhere(self._opened(), set_up, judged):
@@ -711,7 +711,7 @@ class Opened:
         where = "the part" if values.get("where") is None else str(values["where"])
         about = f"{headline.about} {len(impact_map)} sites of {where}, {_lasting(impact_map)}."
         return {
-            "map": {**data, "barred": {i: _bars_of(hit) for i, hit in alone.items()}},
+            "map": {**data, "barred": live.bars_of_sites(alone)},
             "about": about,
             "caution": headline.caution,
             "verdict": [*headline.sentences, *_with_stress(impact_map)],
@@ -774,14 +774,6 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {**self._names({}), "written": names, "again": again, "report": name}
-
-
-def _bars_of(hit: History) -> dict[str, tuple[float, float] | None]:
-    """The errors of an impact below and above its quantities; None where they are not known."""
-    budget = hit.error_budget
-    known = [name for name in budget if budget.shares(name)["total"] is not None]
-    bars = {name: budget.sides(name) if name in known else None for name in budget}
-    return {**bars, "restitution": budget.restitution_sides if "impulse" in known else None}
 
 
 def _lasting(impact_map: ImpactMap) -> str:
@@ -935,7 +927,7 @@ def _strengths(blow: PageImpact) -> dict[str, Any]:
 def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
     """The headline of an impact."""
     budget = run.error_budget(blow.hit)
-    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, None, blow.file)
+    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, blow.file)
 
 
 def _told(blow: PageImpact) -> Data:

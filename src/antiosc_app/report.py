@@ -340,20 +340,22 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
 
         return falls.data_of_fall(fall, results.worst), falls.headline_of_fall(fall, results.worst)
     if results.map is not None:
-        return live_data.data_of_map(results.map, results.structure), live.headline_of_map(
-            results.map, results.structure, file=_file_of(results)
-        )
+        alone: dict[int, History] = {}
+        file = _file_of(results)
+        headline = live.headline_of_map(results.map, results.structure, known=alone, file=file)
+        data = live_data.data_of_map(results.map, results.structure)
+        barred = {"barred": live.bars_of_sites(alone)}
+        return None if data is None else data | barred, headline
     hit = results.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
     budget = error_budget(hit)
     data = live_data.data_of_history(hit, results.structure, budget)
-    worst = ((data or {}).get("part") or {}).get("worst")
     stresses = results.stresses or {}
     if data is not None:
-        data |= live.largest_stress(stresses, worst, live.force_bar(budget))
+        data |= live.largest_stress(stresses, live.force_bar(budget))
     return data, live.headline_of_history(
-        hit, results.structure, budget, stresses, worst, _file_of(results)
+        hit, results.structure, budget, stresses, _file_of(results)
     )
 
 

@@ -42,7 +42,6 @@ from antiosc.extension import (
     hardest,
     trusted,
 )
-from antiosc.models.auto_contact import piercing
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import (
     legend_beside,
@@ -59,12 +58,12 @@ from antiosc_app.live import (
     COMPARED,
     COMPARED_DECKS,
     bar_of_fall,
-    caution_of,
+    cautions_of,
     force_bar,
     halved,
     judgement,
     map_cautions,
-    of_elastic_part,
+    remedy_of,
     stress_note,
     stresses_of_impacts,
     without_mesh_error,
@@ -438,17 +437,16 @@ def _impact(results: SceneResults) -> Presentation:
     names = (f"probes_{k + 1}.csv" if k else "probes.csv" for k in range(len(groups)))
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
-    doubt = "" if isinstance(hit, SceneHistory) else piercing(hit.model, hit.impactor)
     summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
     held = conditions(results)
     struck = format_rows([(f"{name:<{SUMMARY}}", value) for name, value in held])
     told = "\n".join(filter(None, (struck, summary)))
-    text = [told, str(budget or ""), format_rows([*probe_rows, *stresses])]
-    elastic = of_elastic_part(peaks, force)
-    cautions = [doubt, elastic, caution_of(hit, budget, results.structure)]
+    remedy = "" if is_scene else remedy_of(hit, budget)
+    accuracy = "\n".join(filter(None, (str(budget or ""), remedy)))
+    text = [told, accuracy, format_rows([*probe_rows, *stresses])]
     return Presentation(
         text=text,
-        caution=" ".join(filter(None, cautions)),
+        caution=cautions_of(hit, results.structure, budget, peaks),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
@@ -615,7 +613,7 @@ def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
     rows = []
     for name, peak in peaks.items():
         largest = f"{_largest(peak)}{without_mesh_error(peak)}"
-        sentence = largest if peak.exposure is None else judgement(peak, force)
+        sentence = largest if peak.worst_point is None else judgement(peak, force)
         rows.append((_spaced(name), sentence))
         if note := stress_note(peak, force):
             rows.append(("", note))
@@ -644,11 +642,17 @@ MARGIN_KEYS = (
 )  # fmt: skip
 
 
+#: The same where no strength is known.
+OUTSIDE_KEYS = ("stress", "scope", "spread", "edge_stress", "sentence", "point", "time")
+
+
 def _margin_numbers(peak: PeakField) -> Columns:
     """The margin of a stress field if a strength is known, else {}."""
-    if peak.exposure is None:
+    margin = peak.worst_point
+    if margin is None:
         return {}
-    margin = peak.margin()
+    if peak.exposure is None:
+        return {"outside": {key: getattr(margin, key) for key in OUTSIDE_KEYS}}
     numbers = {key: getattr(margin, key) for key in MARGIN_KEYS}
     if margin.sharp is None or margin.away is None:
         return {"margin": numbers}
@@ -698,13 +702,13 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
 def _marked(peak: PeakField) -> str:
     """Sentence on the marked value, where it is not the stress that is judged."""
     value = float(peak.values[peak.judged])
-    margin = None if peak.exposure is None else peak.margin()
+    margin = peak.worst_point
     if margin is None or peak.unit != "Pa" or not margin.at_edge:
         return ""
     marked, judged = (engineering(one, peak.unit) for one in (value, margin.stress))
     return (
-        f" Marked is the largest of the nodes that are judged, {marked}; the verdict's {judged} is"
-        " that of Hertz's pressure between them."
+        f" Marked is the largest of the nodes that are judged, {marked}; the largest stress,"
+        f" {judged}, is that of Hertz's pressure between them."
     )
 
 

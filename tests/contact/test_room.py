@@ -62,7 +62,7 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
     assert "20.0 mm, pierces the part at (10, " in sentence
     assert piercing(large, model, ("", "")) == sentence
     hit = ao.simulate(model, large, duration=2e-4)
-    headline = headline_of_history(hit, angle, None, {}, None)
+    headline = headline_of_history(hit, angle, None, {})
     assert headline.caution.startswith(sentence)
 
 

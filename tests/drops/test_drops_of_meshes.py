@@ -550,7 +550,7 @@ def test_the_stress_of_a_fall_has_one_interval_that_of_its_verdict(monkeypatch) 
     below, above = live.stress_bar(worst, force)
     stress = worst.margin().stress
     ends = (engineering(stress * share, "Pa") for share in (1 - below, 1 + above))
-    verdict, note = live.stress_sentences({"von_mises": worst}, None, force)[:2]
+    verdict, note = live.stress_sentences({"von_mises": worst}, force)[:2]
     assert f"(stress {' to '.join(ends)} with its errors" in verdict
     assert plus_minus((below, above)) in note
 

@@ -7,7 +7,7 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc_app import live_data
+from antiosc_app import live_data, live_meshes
 
 ALUMINIUM = parts.ALUMINIUM
 SECTION = ao.Section.rectangle(0.01, 0.01)
@@ -60,6 +60,18 @@ FAMILIES = {
 }
 
 
+def largest_stress(data, hit):
+    """The largest von Mises stress [Pa] that the picture of a page shows."""
+    x = live_meshes._coordinates(hit, np.linspace(0.0, hit.time[-1], 300))
+    values = []
+    for field in data["stress"]:
+        scale, parts = field["scale"], field["fields"].reshape(len(field["scale"]), -1)
+        amplitudes = scale * (x @ field["factors"].reshape(len(scale), -1).T)
+        tensors = (amplitudes @ parts).reshape(len(x), -1, 6)
+        values.append(ao.von_mises(tensors).max())
+    return max(values)
+
+
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_page_has_the_stress_of_peak_field(family):
@@ -70,8 +82,8 @@ def test_the_page_has_the_stress_of_peak_field(family):
     count = len(data["points"])
     assert data["faces"].max() == count - 1
     assert data["faces"].shape[1] == 3
-    worst, peak = data["worst"], ao.peak_field(part, hit)
-    assert worst["value"] == pytest.approx(peak.largest(1)[0][0], rel=0.05)
+    peak = ao.peak_field(part, hit).largest(1)[0][0]
+    assert largest_stress(data, hit) == pytest.approx(peak, rel=0.05)
     held = np.asarray(data["held"])
     assert 0 < held.sum() < count
 
@@ -86,7 +98,7 @@ def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
     hit = ao.simulate(model, ao.RigidMass(0.2, 2.0), ao.Hertz(1e7), 4e-3)
     data = live_data.data_of_history(hit, part, {})["part"]
     peak = ao.peak_field(part, hit).largest(1)[0][0]
-    assert data["worst"]["value"] == pytest.approx(peak, rel=0.05)
+    assert largest_stress(data, hit) == pytest.approx(peak, rel=0.05)
     t = 1e-3
     taken = hit.assembly.stretched["structure"]
     q = hit.states([t])[0][0, hit.assembly.spans["structure"]]

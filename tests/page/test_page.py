@@ -461,6 +461,6 @@ def test_a_striker_that_pierces_the_part_is_told_before_the_numbers(monkeypatch)
     model = ao.AntiOscillators(m0=0.01, k0=1e5, m=[0.1], omega=[2e3])
     hit = ao.simulate(model, ao.RigidMass(0.1, 0.5), ao.Linear(1e6), duration=2e-3)
     monkeypatch.setattr(assets, "piercing", lambda *bodies: "It pierces the part.")
-    headline = assets.headline_of_history(hit, None, None, {}, None)
+    headline = assets.headline_of_history(hit, None, None, {})
     assert headline.caution.startswith("It pierces the part.")
     assert "It pierces the part." not in headline.sentences

@@ -32,7 +32,7 @@ def test_a_contact_time_says_what_it_is_of_where_there_are_several_contacts(mass
     model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
     striker = ao.RigidMass(mass=mass, velocity=1.0)
     hit = ao.simulate(model, striker, ao.Hertz(1e9), duration)
-    head = live.headline_of_history(hit, None, None, {}, None)
+    head = live.headline_of_history(hit, None, None, {})
     assert "contact time" in dict(head.numbers)
     assert "contact time" in dict(results._facts(hit))
     (row,) = (line for line in hit.summary().splitlines() if line.startswith("contact time"))
@@ -66,7 +66,7 @@ def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
         model = ao.extract(part, site, n=n, error="estimate")
         hit = ao.simulate(model, ao.RigidMass(1e-4, 1.0), ao.Hertz(1e10), duration=1e-3)
         budget = hit.error_budget
-        heads.append((budget, live.headline_of_history(hit, part, budget, {}, None)))
+        heads.append((budget, live.headline_of_history(hit, part, budget, {})))
     (wide, rough), (narrow, fine) = heads
     assert wide["peak_force"].total > 0.5 > narrow["peak_force"].total
     assert rough.caution.startswith(
@@ -117,7 +117,7 @@ def test_a_part_that_certainly_yields_is_told_before_its_elastic_force(speed, yi
     ball = ao.RigidMass(mass=5.0, velocity=speed)
     hit = ao.simulate(model, ball, ao.Hertz(1e9), duration=5e-3)
     peak = ao.peak_field(part, hit)
-    head = live.headline_of_history(hit, part, None, {"von_mises": peak}, None)
+    head = live.headline_of_history(hit, part, None, {"von_mises": peak})
     assert (peak.margin().bounds[0] >= 1) == yields
     share = f"The part yields, at {peak.margin().bounds[0]:.3g} times its yield strength or more"
     assert (share in head.caution) == yields

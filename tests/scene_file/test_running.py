@@ -14,6 +14,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.texts import percent
+from antiosc_app import live, results
 from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
@@ -91,6 +92,10 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     assert peak["error"] >= bar["total"] - bar["truncation"] > 0
     assert f" ± {percent(peak['error'])} (anti-oscillators" in told
     assert "the mesh's error at their points is not in them" in told
+    hit = objects(path).history
+    remedy = live.remedy_of(hit, hit.error_budget)
+    assert "to narrow it, " in remedy
+    assert results.with_remedy(remedy, objects(path)) in told
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):

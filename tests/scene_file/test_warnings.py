@@ -132,9 +132,7 @@ def test_the_remedy_of_a_bar_that_lacks_the_mesh_is_one_that_exists(cell):
     assert possible == live.has_bars(part)
     assert "compare two sizes of the cells" in note or possible
     (told,) = (
-        text
-        for text in live.headline_of_history(hit, part, budget, {}, None).sentences
-        if note in text
+        text for text in live.headline_of_history(hit, part, budget, {}).sentences if note in text
     )
     assert told.startswith(budget.law)  # the law was given
 
@@ -208,7 +206,7 @@ def test_more_second_order_modes_are_the_remedy_only_where_there_are_more(stretc
     site = ao.Site((0.5, 0.45, 0.0), (0, 0, -1))
     model = ao.extract(part, site, n=100, stretch=stretch)
     hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(1e7), 1e-2)
-    verdict = " ".join(live.headline_of_history(hit, None, hit.error_budget, {}, None).sentences)
+    verdict = " ".join(live.headline_of_history(hit, None, hit.error_budget, {}).sentences)
     assert "comes from the stretch" in verdict
     assert ("larger number of motions" in verdict) == (stretch == 2)
     assert (NARROWED in verdict) == (stretch == "auto")

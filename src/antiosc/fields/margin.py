@@ -67,13 +67,18 @@ CRITERIA: dict[str, tuple[str, str]] = {
 }
 
 
+#: Criterion of a largest stress that no strength judges.
+UNJUDGED = "stress"
 #: Criteria whose value is a stress -> its name, and that of the strength.
 STRESSES = {
+    UNJUDGED: ("von Mises stress", ""),
     "yield": ("von Mises stress", "yield strength"),
     "tension": ("tension", "strength in bending tests"),
 }
 
 
+#: Beside a stress that no strength judges.
+NO_STRENGTH = "the material has no yield strength to compare it with"
 #: Beside a strength without a range.
 EXACT = " (taken as exact: no range was given)"
 
@@ -114,7 +119,7 @@ class Margin(ReprMixin):
     Attributes
     ----------
     criterion : "yield" (von Mises), "tension" (of what cracks), "tsai_hill", "tsai_wu" or
-        "delamination".
+        "delamination"; "stress" (von Mises) where no strength is known (`PeakField.worst_point`).
     value : the von Mises stress for "yield", the largest principal stress for "tension", Pa;
         otherwise the exposure.
     strength : the yield strength for "yield", the least strength in tension for "tension", Pa;
@@ -177,6 +182,11 @@ class Margin(ReprMixin):
         return self.criterion in STRESSES
 
     @property
+    def is_mises(self) -> bool:
+        """Whether the value is the von Mises stress: of yield, or without a strength."""
+        return self.criterion in ("yield", UNJUDGED)
+
+    @property
     def at_edge(self) -> bool:
         """Whether the stress at the edge of the balls counts: no node has a larger one."""
         return self.edge_stress > self.value + self.spread
@@ -207,7 +217,7 @@ class Margin(ReprMixin):
     @property
     def reached(self) -> bool:
         """Whether yield or failure is reached at the worst point: exposure >= 1."""
-        return self.exposure >= 1
+        return self.exposure >= 1 and self.criterion != UNJUDGED
 
     @property
     def scope(self) -> str:
@@ -251,9 +261,12 @@ class Margin(ReprMixin):
     @property
     def sentence(self) -> str:
         """The verdict with its scope, the stress that decides, and what may change the verdict."""
-        if not self.scope and not self.contact and self.criterion != "tension":
+        if self.criterion == UNJUDGED:
+            sentences = [self._without_strength]
+        elif not self.scope and not self.contact and self.criterion != "tension":
             return f"{self._verdict}: {self._largest}"
-        sentences = [self._verdict, self._largest]
+        else:
+            sentences = [self._verdict, self._largest]
         if self.nearer is not None and self.nearer.exposure > self.exposure:
             stress = engineering(self.nearer.value, "Pa")
             sentences.append(f"nearer it is up to {stress} at {point_text(self.nearer.point)}")
@@ -261,7 +274,7 @@ class Margin(ReprMixin):
             stress = engineering(self.sharp.value, "Pa")
             if self.sharp.reached:
                 stress += f", {self.sharp.exposure:.3g} of the {STRESSES[self.criterion][1]},"
-            fails = "yields" if self.criterion == "yield" else "cracks"
+            fails = "cracks" if self.criterion == "tension" else "yields"
             sentences.append(
                 f"at {self.away.names} an elastic stress has no limit: here up to {stress} at"
                 f" {point_text(self.sharp.point)}, more with smaller cells. {self.away.decides}"
@@ -271,8 +284,8 @@ class Margin(ReprMixin):
             of_contacts = self.beyond[self.asked :, 3]
             radius = engineering(float(min(of_contacts)) / CONTACT_RADII, "m", 2)
             sentences += [
-                "this verdict may change with the mesh: its cells at the contact are larger than"
-                f" its radius, and the part is {self.thin:.2g} contact radii thick there, too"
+                f"this {self._told} may change with the mesh: its cells at the contact are larger"
+                f" than its radius, and the part is {self.thin:.2g} contact radii thick there, too"
                 f" thin (less than {HALF_SPACE:g}) for Hertz's stress in their place",
                 f"make the cells there smaller than {radius} ({SMALLER_CELLS})",
             ]
@@ -280,6 +293,17 @@ class Margin(ReprMixin):
             sentences.append("cracks are not computed; scratches and edges decide")
         first, *others = sentences
         return ". ".join([first, *map(capitalised, others)])
+
+    @property
+    def _told(self) -> str:
+        """What a sentence tells: a verdict, or the stress alone."""
+        return "stress" if self.criterion == UNJUDGED else "verdict"
+
+    @property
+    def _without_strength(self) -> str:
+        """Text: the largest stress, where it is sought, and that no strength judges it."""
+        largest = f"the largest von Mises stress {self.scope}".rstrip()
+        return f"{largest} is {self._stress}; {NO_STRENGTH}"
 
     @property
     def _place(self) -> str:
@@ -393,7 +417,8 @@ class Zones(NamedTuple):
     """Balls (n, 4) that a margin leaves out, and the contacts whose patches spread their forces.
 
     `asked`: how many of the balls, the first ones, were asked for. `edges`, `supports`: balls
-    about sharp inner edges and about rigid supports.
+    about sharp inner edges and about rigid supports. `unjudged`: whether the largest stress is
+    sought of materials without a strength.
     """
 
     balls: Array = NOTHING
@@ -401,6 +426,7 @@ class Zones(NamedTuple):
     asked: int = 0
     edges: Array = NOTHING
     supports: Array = NOTHING
+    unjudged: bool = False
 
     @property
     def away(self) -> Away | None:
@@ -490,11 +516,10 @@ def margin_of(
         nearer = margin_of(criterion, values, inside, points, times, places, NO_ZONES)
         if beyond is None:
             return nearer
-        edge_stress = zones.edge_stress if criterion == "yield" else 0.0
-        beyond = replace(
-            beyond, beyond=leave_out, nearer=nearer, edge_stress=edge_stress, asked=zones.asked
-        )
-        return replace(beyond, thin=zones.thin) if criterion == "yield" else beyond
+        beyond = replace(beyond, beyond=leave_out, nearer=nearer, asked=zones.asked)
+        if not beyond.is_mises:
+            return beyond
+        return replace(beyond, edge_stress=zones.edge_stress, thin=zones.thin)
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
     if not np.isfinite(exposure).any():
@@ -660,6 +685,10 @@ def stresses(
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())
+    elif zones.unjudged:
+        places = [tensors.origins[k].place for k in tensors.origin]
+        of_points = points[tensors.nodes], times_of_plies, places, zones
+        margin = margin_of(UNJUDGED, extremes, np.ones(len(extremes)), *of_points)
     values, peak_times = nodal_maxima(tensors.nodes, extremes, times_of_plies, len(points))
     return Maxima(values, peak_times, error, exposures, margin)
 
@@ -747,11 +776,14 @@ def contact_yields(history: AnyHistory) -> bool:
     return isinstance(history, History) and any(map(yields, history.contact_histories))
 
 
-def zones_of(history: AnyHistory, body: str) -> Zones:
-    """The zones about contacts that yield, which a margin of a solid body leaves out."""
+def zones_of(history: AnyHistory, body: str, *, unjudged: bool = False) -> Zones:
+    """The zones about contacts that yield, which a margin of a solid body leaves out; `unjudged`:
+    of materials without a strength, of which it is not known.
+    """
     if not isinstance(history, History):
         return NO_ZONES
-    return Zones.about(yielding_zones(history.contact_histories, history.name_of(body)))
+    contacts = history.contact_histories, history.name_of(body)
+    return Zones.about(yielding_zones(*contacts, unknown=unjudged))
 
 
 def on_part(structure: Structure, zones: Zones) -> Zones:

@@ -330,11 +330,18 @@ class PeakField(Completed):
         InputError
             The quantity is not a stress that has a strength, or no material has one.
         """
-        if self._margin is None:
+        if self._margin is None or self._margin.criterion == margin.UNJUDGED:
             raise InputError(
                 f"no margin for {self.quantity}: the material has no strength; give it a "
                 "yield_strength for 'von_mises', or its layers a strength for 'tsai_wu'."
             )
+        return self._margin
+
+    @property
+    def worst_point(self) -> Margin | None:
+        """The margin; where no strength is known, and `sharp_edges` was False, the largest von
+        Mises stress of the same places (its criterion is "stress"). None: neither.
+        """
         return self._margin
 
     @property
@@ -502,7 +509,7 @@ def peak_field(
         Whether the margin of a solid judges sharp inner edges and rigid supports too, where an
         elastic stress has no limit. False: points farther from them than half the thickness of the
         walls, so that the judged stress converges with the mesh; `Margin.sharp` is the worst of the
-        others.
+        others. A von Mises stress without a strength is sought there too (`worst_point`).
 
     Notes
     -----
@@ -529,11 +536,15 @@ def peak_field(
     if part is not None:
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
-    zones = _zones(leave_out, history, body)
+    judges_edges = checks.flag("sharp_edges", sharp_edges)
+    unjudged = not judges_edges and quantity == "von_mises"
+    unjudged = unjudged and quantity not in margin.criteria_of(structure)
+    zones = _zones(leave_out, history, body, unjudged)
     if len(zones.balls):
         is_solid = margin.only_solids(structure, shapes, part)
         zones = margin.on_part(structure, zones) if is_solid else margin.NO_ZONES
-    if not checks.flag("sharp_edges", sharp_edges) and recovered == "stress":
+    zones = zones._replace(unjudged=unjudged)
+    if not judges_edges and recovered == "stress":
         edges, supports = margin.balls_of_edges(structure, shapes, part)
         zones = zones._replace(edges=edges, supports=supports)
     instants = times_of(history, times)
@@ -642,14 +653,13 @@ def _of_spans(history: AnyHistory, factors: Array, times: Array) -> list[Search]
 
 
 def _zones(
-    leave_out: ArrayLike | margin.Zones | None, history: AnyHistory, body: str
+    leave_out: ArrayLike | margin.Zones | None, history: AnyHistory, body: str, unjudged: bool
 ) -> margin.Zones:
     """The zones that the margin leaves out: those of the history, and the given balls."""
-    if leave_out is None:
-        return margin.zones_of(history, body)
     if isinstance(leave_out, margin.Zones):  # of a fall
         return leave_out
-    return margin.zones_of(history, body).and_balls(leave_out)
+    zones = margin.zones_of(history, body, unjudged=unjudged)
+    return zones if leave_out is None else zones.and_balls(leave_out)
 
 
 def _with_pairs(
@@ -750,11 +760,12 @@ def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margi
     k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
     shares = _mesh_shares(field)
     judged = replace(judged, mesh_error=float(shares[k]) * judged.value)
-    if judged.away is None or field.exposure is None:
+    if judged.away is None:
         return judged
+    exposure = field.values if field.exposure is None else field.exposure
     others = ~zones.left_out(field.points)
     spread = zones.spread_error(field.points[others])
-    stresses, shares = judged.strength * field.exposure[others], shares[others]
+    stresses, shares = judged.strength * exposure[others], shares[others]
     least = float((stresses * (1 - shares)).max(initial=0.0))
     largest = float((stresses * (1 + np.minimum(shares, UNKNOWN)) + spread).max(initial=0.0))
     return replace(judged, others=(least, largest))

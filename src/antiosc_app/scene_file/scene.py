@@ -25,7 +25,7 @@ import numpy as np
 import antiosc
 from antiosc import ContactLaw, History
 from antiosc.base._types import Array
-from antiosc.base.errors import finite_element_packages
+from antiosc.base.errors import AntioscError, finite_element_packages
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
 from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
@@ -525,15 +525,20 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
-    """Criterion -> stress field, for the criteria with known strengths of the materials; sharp
-    inner edges and rigid supports are not judged.
+    """Criterion -> stress field, for the criteria with known strengths of the materials, or the von
+    Mises stress where none is known; sharp inner edges and rigid supports are not judged.
     """
     with finite_element_packages():
         from antiosc.extension import criteria_of
-    return {
-        name: antiosc.peak_field(structure, history, name, sharp_edges=False)
-        for name in criteria_of(structure)
-    }
+
+    def field(name: str) -> PeakField:
+        return antiosc.peak_field(structure, history, name, sharp_edges=False)
+
+    if criteria := criteria_of(structure):
+        return {name: field(name) for name in criteria}
+    with contextlib.suppress(AntioscError):  # beams whose sections have no outline have no stress
+        return {"von_mises": field("von_mises")}
+    return {}
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,19 +156,23 @@ class YieldingZone(NamedTuple):
         return np.asarray(error.max(axis=0))
 
 
-def yielding_zones(contacts: Iterable[OneContact], body: str) -> list[YieldingZone]:
-    """The zones about the contacts of a body that yield."""
-    return [zone for contact in contacts for zone in _zones_at(contact, body)]
+def yielding_zones(
+    contacts: Iterable[OneContact], body: str, *, unknown: bool = False
+) -> list[YieldingZone]:
+    """The zones about the contacts of a body that yield; `unknown`: and about those of which it is
+    not known, for want of a strength.
+    """
+    return [zone for contact in contacts for zone in _zones_at(contact, body, unknown)]
 
 
-def _zones_at(contact: OneContact, body: str) -> list[YieldingZone]:
+def _zones_at(contact: OneContact, body: str, unknown: bool) -> list[YieldingZone]:
     """The zones of a contact on a body: none if it stays elastic, or its point is unknown."""
-    law = yielding_law(contact)
-    if law is None:
+    size = _yielding_size(contact) or (_unknown_size(contact) if unknown else None)
+    if size is None:
         return []
+    radius, nu = size
     scene = contact._record.assembly
     parts = scene.scene.contacts[contact._row]
-    radius = rim_radius(law, contact.deepest)
     zones = []
     for scene_body, site in (find_site(end, scene.bodies) for end in (parts.a, parts.b)):
         point = site_points(scene_body.body).get(site)
@@ -175,8 +180,29 @@ def _zones_at(contact: OneContact, body: str) -> list[YieldingZone]:
             radii = radius, scene_body.patch_radius or 0.0
             direction = scene_body.pushes.get(site)
             centre = np.array(point)
-            zones.append(YieldingZone(centre, direction, radii, contact.peak_force, law.nu))
+            zones.append(YieldingZone(centre, direction, radii, contact.peak_force, nu))
     return zones
+
+
+def _yielding_size(contact: OneContact) -> tuple[float, float] | None:
+    """Radius [m] of a contact, and Poisson's ratio of what yields; None: it does not yield."""
+    law = yielding_law(contact)
+    return None if law is None else (rim_radius(law, contact.deepest), law.nu)
+
+
+def _unknown_size(contact: OneContact) -> tuple[float, float] | None:
+    """Largest radius [m] of a contact of which it is not known whether it yields, by Hertz's law,
+    and Poisson's ratio of its softer side; None: it is known.
+    """
+    choice = choice_at(contact)
+    if choice is None or not lacks_strength(choice) or not choice.curvature:
+        return None
+    law = choice.law
+    if not isinstance(law, Hertz | ElasticPlastic) or not contact.peak_force > 0:
+        return None
+    depth = (contact.peak_force / law.stiffness) ** (2 / 3)
+    softer = min((side for side in _sides(contact) if not side.rigid), key=lambda side: side.E)
+    return sqrt(depth / choice.curvature), softer.nu
 
 
 def contact_zone(point: ArrayLike, radius: float) -> Array:
