@@ -41,8 +41,10 @@ class FallPage {
         const { stress, bar } = stresses[k];
         const cell = unbroken(made("td", row), [engineering(stress, "Pa")]);
         cell.dataset.value = stress;
-        cell.append(" ");
-        if (bar) unbroken(made("span", cell, "", { className: "sides" }), plus_minus(bar).split(/ (?=−)/));
+        if (bar) {
+          cell.append(" ");
+          unbroken(made("span", cell, "", { className: "sides" }), plus_minus(bar).split(/ (?=−)/));
+        }
       }
       if (one.contact_time_note) {
         const below = made("tr", find("numbers"), "", { className: "note" });

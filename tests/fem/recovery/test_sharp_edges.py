@@ -88,6 +88,8 @@ def test_a_span_of_a_run_has_the_interval_of_its_own_stresses(tmp_path):
     assert weak.stress == pytest.approx(0.1 * strong.stress)
     assert weak.stresses == pytest.approx(0.1 * np.array(strong.stresses))
     assert margin.stresses == strong.stresses
+    elsewhere = replace(margin, others=(0.0, 2 * margin.stress))  # of another span
+    assert elsewhere.stresses == strong.stresses
 
 
 def test_the_sharp_edge_of_an_angle_is_its_inner_one(tmp_path):
