@@ -14,9 +14,16 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.impact import stretching
+from antiosc.impact.error_budget import _beyond_third_order
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
-from antiosc.impact.stretching import NEGLIGIBLE, Series, released, with_rows
+from antiosc.impact.stretching import (
+    NEGLIGIBLE,
+    Series,
+    beyond_third_order,
+    released,
+    with_rows,
+)
 from antiosc.impact.truncation import WARN_SHARE, truncation_share
 from antiosc.models.stretch import Stretch
 from antiosc_app import live
@@ -166,6 +173,26 @@ def test_what_second_order_forces_release_is_the_energy_of_the_modes():
     assert released(hit) == pytest.approx(
         -forces.energy(q @ forces.modes).min() / linear.max(), rel=0.05
     )
+
+
+def test_strain_beyond_third_order_is_noted_where_it_exceeds_the_bar():
+    """About twice the product of the energies of third and fourth order; none of a flat sheet."""
+    body = model(5, size=5)
+    hit = ao.simulate(body, BALL, LAW, DURATION)
+    forces, omega = body.stretch, body.modal().omega
+    q = hit.states(np.linspace(0, hit.time[-1], 4000))[0][:, : omega.size]
+    a, linear = q @ forces.modes, ((omega * q) ** 2).sum(axis=1).max() / 2
+    third = np.einsum("kij,nk,ni,nj->n", forces.quadratic, a, a, a) / 3
+    four = forces.energy(a) - third
+    wanted = 2 * np.abs(third).max() * np.abs(four).max() / linear**2
+    assert beyond_third_order(hit) == pytest.approx(wanted, rel=0.05)
+    assert "beyond third order" not in str(_beyond_third_order(hit, 2 * wanted))
+    flat = replace(forces, quadratic=0 * forces.quadratic)
+    assert beyond_third_order(ao.simulate(replace(body, stretch=flat), BALL, LAW, DURATION)) == 0
+    deep = run_of(4, well=8.0)
+    assert "by more than 50 % at" in str(deep.error_budget.notes)
+    told = _beyond_third_order(run_of(2, well=8.0), 0.0)
+    assert f"by about {percent(beyond_third_order(run_of(2, well=8.0)))} at" in told
 
 
 def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh():

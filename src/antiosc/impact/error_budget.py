@@ -45,7 +45,14 @@ from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget, Rebound
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
-from antiosc.impact.stretching import NEGLIGIBLE, differences, stretch_shares
+from antiosc.impact.stretching import (
+    NEGLIGIBLE,
+    ROUGH,
+    WARN,
+    beyond_third_order,
+    differences,
+    stretch_shares,
+)
 from antiosc.impact.truncation import (
     WARN_SHARE,
     TruncationError,
@@ -303,7 +310,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         remedy = COMPARED_WITH if model.info.no_estimate else ESTIMATED_WITH
         missing = "The mesh is" if rough else "Mesh and truncation are"
         without_mesh = f"{missing}{NOT_ESTIMATED}{remedy}."
-    band_notes = filter(None, [low_band_message(raw), linear])
+    beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
+    band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if patch_notes:
         unknown += ("patch",)
     mesh_notes = filter(None, [without_mesh, *of_mesh.doubts])
@@ -384,6 +392,19 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
     return stretch_shares(stretch_errors)
+
+
+def _beyond_third_order(hit: History, share: float) -> str:
+    """Note on strain beyond third order that exceeds a share of the bar; "" if it does not."""
+    change = beyond_third_order(hit)
+    if change <= max(share, WARN):
+        return ""
+    much = f"about {percent(change)}" if change < ROUGH else f"more than {percent(ROUGH)}"
+    return (
+        "Not included: strain beyond third order, by which the force of a tube changes by"
+        f" {much} at this deflection, of a shallow cap by less: an explicit finite"
+        " element program has it."
+    )
 
 
 def with_count(model: AntiOscillators, count: int) -> AntiOscillators:

@@ -7,7 +7,7 @@ force acts on the site.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Generic, TypeVar
@@ -17,6 +17,7 @@ import numpy as np
 from antiosc.base._types import Array
 from antiosc.base.errors import NARROWING, InputError
 from antiosc.base.texts import STOPPED, percent
+from antiosc.engine.stretch import stretch_forces
 from antiosc.impact.assembly import Assembly
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories import History, bars
@@ -41,6 +42,9 @@ AGREE = 2
 #: another ran away; and the change between two of these above which they did so by chance.
 RAN_AWAY = 2.0
 BY_CHANCE = 0.05
+#: Error of the force over the product of its energies of third and fourth order: 0.2 to 2.2 of nine
+#: random pieces of tubes (docs/howto/thin_sheets.md), less of shallow caps.
+BEYOND = 2.0
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
 WARN = 1e-2
 #: Error above which another program is advised.
@@ -224,14 +228,33 @@ def motions(history: History) -> int:
 
 def released(history: History) -> float:
     """The largest energy that second-order forces release, over the largest linear one."""
+    shares = [-float((quadratic + cubic).min()) for quadratic, cubic in _energies(history)]
+    return max([0.0, *shares])
+
+
+def beyond_third_order(history: History) -> float:
+    """About the share of a force by strain beyond third order, which more motions do not show.
+
+    Energies of third and fourth order are U₃ and U₄, of the linear one; the next is about U₃ U₄. A
+    flat sheet has no U₃, and none beyond U₄.
+    """
+    shares = [float(np.abs(third).max() * np.abs(four).max()) for third, four in _energies(history)]
+    return BEYOND * max([0.0, *shares])
+
+
+def _energies(history: History) -> Iterator[tuple[Array, Array]]:
+    """Energies (n,) of the quadratic and the cubic forces of each body, over the largest linear."""
     a = history.assembly
-    shares = [0.0]
     for name, forces in a.stretched.items():
         omega = a.bodies[name].omega
         q = sampled_motion(history, omega)[:, a.spans[name]]
-        linear = float(np.sum((omega * q) ** 2, axis=1).max()) / 2
-        shares.append(-float(forces.energy(q @ forces.modes).min()) / max(linear, 1e-300))
-    return max(shares)
+        linear = float(np.sum((omega * q) ** 2, axis=1).max()) / 2 or 1e-300
+        amplitude = q @ forces.modes
+        quadratic, cubic = stretch_forces(forces.quadratic, forces.cubic, amplitude)
+        yield (
+            np.sum(quadratic * amplitude, axis=1) / (3 * linear),
+            np.sum(cubic * amplitude, axis=1) / (4 * linear),
+        )
 
 
 def largest_force(history: History) -> float:
