@@ -218,7 +218,7 @@ def test_other_supports_keep_the_mesh_and_a_set_up_is_simulated_once(opened):
 def test_the_page_tells_its_work_without_the_names_of_sections(step):
     from antiosc_app.opened import Opened
 
-    one, told = Opened(step), []
+    one, told = Opened(step, size=SIZE), []
     setup = set_up.read(asked(one))
     one._meshes.clear()
     one._structures.clear()
@@ -373,7 +373,7 @@ def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
 def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path):
     from antiosc_app.opened import Opened
 
-    mesh = ao.box_mesh((0.2, 0.02, 0.004), size=0.006)
+    mesh = ao.box_mesh((0.2, 0.02, 0.004), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("-x")])
     path = tmp_path / "tongue"
     path.touch()
@@ -789,7 +789,7 @@ def test_falls_onto_other_floors_share_the_body_and_do_not_depend_on_each_other(
     page, alone = (module.Opened(tmp_path / "block", part) for _ in range(2))
     for one in (page, alone):
         setup = asked(one)
-    setup["striker"] |= {"kind": "floor", "height": 0.05, "tilt": [4, 3, 0]}
+    setup["striker"] |= {"kind": "floor", "height": 0.05, "tilt": [30, 20, 0]}
     peaks = []
     for layer in ("none", "cork"):
         setup["striker"] |= {"layer": layer, "layer_thickness": 0.003}
