@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from antiosc.base.errors import AntioscError, warnings_to
-from antiosc.base.progress import print_text
+from antiosc.base.progress import print_text, with_time
 from antiosc_app import info
 from antiosc_app.words import of_scenes
 
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code; antiosc's own errors become one line."""
     try:
         try:
-            with _terminable(), warnings_to(_Warned().tell):
+            with _terminable(), warnings_to(_Warned().tell), with_time():
                 return _run(arguments)
         finally:
             if sys.stdout is not None:
@@ -141,6 +141,11 @@ def _parser() -> argparse.ArgumentParser:
                 " longer (default: a geometry's by its size, else as in the file)"
             )
             command.add_argument("--size", type=float, metavar="METRES", help=about_size)
+            about_piece = (
+                "of a part in several pieces the one that is read alone, 1 the largest (default:"
+                " all if they can be joined, else the largest)"
+            )
+            command.add_argument("--piece", type=int, metavar="NUMBER", help=about_piece)
             about_time = "limit of reading and meshing the file (default: by its kind and size)"
             command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
         if name == "export":

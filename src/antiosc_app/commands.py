@@ -67,6 +67,7 @@ def _new(options: Namespace) -> int:
         options.unit,
         options.timeout,
         options.size,
+        options.piece,
     )
     for sentence in sentences:
         print_text(sentence)
@@ -79,7 +80,12 @@ def _open(options: Namespace) -> int:
     from antiosc_app import view
 
     view.until_interrupted(
-        options.part, options.unit, options.timeout, options.size, browser=not options.no_browser
+        options.part,
+        options.unit,
+        options.timeout,
+        options.size,
+        options.piece,
+        browser=not options.no_browser,
     )
     return 0
 

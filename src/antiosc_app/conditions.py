@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from math import acos, degrees, isfinite
 from typing import TYPE_CHECKING, Any
@@ -99,19 +99,47 @@ def _held(structure: Structure | None, scene: Mapping[str, Any]) -> str:
     if not count:
         return "nothing: free" if structure.rigid_modes.shape[1] else "no node: springs hold it"
     noun = "1 node" if count == 1 else f"{count} nodes"
-    names = list(_names(scene))
+    names = list(_names(scene, {"": structure} | _parts(structure)))
     named = ", ".join(names[:MOST_NAMED])
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return f"{named}{more}: {noun}" if names else noun
 
 
-def _names(scene: Mapping[str, Any]) -> Iterator[str]:
-    """The supports of a scene and of its parts in words."""
-    if "deck" in scene and not scene["deck"].get("free"):
+def _parts(structure: Structure) -> dict[str, Any]:
+    """The parts of an assembly by their names."""
+    from antiosc.extension import with_parts
+
+    return {member.name: member.part for member in with_parts(structure).members()}
+
+
+def _names(scene: Mapping[str, Any], parts: Mapping[str, Any], name: str = "") -> Iterator[str]:
+    """The supports of a scene and of its parts in words; `parts`: their structures, the scene's
+    own with the name "".
+    """
+    given = scene.get("supports", ())
+    if "deck" in scene and _holds(parts.get(name), given):
         yield "as in the deck"
-    yield from map(_support, scene.get("supports", ()))
-    for name, part in scene.get("parts", {}).items():
-        yield from (f"{name}:{text}" for text in _names(part))
+    yield from map(_support, given)
+    for inner, part in scene.get("parts", {}).items():
+        yield from (f"{inner}:{text}" for text in _names(part, parts, inner))
+
+
+def _holds(structure: Any, given: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether a deck holds its structure by supports of its own, which come before the given ones
+    of the scene; a support of a group in several parts of a deck is one in each.
+    """
+    supports = getattr(structure, "supports", ())
+    if not (supports and given):
+        return bool(supports)
+    first, group = supports[0].where, given[0].get("where")
+    if not isinstance(first, str):  # those of a deck have groups
+        return False
+    return not isinstance(group, str) or _group(first) != _group(group)
+
+
+def _group(name: str) -> str:
+    """The name of a group without that of its part."""
+    return name.rpartition(":")[2]
 
 
 def _support(given: Mapping[str, Any]) -> str:

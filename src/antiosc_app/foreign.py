@@ -40,8 +40,7 @@ from antiosc_app.units import (
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
-    from antiosc.io.neutral import FileMesh
-    from antiosc.io.reading import Piece
+    from antiosc.io.neutral import FileMesh, Piece
 
 T = TypeVar("T")
 
@@ -53,6 +52,8 @@ ELEMENTS = 20
 MOST_CELLS = 30_000
 #: Nodes of a mesh in pieces are joined up to this distance [m].
 MERGE_DISTANCE = 1e-6
+#: Arguments of reading that say which pieces are read, and how they are joined.
+OF_PIECES = ("fragments", "merge", "cells", "solid", "piece")
 #: Words of the warnings of a mesh whose pieces meet, but not at faces of their cells: joined at the
 #: few nodes that coincide, one would turn about the others.
 UNJOINED = ("overlap others", "lie on cells that they do not belong to")
@@ -107,11 +108,13 @@ def foreign_part(
     unit: str | None = None,
     timeout: float | None = None,
     size: float | None = None,
+    alone: Read | None = None,
 ) -> ForeignPart:
     """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
 
     `timeout` [s]: limit of each reading; None: by kind and size of the file. `size` [m]: largest
-    cell; None: by the size of a geometry, that of the cells of a mesh or a deck.
+    cell; None: by the size of a geometry, that of the cells of a mesh or a deck. `alone`: how one
+    piece is read (`way_of_piece`), in place of all alternatives.
 
     Raises
     ------
@@ -122,17 +125,28 @@ def foreign_part(
         importlib.import_module("antiosc.fem.mesh")
     limit: Read = {} if timeout is None else {"timeout": timeout}
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
-        options = limit | ({"free": True} if free else {})
+        options = limit | ({"free": True} if free else {}) | (alone or {})
         return _of_deck(path, options, UNITS if unit is None else (unit,), size)
     with without_warnings():
-        return _of_mesh(path, unit, limit, size)
+        return _of_mesh(path, unit, limit, size, alone)
+
+
+def way_of_piece(read: Read, piece: int) -> Read:
+    """How a piece of a part is read alone; `read`: how the part was read, with its pieces."""
+    joins = () if "piece" in read else ("fragments", "merge")
+    kept = {key: read[key] for key in OF_PIECES if key in read and key not in joins}
+    return {**kept, "piece": piece}
 
 
 # --- Meshes and geometries ------------------------------------------------------------------------
 
 
-def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> ForeignPart:
-    """Read a mesh, or mesh a geometry; `limit`: the timeout, `given`: the size, if there is one."""
+def _of_mesh(
+    path: Path, unit: str | None, limit: Read, given: float | None, alone: Read | None
+) -> ForeignPart:
+    """Read a mesh, or mesh a geometry; `limit`: the timeout, `given`: the size, if there is one;
+    `alone`: as in `foreign_part`.
+    """
     from antiosc.io.cad import STATES_UNIT
     from antiosc.io.facets import CLOSED, SURFACES
     from antiosc.io.neutral import UnitSystem
@@ -150,8 +164,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             choices = UNITS_OF_SURFACES if suffix in SURFACES else UNITS_OF_MESHES
             read["unit"] = unit_of_length(length, choices)
         factor = UnitSystem.of(read.get("unit", "m")).length
-        file_outline.points = factor * file_outline.points
-        size = given or float(f"{factor * length / ELEMENTS:.1g}")
+        file_outline.pieces = [piece.scaled(factor) for piece in file_outline.pieces]
+        size = given or float(f"{_longest(file_outline, factor * length, alone) / ELEMENTS:.1g}")
         if suffix in GEOMETRIES:
             read["size"] = size
             ways = _of_solids(file_outline, notes)
@@ -160,6 +174,8 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
             ways = [{"solid": True, "size": size}]
     else:
         ways += [{"cells": dim} for dim in (3, 2, 1)]
+    if alone is not None:
+        ways = [{**alone, "size": size} if alone.get("solid") else alone]
     mesh, options, pieces, told = _first(path, read, ways)
     read |= options
     meshed = "size" in read
@@ -184,11 +200,9 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
         if suffix not in STATES_UNIT:
             read["unit"] = unit_of_length(length, UNITS_OF_MESHES)
             factor = UnitSystem.of(read["unit"]).length
-            pieces = [
-                piece._replace(low=factor * piece.low, high=factor * piece.high) for piece in pieces
-            ]
-    if "piece" in options and suffix in GEOMETRIES and "fragments" not in options:
-        pieces = _solids(file_outline) if file_outline is not None else pieces
+            pieces = [piece.scaled(factor) for piece in pieces]
+    if file_outline is not None and not {"piece", "fragments"} <= options.keys():
+        pieces = file_outline.pieces or pieces
     if "piece" in options:
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
@@ -198,15 +212,13 @@ def _of_mesh(path: Path, unit: str | None, limit: Read, given: float | None) -> 
         read["size"] = given
     if halved or {"unit", "gdim"} & set(read):
         mesh = antiosc.read_mesh(str(path), **read)
-    if file_outline is not None and suffix in GEOMETRIES and "fragments" not in read:
-        pieces = _solids(file_outline)
     all_notes = [*notes, *_option_notes(read)]
     return ForeignPart(mesh, read, None, all_notes, pieces, meshed=meshed)
 
 
 def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
     """Alternative options for reading the solids of a CAD file, in the order of trial."""
-    solids = _solids(file_outline)
+    solids = file_outline.pieces
     if not solids:
         return [{}]
     notes.append(f"it has {len(solids)} solids.")
@@ -216,13 +228,13 @@ def _of_solids(file_outline: FileMesh, notes: list[str]) -> list[Read]:
     return [largest]
 
 
-def _solids(file_outline: FileMesh) -> list[Piece]:
-    """The solids of a CAD file as pieces; [] if there is only one."""
-    from antiosc.io.reading import Piece
-
-    boxes = file_outline.points[file_outline.cells["line"]]
-    pieces = boxes if len(boxes) > 1 else boxes[:0]
-    return [Piece("", box.min(axis=0), box.max(axis=0)) for box in pieces]
+def _longest(file_outline: FileMesh, length: float, alone: Read | None) -> float:
+    """The longest side [m] of a geometry of this length, or of the piece of it that is read."""
+    rank = (alone or {}).get("piece", 0)
+    if not 0 < rank <= len(file_outline.pieces):
+        return length
+    piece = file_outline.pieces[rank - 1]
+    return float((piece.high - piece.low).max())
 
 
 def _described(pieces: Sequence[Piece]) -> list[str]:
@@ -286,11 +298,16 @@ def _with_pieces(ways: list[Read]) -> Iterator[Read]:
             yield from ({**options, **option, "of_pieces": True} for option in joined)
 
 
+def _ranked(piece: int) -> str:
+    """Which of its pieces one is, in words."""
+    return "the largest" if piece == 1 else f"number {piece}, the largest being 1,"
+
+
 def _option_notes(read: Read) -> list[str]:
     """Sentences on the options of reading."""
     words = {
         "fragments": "its solids are joined where they touch (fragments).",
-        "piece": "of its pieces the largest is read (piece).",
+        "piece": f"of its pieces {_ranked(read.get('piece', 1))} is read (piece).",
         "merge": "its pieces are joined at nodes that coincide (merge).",
         "cells": "cells of other dimensions are left out (cells).",
         "free": "its supports hold all of it, and are left out (free).",
@@ -324,7 +341,7 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
     told: list[str] = []
     unit, structure, more = _first_unit(antiosc.read_model, path, units, read, guesses, told)
     read = {"unit": unit, **read}
-    pieces = pieces or more
+    pieces = facts.pieces or pieces or more
     members = [m for m, _ in with_parts(structure).fields(np.zeros((structure.rows, 0)), None)]
     mesh = max((m.part.mesh for m in members), key=lambda mesh: (mesh.tdim, mesh.n_cells))
     told_besides = {*options, "piece"}  # `told` lists the pieces

@@ -32,7 +32,7 @@ from antiosc.base.process import free_memory, require
 from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
-from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part
+from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part, way_of_piece
 from antiosc_app.live import has_bars
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -44,7 +44,7 @@ from antiosc_app.symmetry import held_motions, symmetry_note
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
     from antiosc.extension import Faces
-    from antiosc.io.reading import Piece
+    from antiosc.io.neutral import Piece
 
 T = TypeVar("T")
 
@@ -57,8 +57,8 @@ SUPPORT_WORDS = (
 SITE_WORDS = ("impact", "struck", "strike", "hit", "eye", "tip", "nose", "top", "front", "middle")
 #: A name that the reader of CAD files gives to a hole: its diameter and its number.
 HOLE = re.compile(r"hole \S+ mm \(\d+\)")
-#: A name that it gives to each face.
-NUMBERED_FACE = re.compile(r"face \d+")
+#: A name with a number at its end, which may stand in brackets.
+ENDING_NUMBER = re.compile(r"(.*?)(\d+)\)?")
 #: Cosine between neighbouring faces of one side of a part.
 SAME_SIDE_COSINE = np.cos(np.radians(15.0))
 #: A supporting plane contains at most these shares of the nodes, and of the surface of a solid. A
@@ -120,8 +120,8 @@ RIGID = 6
 MOST_NAMED = 4
 #: Largest number of groups that are named on the terminal.
 MOST_NAMES = 12
-#: Width of the comment of a scene that lists all groups.
-WIDTH = 96
+#: Width of the comment of a scene that lists the groups, and most of its lines.
+WIDTH, MOST_LINES = 96, 10
 #: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
 #: Guessed thickness of a sheet over the longest side.
@@ -196,6 +196,11 @@ class Forecast(NamedTuple):
         """Whether a model takes long, or much of the memory that is free."""
         return self.seconds > LONG or self.bytes > LARGE * free_memory()
 
+    def brief(self) -> str:
+        """Cells, seconds and memory in few words."""
+        seconds = progress.seconds_text(max(self.seconds, 1.0))
+        return f"{float(f'{self.cells:.2g}'):.0f} cells, {seconds}, {self.bytes / 1e9:.2g} GB"
+
     def text(self) -> str:
         """The numbers in words."""
         dofs = float(f"{self.dofs:.2g}")
@@ -237,7 +242,7 @@ class Inspection:
     of_deck : whether supports and materials are those of a deck.
     notes : decisions made while reading, one sentence each.
     flat : (modulus [Pa], Poisson's ratio) of a flat face that replaces an unknown surface.
-    pieces : if the part is in several pieces, these, the largest first.
+    pieces : those of a part in several pieces, the largest first, joined or not.
     structure : that of a deck as it was read.
     inferred, modulus : as of a `ForeignPart`.
     """
@@ -545,21 +550,32 @@ def inspect_part(
     unit: str | None = None,
     timeout: float | None = None,
     size: float | None = None,
+    piece: int | None = None,
+    whole: Inspection | None = None,
 ) -> Inspection:
-    """Read or mesh the file of a part and inspect it.
+    """Read or mesh the file of a part and inspect it, or one of its pieces.
 
     `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known;
     `timeout` [s]: limit of each reading; None: by kind and size of the file; `size` [m]: largest
-    cell, if it is asked for.
+    cell, if it is asked for; `piece`: rank among those of the inspection without it, which is
+    `whole`, if it was made.
 
     Raises
     ------
     AntioscError
-        It cannot be read or meshed, or is too large to be looked at, or a model of it needs more
-        than the free memory.
+        It cannot be read or meshed, has no such piece, or is too large to be looked at, or a model
+        of it needs more than the free memory.
     """
     check_size(path)
-    part = foreign_part(path, free, unit, timeout, size)
+    options = free, unit, timeout, size
+    if piece is None:
+        part = foreign_part(path, *options)
+    else:
+        first = whole or foreign_part(path, *options)
+        if not 0 < piece <= len(first.pieces):
+            raise InputError(f"{path.name} has {_pieces_text(first.pieces)}: no piece {piece}.")
+        part = foreign_part(path, *options, way_of_piece(first.read, piece))
+        part = replace(part, pieces=first.pieces)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure, part.meshed)
     forecast = inspection.forecast()
     what = f"a model of {path.name} on {inspection.cells}, some {forecast.dofs:.2g} dofs,"
@@ -574,6 +590,11 @@ def inspect_part(
         kept=part.kept,
         divided=part.divided,
     )
+
+
+def _pieces_text(pieces: Sequence[Piece]) -> str:
+    """The number of pieces in words."""
+    return f"{len(pieces)} pieces" if pieces else "one piece alone"
 
 
 def inspect_structure(part: Structure) -> Inspection:
@@ -1273,22 +1294,35 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
 
 
 def _listed(groups: Sequence[str]) -> list[str]:
-    """The names of groups as lines of a comment."""
+    """The names of groups as lines of a comment; of many lines the first."""
     blank = "\0"  # in place of a space in a name, at which no line may end
-    entries: list[list[str]] = []
-    last = -1.0
-    for name in groups:
-        number = float(name.rpartition(" ")[2]) if NUMBERED_FACE.fullmatch(name) else -1.0
-        if number > 0 and number == last + 1:  # faces that follow one another, the first and last
-            entries[-1] = [*entries[-1][:2], name] if len(entries[-1]) > 2 else [*entries[-1], name]
-        else:
-            entries.append([name])
-        last = number
-    quoted = [[json.dumps(name, ensure_ascii=False) for name in entry] for entry in entries]
-    words = [f"{one[0]} … {one[-1]}" if len(one) > 2 else ", ".join(one) for one in quoted]
+    quote = partial(json.dumps, ensure_ascii=False)
+    runs = [[*map(quote, run)] for run in runs_of(groups)]
+    words = [f"{run[0]} … {run[-1]}" if len(run) > 2 else ", ".join(run) for run in runs]
     names = ", ".join(word.replace(" ", blank).replace(f",{blank}", ", ") for word in words)
     lines = textwrap.wrap(names, WIDTH, break_long_words=False, break_on_hyphens=False)
-    return [line.replace(blank, " ") for line in lines]
+    told = [line.replace(blank, " ") for line in lines[:MOST_LINES]]
+    if len(lines) <= MOST_LINES:
+        return told
+    return [*told, f"… of {len(groups)} in all, which antiosc open shows: hold a face by name"]
+
+
+def runs_of(groups: Sequence[str]) -> list[list[str]]:
+    """Names of groups that differ in a number at their end alone as lists, if this counts on or
+    stands in brackets, as in "face 7" and "hole 6 mm (2)".
+    """
+    runs: list[list[str]] = []
+    last = ("", -1)
+    for name in groups:
+        found = ENDING_NUMBER.fullmatch(name)
+        stem, number = (found[1], int(found[2])) if found else (name, -1)
+        follows = stem == last[0] and number >= 0
+        if follows and (stem.endswith("(") or number == last[1] + 1):
+            runs[-1].append(name)
+        else:
+            runs.append([name])
+        last = stem, number
+    return runs
 
 
 def _band(radius: float) -> float:
@@ -1317,11 +1351,13 @@ def write_scene(
     unit: str | None = None,
     timeout: float | None = None,
     size: float | None = None,
+    piece: int | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
     `material`: name of the material of a part that is no deck; `unit`: unit of the file;
-    `timeout` [s]: limit of each reading of the file; `size` [m]: largest cell, if it is asked for.
+    `timeout` [s]: limit of each reading of the file; `size` [m]: largest cell, if it is asked for;
+    `piece`: rank of the piece of the part that is read alone.
 
     Raises
     ------
@@ -1349,7 +1385,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            inspection = inspect_part(source, drop, unit, timeout, size)
+            inspection = inspect_part(source, drop, unit, timeout, size, piece)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:
@@ -1380,7 +1416,7 @@ def write_scene(
     pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
         ".png": ("a picture of it", partial(draw, inspection, drop=drop))
     }
-    if inspection.pieces:
+    if "piece" in inspection.read:
         boxes = partial(pieces.draw, inspection.pieces, chosen=inspection.read.get("piece"))
         pictures[pieces.ENDING] = ("its pieces, of which piece = 2 is the second", boxes)
     for ending, (caption, draw_it) in pictures.items():

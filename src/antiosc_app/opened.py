@@ -38,10 +38,10 @@ from antiosc.base.errors import (
     weight,
     without_warnings,
 )
-from antiosc.base.process import one_thread
+from antiosc.base.process import free_memory, one_thread
 from antiosc.base.progress import print_text
 from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
-from antiosc.extension import stress_seconds, with_stresses
+from antiosc.extension import halvings, stress_seconds, with_stresses
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
@@ -81,11 +81,19 @@ from antiosc_app.set_up import (
     scene_of,
     toml,
 )
-from antiosc_app.until_parted import DURATION, LONGER, Choice, duration_of_map, until_parted
+from antiosc_app.until_parted import (
+    DURATION,
+    LONGER,
+    Choice,
+    duration_of_map,
+    rounded_up,
+    until_parted,
+)
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
     from antiosc import Fall, Mesh, Site, Structure
+    from antiosc.io.neutral import Piece
     from antiosc_studies.drops.fall import WorstField
     from antiosc_studies.drops.free_body import FreeBody
 
@@ -139,6 +147,13 @@ FEW = "few anti-oscillators, more follow …"
 SOON, FEWEST = 60.0, 10
 #: Seconds of stresses over those that were forecast, and over those by the rate of fewer sites.
 FORECAST, MEASURED = (1.0, 3.0), (0.7, 1.5)
+#: Words of notes on pieces, which the page lists.
+OF_PIECES = ("the others are not", "it falls into", "of its pieces")
+#: Finer cell sizes that are offered, and over that of a geometry the next one.
+MOST_STEPS, STEP = 4, 1.5
+#: Rank that stands for all pieces joined, its words, and what another tab is told.
+JOINED, ALL = 0, "all joined"
+ANOTHER = "another piece of the file was opened meanwhile: load this page again."
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
@@ -202,6 +217,7 @@ class Opened:
     unit : unit of the file; None: it is guessed.
     timeout : limit [s] of reading the file; None: by its kind and size.
     size : largest cell [m]; None: as `antiosc new` takes it.
+    piece : rank of the piece that is opened; None: as `antiosc new` takes them.
     """
 
     def __init__(
@@ -211,6 +227,7 @@ class Opened:
         unit: str | None = None,
         timeout: float | None = None,
         size: float | None = None,
+        piece: int | None = None,
     ) -> None:
         self._path = path
         self._given = structure
@@ -234,6 +251,11 @@ class Opened:
         self._sites: ResultCache[Site | None] = ResultCache(TABS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
+        #: the part as its file was read first, the piece that was taken then, and the number of
+        #: parts that were opened
+        self._whole: new.Inspection | None = None
+        self._piece = piece
+        self._opening = 0
         self._doing = ""
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
         self._building = False
@@ -258,6 +280,7 @@ class Opened:
             **answers,
             "stop": self._stop,
             "look": lambda _: self._computed(self._look),
+            "take": lambda values: self._computed(partial(self._take, values)),
             "save": self._names,
             "forecast": self._forecast,
             "progress": lambda _: {"doing": self._doing},
@@ -344,6 +367,8 @@ class Opened:
         before the step or during it. Files that are being written are completed.
         """
         tab, turn = self._turn(values)
+        if values.get("opening", self._opening) != self._opening:
+            raise InputError(ANOTHER)
         set_up = read(values.get("setup"))
 
         def overtaken() -> bool:
@@ -385,6 +410,7 @@ class Opened:
         if self._size is not None:
             print_text(f"{self._path.name}: {inspection.cells}, {inspection.forecast().text()}")
         self._source = InspectedFile(self._path.name, inspection, {})
+        self._opening += 1
         thickness = (
             None if inspection.family == "Solid" or inspection.of_deck else inspection.thickness
         )
@@ -401,6 +427,9 @@ class Opened:
         self._source = self._source._replace(faces=faces)
         self._first = {
             "name": self._path.name,
+            "opening": self._opening,
+            "pieces": self._pieces(inspection),
+            "piece": inspection.read.get("piece", JOINED),
             "told": _told_of_file(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "skin": shape,
@@ -417,6 +446,7 @@ class Opened:
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
             "geometry": inspection.meshed,
             "size": 0.0 if self._given or inspection.kept else inspection.size,
+            "sizes": [] if self._given or inspection.kept else _finer_sizes(inspection),
             "most_n": MOST_OSCILLATORS,
             "most_stressed": MOST_STRESSED,
             "unstated": {key: inspection.read[key] for key in inspection.unstated()},
@@ -429,13 +459,38 @@ class Opened:
         return self._first
 
     def _inspected(self) -> new.Inspection:
-        """The inspected part."""
+        """The inspected part, or the piece of it that was taken."""
         if self._given is not None:
             return new.inspect_structure(self._given)
+        look = partial(
+            new.inspect_part, self._path, unit=self._unit, timeout=self._timeout, size=self._size
+        )
         with progress.doing(f"looking at {self._path.name}"):
-            return new.inspect_part(
-                self._path, unit=self._unit, timeout=self._timeout, size=self._size
-            )
+            if self._whole is None:
+                self._whole = look()
+            if self._piece in (None, self._whole.read.get("piece", JOINED)):
+                return self._whole
+            return look(piece=self._piece, whole=self._whole)
+
+    def _take(self, values: Table) -> Data:
+        """Open another piece of the part, or all of them joined; the page then looks anew."""
+        piece = checks.whole("piece", values.get("piece"), least=JOINED)
+        if piece == JOINED and (self._whole is None or "piece" in self._whole.read):
+            raise InputError(f"the pieces of {self._path.name} are not joined.")
+        before = self._piece, self._first, self._source
+        self._piece, self._first = piece, {}
+        try:
+            self._look()
+        except BaseException:
+            self._piece, self._first, self._source = before
+            raise
+        return {}
+
+    def _pieces(self, look: new.Inspection) -> list[tuple[int, str]]:
+        """The pieces of the part by their ranks, in words, with all joined if they were so."""
+        joined = [] if self._whole is None or "piece" in self._whole.read else [(JOINED, ALL)]
+        told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
+        return [*joined, *told] if told else []
 
     def _unheld(self, look: new.Inspection) -> str:
         """What is told where the page holds nothing."""
@@ -719,18 +774,23 @@ class Opened:
         }
 
     def _forecast(self, values: Table) -> Data:
-        """The cost of the cell size of a set-up, before its mesh is made, as a question; "" if the
-        mesh is small.
+        """The cost of the cell size of a set-up, before its mesh is made, as a question, with a
+        size of one halving less; "" if the mesh is small, and all cells are halved once at most.
         """
         set_up = read(values.get("setup"))
         look = self._opened().look
         forecast = look.forecast(set_up.size, set_up.n)
-        if set_up.size is None or not forecast.is_long:
+        count = 0 if set_up.size is None or look.meshed else halvings(look.largest, set_up.size)
+        if set_up.size is None or not (forecast.is_long or count > 1):
             return {"question": ""}
         times = forecast.cells / look.n_cells
         size = 1e3 * set_up.size
         question = f"With a cell size of {size:.4g} mm the mesh has {forecast.cells:.0f} cells"
         text = f"{question}, {times:.4g} times as many as at first, and {forecast.text()}."
+        if count > 1:
+            longest = f"{1e3 * look.largest / 2**count:.3g} mm"
+            text += f" All cells are halved {count} times, the longest is {longest} then."
+            return {"question": text, "larger": _halved(look, count - 1)}
         return {"question": text}
 
     def _names(self, _: Table) -> Data:
@@ -829,6 +889,29 @@ def _offer(impact_map: ImpactMap, structure: Structure, alone: float) -> Data | 
     return {"sites": count, "seconds": [least, most], "fewer": min(fewer, count)}
 
 
+def _piece_text(rank: int, piece: Piece) -> str:
+    """A piece in words: its rank, its size and its name."""
+    size = " × ".join(f"{1e3 * side:.3g}" for side in piece.high - piece.low)
+    return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
+
+
+def _halved(look: new.Inspection, count: int) -> float:
+    """The cell size [m] that halves the cells of a finished mesh so many times."""
+    return rounded_up(look.largest / 2**count)
+
+
+def _finer_sizes(look: new.Inspection) -> list[tuple[float, str]]:
+    """Smaller cell sizes [m] and what a model with them takes, as far as it has room."""
+    steps = range(1, MOST_STEPS + 1)
+    if look.meshed:
+        sizes = [float(f"{look.size / STEP**k:.2g}") for k in steps]
+    else:
+        sizes = [_halved(look, k) for k in steps]
+    costs = {size: look.forecast(size) for size in sizes}
+    room = free_memory()
+    return [(size, cost.brief()) for size, cost in costs.items() if cost.bytes < room]
+
+
 def _told_of_file(look: new.Inspection) -> str:
     """Sentences on the part's size, and on the choices made while reading its file."""
     choices = ""
@@ -840,7 +923,8 @@ def _told_of_file(look: new.Inspection) -> str:
         choices += f"; mass {look.mass_text()}"
     if look.kept:
         choices += f"; the deck keeps its elements, for {look.kept}"
-    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, look.notes)])
+    notes = (note for note in look.notes if not any(words in note for words in OF_PIECES))
+    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, notes)])
 
 
 def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from antiosc.io.reading import Piece
+    from antiosc.io.neutral import Piece
 
 #: Ending of the picture's name.
 ENDING = ".pieces.png"
@@ -24,7 +24,7 @@ EDGES = [(a, b) for a, b in combinations(range(8), 2) if np.abs(CORNERS[a] - COR
 def draw(pieces: Sequence[Piece], path: Path, chosen: int | None = None) -> Path:
     """Draw the boxes of pieces with their ranks; `chosen`: rank of the piece that is read."""
     from antiosc.plot.charts import save_figure
-    from antiosc.plot.surfaces import axes_in_space, fit_limits
+    from antiosc.plot.surfaces import LABEL_PAD, axes_in_space, fit_limits
 
     ends = np.array([[piece.low, piece.high] for piece in pieces[:MOST_DRAWN]])
     ends = np.pad(ends, ((0, 0), (0, 0), (0, 3 - ends.shape[2])))
@@ -39,5 +39,6 @@ def draw(pieces: Sequence[Piece], path: Path, chosen: int | None = None) -> Path
         axes.text(*(low + high) / 2, str(rank), color=colour, weight="bold", ha="center")
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     fit_limits(axes, ends.reshape(-1, 3))
-    save_figure(figure, path, dpi=100)
+    axes.zaxis.labelpad = LABEL_PAD
+    save_figure(figure, path, dpi=100, bbox_inches="tight", pad_inches=0.2)  # else z is cut
     return path

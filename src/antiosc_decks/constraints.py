@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,11 +19,8 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.deck import Block, Deck, DeckPlace, IntArray, listed
-from antiosc.io.neutral import Joints, Term, UnitSystem
+from antiosc.io.neutral import Joints, Piece, Term, UnitSystem
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
-
-if TYPE_CHECKING:
-    from antiosc.io.reading import Piece
 
 NO_NODES = np.zeros(0, dtype=np.int64)
 ZERO = np.zeros(3)
@@ -345,8 +341,8 @@ SPRINGS = {"rod", "panel"}
 UNHELD = 1e-10
 
 
-#: Pieces of a deck that are told, and sets of each.
-MOST_PIECES, MOST_SETS = 6, 3
+#: Pieces of a deck that are listed, that are told, and sets of each.
+MOST_PIECES, MOST_TOLD, MOST_SETS = 40, 6, 3
 
 
 def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
@@ -366,21 +362,17 @@ def one_piece(deck: Deck, chosen: BoolArray, length: float) -> BoolArray:
         )
     pieces = pieces[np.argsort(-count, kind="stable")]
     if len(pieces) > 1:
-        told = [
-            _piece(deck, chosen, chosen & (label == piece), length)
-            for piece in pieces[: MOST_PIECES + 1]
-        ]
-        text = described_pieces(told, MOST_PIECES)
+        of_piece = (chosen & (label == piece) for piece in pieces[:MOST_PIECES])
+        deck.pieces = [_piece(deck, chosen, members) for members in of_piece]
+        text = described_pieces([piece.scaled(length) for piece in deck.pieces], MOST_TOLD)
         deck.remarks.append(piece_is_read(deck.name, rank, len(pieces), text))
     return np.asarray(chosen & (label == pieces[rank - 1]))
 
 
-def _piece(deck: Deck, chosen: BoolArray, members: BoolArray, length: float) -> Piece:
+def _piece(deck: Deck, chosen: BoolArray, members: BoolArray) -> Piece:
     """One piece of the chosen elements, with the largest sets that are within it."""
-    from antiosc.io.reading import Piece
-
     rows = np.concatenate([block.corners[members[k]].ravel() for block, k in deck.numbered()])
-    x = length * deck.points[rows]
+    x = deck.points[rows]
     remaining = members.copy()
     names = []
     for name, elements in sorted(deck.element_sets.items(), key=lambda entry: -len(entry[1])):

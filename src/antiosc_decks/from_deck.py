@@ -55,7 +55,7 @@ from antiosc.extension import (
 )
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
-from antiosc.io.neutral import Model, RawMesh, UnitSystem
+from antiosc.io.neutral import Model, Piece, RawMesh, UnitSystem
 from antiosc.io.reading import NumberedElements, pieces_error, read_parts
 from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
 
@@ -330,12 +330,14 @@ class DeckFacts(NamedTuple):
     length : of the longest side of its largest part [m].
     not_halved : why its elements cannot be halved; "" if they can.
     divided : its elements that are divided into simplices, in words; "" if none are.
+    pieces : those of which one is read, the largest first; none if all are.
     """
 
     families: list[Family]
     length: float
     not_halved: str
     divided: str
+    pieces: Sequence[Piece]
 
 
 #: Shapes of elements in words.
@@ -356,11 +358,12 @@ def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any)
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
     families = [family for raw in raws.values() for family in _families(raw, {}).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
-    model = _model(next(iter(raws.values())))
+    first = next(iter(raws.values()))
+    model = _model(first)
     counts = model.get("divided", {}).items()
     words = (f"{count} {SHAPES[shape] if count > 1 else shape}" for shape, count in counts)
     divided = " and ".join(words)
-    return DeckFacts(families, longest, not_halved(model), divided)
+    return DeckFacts(families, longest, not_halved(model), divided, first.pieces)
 
 
 def _families(raw: RawMesh, strengths: Mapping[str, object]) -> dict[str, Family]:

@@ -13,7 +13,7 @@ from abaqus_decks import plate_deck
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
 from antiosc.reduce.error import quadrilaterals
-from antiosc_app import live
+from antiosc_app import conditions, live
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
 from webdriver import MISSING, Browser
@@ -71,6 +71,18 @@ def test_a_deck_that_holds_nothing_is_told_to_be_free(fixed, tmp_path):
     for words in (told, held[1]):
         assert ("free" in words) == (not fixed)
         assert ("as in the deck" in words) == bool(fixed)
+
+
+@pytest.mark.parametrize("fixed", ["rim, 1, 6", ""])
+@pytest.mark.parametrize("given", [{"where": "edges"}, {"plane": [[0, 0, 0], [1, 0, 0]]}])
+def test_the_row_of_supports_names_the_deck_where_it_holds_something(fixed, given, tmp_path):
+    path = tmp_path / "plate.inp"
+    text = plate_deck(6).replace("*BOUNDARY\nrim, 1, 6", fixed and f"*BOUNDARY\n{fixed}")
+    path.write_text(text.replace("*MATERIAL", "*NSET, NSET=edges\n1, 8, 15\n*MATERIAL", 1))
+    part = ao.read_model(path, "m", supports=[ao.Support(**given)])
+    told = conditions._held(part, {"deck": {}, "supports": [given]})
+    assert ("as in the deck" in told) == bool(fixed)
+    assert ("edges" in told or "plane" in told) and "node" in told
 
 
 def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened, monkeypatch):

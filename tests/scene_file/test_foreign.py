@@ -7,6 +7,7 @@ import re
 import tomllib
 from functools import wraps
 from pathlib import Path
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -19,6 +20,7 @@ import antiosc as ao
 from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
+from antiosc.io import cad
 from antiosc_app import new, opened, set_up, units
 from antiosc_app.foreign import foreign_part
 from antiosc_app.new import inspect_part
@@ -601,3 +603,28 @@ def test_what_cannot_be_struck_ends_before_its_scene_is_written(tmp_path, monkey
     assert antiosc("new", tmp_path / "a.toml", tmp_path / "a.bdf") == 1
     assert "wrote" not in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["a.bdf"]
+
+
+def test_many_groups_are_shortened_in_a_scene():
+    """222 faces had the name of their part, over 75 lines of the scene."""
+    bolts = [f"bolt ({k})" for k in range(2, 230, 3)]
+    runs = new.runs_of(["hole 6 mm (1)", *bolts, "face 1", "face 2", "face 4", "rim"])
+    assert runs == [["hole 6 mm (1)"], bolts, ["face 1", "face 2"], ["face 4"], ["rim"]]
+    assert new._listed(bolts) == ['"bolt (2)" … "bolt (227)"']
+    lines = new._listed([f"{k} a name of its own" for k in range(300)])
+    assert len(lines) == new.MOST_LINES + 1
+    assert "of 300 in all" in lines[-1]
+
+
+def test_the_name_of_its_solid_is_no_name_of_a_face():
+    labels = {(3, 1): "Shapes/mount/SOLID", (2, 1): "Shapes/mount", (2, 2): "Shapes/seat"}
+    model = SimpleNamespace(
+        getEntities=lambda dim: [one for one in labels if one[0] == dim],
+        getAdjacencies=lambda dim, tag: ([1], []),
+        getEntityName=lambda *entity: labels[entity],
+        getColor=lambda dim, tag: (0, 0, 0, 0),
+        getType=lambda dim, tag: "Plane",
+        getDimension=lambda: 2,  # without holes
+    )
+    names = cad.face_names(SimpleNamespace(model=model), 1.0)
+    assert names == {(2, 1): ["face 1"], (2, 2): ["face 2", "seat"]}

@@ -1,9 +1,10 @@
 """The progress of long work on one line of the terminal, which is erased at the end.
 
-If the amount of work is known, the line shows the remaining share.
+If the amount of work is known, the line shows the remaining share. The command tells how long it
+lasts too, in files and pipes by a line after half a minute and then ever fewer ones.
 
-A notebook shows the line below the cell, and in the end how long the work took. Nothing is written
-to files and pipes, and on MPI ranks other than the first.
+A notebook shows the line below the cell, and in the end how long the work took. Otherwise nothing
+is written to files and pipes, and on MPI ranks other than the first.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
 #: Carriage return, and the sequence that clears the line.
@@ -26,6 +27,9 @@ CLEAR = "\r\x1b[2K"
 COUNTED = re.compile(r"\b\d+ of \d+\b")
 #: Seconds between two changes of a count.
 REFRESH = 0.1
+#: Seconds between two looks at the clock of lasting work, from which on a terminal shows it, and
+#: after which a line is printed elsewhere.
+TICK, LASTS, FIRST_LINE = 1.0, 5.0, 30.0
 #: Seconds of work from which a notebook keeps the line that tells them.
 KEPT_FROM = 1.0
 
@@ -48,8 +52,13 @@ class _Lines(threading.local):
     @property
     def innermost(self) -> str:
         """The innermost work, behind the last work around it that is counted; "" without any."""
-        counted = [text for text in self.texts[:-1] if COUNTED.search(text)]
-        return " – ".join([*counted[-1:], *self.texts[-1:]])
+        return _innermost(self.texts)
+
+
+def _innermost(texts: list[str]) -> str:
+    """The last text, behind the last one before it that is counted; "" without any."""
+    counted = [text for text in texts[:-1] if COUNTED.search(text)]
+    return " – ".join([*counted[-1:], *texts[-1:]])
 
 
 _lines = _Lines()
@@ -85,6 +94,45 @@ def following(tell: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         _lines.told = None
+
+
+@contextmanager
+def with_time(stream: TextIO | None = None) -> Iterator[None]:
+    """Tell beside the work of this thread how long the block has run.
+
+    On the line of a terminal from `LASTS` on; elsewhere a line is printed after `FIRST_LINE`, then
+    each time after twice as long, so that a log shows that it goes on.
+    """
+    target = sys.stderr if stream is None else stream
+    if world_rank() or target is None:
+        yield
+        return
+    ended = threading.Event()
+    clock = threading.Thread(target=_tell_time, args=(_lines.texts, target, ended), daemon=True)
+    clock.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        clock.join()
+        if _is_terminal(target):
+            _show(target, "")
+
+
+def _tell_time(texts: list[str], stream: TextIO, ended: threading.Event) -> None:
+    """Tell how long the work lasts whose texts another thread keeps, until it ends."""
+    began, told = time.monotonic(), FIRST_LINE
+    while not ended.wait(TICK):
+        text = _innermost(texts)
+        seconds = time.monotonic() - began
+        if not text:
+            continue
+        with suppress(OSError, ValueError):  # a stream that was closed
+            if _is_terminal(stream) and seconds >= LASTS:
+                _show(stream, f"{seconds_text(seconds)}: {text}")
+            elif not _is_terminal(stream) and seconds >= told:
+                told *= 2
+                print_text(f"antiosc: {text} … ({seconds_text(seconds)} so far)", stream)
 
 
 @contextmanager
@@ -128,14 +176,23 @@ def _write(rank: int) -> None:
     if not rank and not world_rank() and _in_notebook():
         _write_in_notebook()
         return
+    if not (rank or world_rank() or stream is None) and _is_terminal(stream):
+        _show(stream, _lines.innermost)
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    """Whether a line of a stream can be replaced."""
     try:
-        if rank or world_rank() or stream is None or not stream.isatty():
-            return
-        if os.environ.get("TERM") == "dumb":
-            return
+        return stream.isatty() and os.environ.get("TERM") != "dumb"
+    except ValueError:  # it was closed
+        return False
+
+
+def _show(stream: TextIO, text: str) -> None:
+    """Replace the line of a terminal; "" clears it."""
+    try:
         width = shutil.get_terminal_size().columns - 1
-        line = f"antiosc: {_lines.innermost} …"[:width] if _lines.texts else ""
-        stream.write(CLEAR + line)
+        stream.write(CLEAR + (f"antiosc: {text} …"[:width] if text else ""))
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return

@@ -26,7 +26,7 @@ from antiosc.io import cad, cad_curvature, cad_volume, facets, geo_script
 from antiosc.io.cad import ATTEMPTS, Attempt, Names
 from antiosc.io.geo_script import CAD
 from antiosc.io.mesh_files import as_carried, known
-from antiosc.io.neutral import CELLS, FileMesh, IntArray, Solid, joined
+from antiosc.io.neutral import CELLS, FileMesh, IntArray, Piece, Solid, joined
 from antiosc.io.request import Request
 
 #: What is said of a CAD file without shapes, and of a STEP file that says so of itself.
@@ -410,7 +410,11 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
     cells = {"line": np.arange(len(lines))}
     corners = boxes.reshape(-1, 3) * scale
-    return FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
+    mesh = FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
+    labels = [", ".join(names.get(entity, ())) for entity in entities]
+    ends = zip(labels, scale * boxes[:, :3], scale * boxes[:, 3:], strict=True)
+    mesh.pieces = [Piece(*ends_of_solid) for ends_of_solid in ends] if len(entities) > 1 else []
+    return mesh
 
 
 def _tight(gmsh: ModuleType, entities: Sequence[tuple[int, int]], boxes: Array) -> Array:

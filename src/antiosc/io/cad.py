@@ -185,12 +185,17 @@ def in_order(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: (bool(FACE.fullmatch(name)), key(name)))
 
 
+def _label(gmsh: ModuleType, entity: tuple[int, int]) -> str:
+    """The label of an entity; "" without one."""
+    return label_of(gmsh.model.getEntityName(*entity))
+
+
 def _labelled(gmsh: ModuleType, dim: int) -> Names:
     """Entities by label; a label of several entities gets numbers."""
     names: Names = {}
     counts: dict[str, int] = {}
     for entity in gmsh.model.getEntities(dim):
-        label = label_of(gmsh.model.getEntityName(*entity))
+        label = _label(gmsh, entity)
         if label:
             counts[label] = counts.get(label, 0) + 1
             names[entity] = [label if counts[label] == 1 else f"{label} ({counts[label]})"]
@@ -246,9 +251,13 @@ def face_names(gmsh: ModuleType, scale: float) -> Names:
     if gmsh.model.getEntities(3):
         all_faces = [face for face in all_faces if len(gmsh.model.getAdjacencies(*face)[0]) == 1]
     names: Names = {face: [f"face {face[1]}"] for face in all_faces}
+    # some programs give every face the name of its solid, which names none of them
+    of_solids = {_label(gmsh, solid) for solid in gmsh.model.getEntities(3)}
     for face, (label,) in _labelled(gmsh, 2).items():
-        if face in names and label not in (
-            label_list for labels in names.values() for label_list in labels
+        if (
+            face in names
+            and _label(gmsh, face) not in of_solids
+            and label not in (label_list for labels in names.values() for label_list in labels)
         ):
             names[face].append(label)
     colours = {face: _colour(gmsh, face) for face in all_faces}

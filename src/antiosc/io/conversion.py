@@ -339,6 +339,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
         joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
     mesh.remarks = list(deck.remarks)
+    mesh.pieces = deck.pieces
     if deck.left:
         gone = sum(deck.left.values())
         mesh.remarks.append(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
-from antiosc.io.neutral import Model
+from antiosc.io.neutral import Model, Piece
 
 IntArray = NDArray[np.int64]
 K = TypeVar("K")
@@ -123,6 +123,8 @@ class Deck:
     remarks: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted: list[str] | None = None
+    #: these, if one of several is read
+    pieces: list[Piece] = field(default_factory=list)
     #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
     piece: int | None = None
     #: whether the supports are left out of a model

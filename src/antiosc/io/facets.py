@@ -19,7 +19,7 @@ from antiosc.base._types import Array, BoolArray, IntArray as AnyIntArray
 from antiosc.base.errors import MeshError, PiecesError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.cad import Attempt, Names
-from antiosc.io.neutral import FileMesh, IntArray
+from antiosc.io.neutral import FileMesh, IntArray, Piece
 from antiosc.io.polygons import triangles_of
 from antiosc.io.request import GRADING, Request
 
@@ -412,8 +412,21 @@ def _by_meshio(path: Path, name: str) -> tuple[Array, IntArray]:
 
 
 def read(ask: Request) -> FileMesh:
-    """Read a surface as a sheet."""
-    return as_sheet(skin_of(ask))
+    """Read a surface as a sheet; of a closed one the bodies that it would enclose too."""
+    skin = skin_of(ask)
+    mesh = as_sheet(skin)
+    if mesh.groups and 1 < int(skin.piece.max()) + 1 <= MOST_BODIES:
+        mesh.pieces = _pieces(skin, ask.name)
+    return mesh
+
+
+def _pieces(skin: FacetSkin, name: str) -> list[Piece]:
+    """The bodies that closed surfaces enclose, by their ranks in volume; [] of one."""
+    bodies = _bodies(skin, name, alone=True)
+    ranked = (_by_volume(skin, bodies, rank, name) for rank in range(1, len(bodies) + 1))
+    corners = (skin.points[skin.triangles[skin.piece == body[0]]] for body in ranked)
+    pieces = [Piece("", x.min(axis=(0, 1)), x.max(axis=(0, 1))) for x in corners]
+    return pieces if len(pieces) > 1 else []
 
 
 def as_sheet(skin: FacetSkin) -> FileMesh:

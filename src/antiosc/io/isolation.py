@@ -49,6 +49,7 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
     """The content of the file `path`, by the reader of its file type (`table`).
 
     `geometry`: whether the file is a geometry; its mesh may be much larger than the file.
+    `options`: those of a `Request`, and what is told of the work besides ("told").
 
     Raises
     ------
@@ -64,8 +65,10 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
             folder = os.getcwd()
         place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
         attempt = options.get("attempt", 0)
-        attempt_text = f" {ATTEMPTS[attempt].about}" if attempt else ""
-        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{attempt_text}"):
+        told, options = options.get("told", ""), {**options}
+        options.pop("told", None)
+        about = f" ({told}{ATTEMPTS[attempt].about})" if attempt else ""
+        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{about}"):
             code, response = ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
         again = bool(options.get("attempt") or options.get("solid"))

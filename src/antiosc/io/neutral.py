@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NotRequired, TypeAlias, TypedDict
+from typing import Any, NamedTuple, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,6 +209,18 @@ class CadSurface:
         return replace(self, points=self.points * factor, tensors=self.tensors / factor)
 
 
+class Piece(NamedTuple):
+    """A connected piece of a part: its name or "", and the corners of its box."""
+
+    name: str
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def scaled(self, factor: float) -> Piece:
+        """The piece in another unit."""
+        return Piece(self.name, factor * self.low, factor * self.high)
+
+
 @dataclass
 class FileMesh:
     """The content of one mesh file.
@@ -242,6 +254,8 @@ class FileMesh:
     off: float = 0.0
     #: (first row, end row, volume in CAD [m³]) of solids, as rows of the cells of volumes
     solids: list[Solid] = field(default_factory=list)
+    #: of which one can be read alone, by their ranks; none: there is one, or they are not known
+    pieces: list[Piece] = field(default_factory=list)
 
 
 @dataclass
@@ -268,6 +282,8 @@ class RawMesh:
     labels: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
     off: float = 0.0
+    #: as in `FileMesh`
+    pieces: list[Piece] = field(default_factory=list)
     #: for each cell the volume in CAD of its solid over its number of cells [m³]; none: unknown
     shares: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     #: of the mesh, and of its solids in CAD [m³]; 0: unknown
@@ -314,6 +330,7 @@ def packed(mesh: FileMesh) -> tuple[Json, list[NDArray[np.generic]]]:
         "cad": mesh.cad is not None,
         "off": mesh.off,
         "solids": mesh.solids,
+        "pieces": [(name, list(low), list(high)) for name, low, high in mesh.pieces],
     }
     empty = np.zeros(0, dtype=np.int64)
     nodes += [e.ravel() for _, _, e in spans]
@@ -359,6 +376,8 @@ def unpacked(head: Json, arrays: list[NDArray[Any]]) -> FileMesh:
     mesh.off = float(head.get("off", 0.0))
     solids = head.get("solids", [])
     mesh.solids = [(int(first), int(end), float(volume)) for first, end, volume in solids]
+    boxes = head.get("pieces", [])
+    mesh.pieces = [Piece(str(name), *np.array(box, float)) for name, *box in boxes]
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

@@ -22,7 +22,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from antiosc.base import progress
-from antiosc.base._types import Array
 from antiosc.base.errors import InputError, MeshError, PiecesError, UnmeshableError
 from antiosc.base.texts import piece_is_read
 from antiosc.io import cad_volume, kept_surfaces, remade
@@ -40,6 +39,7 @@ from antiosc.io.neutral import (
     IntArray,
     Joints,
     Model,
+    Piece,
     RawMesh,
     Term,
     UnitSystem,
@@ -77,6 +77,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     raw.model = mesh.model
     raw.cad = mesh.cad
     raw.off = mesh.off
+    raw.pieces = mesh.pieces
     raw.shares = cad_volume.shares(mesh.solids, cell_rows, raw.kind)
     if len(mesh.labels):
         raw.labels = np.full(len(mesh.points), -1, dtype=np.int64)
@@ -355,9 +356,9 @@ def read(
         return raw
 
     def read_attempt(
-        attempt: int, most: float | None = None, file: Path = path, **other: Any
+        attempt: int, most: float | None = None, file: Path = path, told: str = "", **other: Any
     ) -> RawMesh:
-        asked_for = {**options, **other, "attempt": attempt, "most": most}
+        asked_for = {**options, **other, "attempt": attempt, "most": most, "told": told}
         plain = partial(read_once, file, asked_for)
         if ATTEMPTS[attempt].curved:
             return plain()
@@ -553,7 +554,7 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         tried.append(attempt.about)
         try:
             with progress.doing(f"meshing {name} {attempt.about}"):
-                raw = once(number, *limit)
+                raw = once(number, *limit, told=_tried_text(tried, len(to_try)))
         except UnmeshableError as error:
             limit = (NEARER_TIME,) if remade.installed() else limit
             if OVERTIME_WORDS in str(error) and is_cad:
@@ -586,6 +587,11 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     fault = "its triangles pierce each other: " if pierced else ""
     others = f"; nor {', '.join(tried[1:])}" if tried[1:] else ""
     raise UnmeshableError(f"{words.rstrip('.')}{others}: {fault}{asked.remedies()}")
+
+
+def _tried_text(tried: Sequence[str], left: int) -> str:
+    """Which try to mesh a geometry it is, and of how many; "" of the first, which mostly works."""
+    return f"try {len(tried)} of {len(tried) + left}, " if len(tried) > 1 else ""
 
 
 def _off(raw: RawMesh) -> str:
@@ -638,14 +644,6 @@ def one_piece(raw: RawMesh, piece: int, name: str) -> RawMesh:
 FARTHEST = 1e30
 #: Groups of elements by their numbers in the file.
 NumberedElements = Mapping[str, Sequence[int]]
-
-
-class Piece(NamedTuple):
-    """A connected piece of a mesh: its group or "", and the corners of its box [m]."""
-
-    name: str
-    low: Array
-    high: Array
 
 
 def pieces_of(raw: RawMesh) -> list[Piece]:
@@ -790,6 +788,7 @@ def _content(
         )
     content.points = content.points * unit.length
     content.solids = cad_volume.scaled(content.solids, unit.length)
+    content.pieces = [piece.scaled(unit.length) for piece in content.pieces]
     content.cad = content.cad and content.cad.scaled(unit.length)
     if merge is None:
         return content

@@ -28,16 +28,19 @@ const rule_of = (name) => RULES[name] || ABOVE_0;
 const SET = "set by you, at every site "; // beside a field that the page chooses otherwise
 const OF_CELLS = ["point", "finer", "size"]; // what a patch as the cells resolve it depends on
 const STRUCK = ["ball", "mass", "hammer"];
-const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "hammer, IEC 60068-2-75", floor: "the floor: the part falls" };
+const KINDS_OF_STRIKER = { ball: "a ball", mass: "a mass with a round tip", hammer: "an IK hammer", floor: "the floor: it falls" };
 const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups that are kept
 const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
-const STAGES = { look: "opening", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
+const STAGES = { look: "opening", take: "opening the piece", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
 const WRITING = "The scene and its report are being written:";
 const LASTS = 2; // s from which on a stage tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
+const MARGINS = 28; // pixels of a list beside its text
+const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
+const is_numbered = (name) => /^(face|flat side) \d+$/.test(name);
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 const SEE_THROUGH = 0.6; // cover of a face that stands out
 // What a tab keeps over a reload; nothing where the browser forbids it.
@@ -73,6 +76,7 @@ class Bench {
 
   busy(change) {
     this.pending += change;
+    if (change > 0 && this.pending === 1) this.began_all = performance.now();
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
     if (!this.pending) {
       clearTimeout(this.asking);
@@ -93,11 +97,12 @@ class Bench {
   tell_progress(doing) {
     const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
     if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
-    const seconds = Math.floor((performance.now() - this.began) / 1e3), told = seconds < LASTS ? doing : `${doing} (for ${seconds} s)`;
+    const [seconds, all] = [this.began, this.began_all].map((began) => Math.floor((performance.now() - began) / 1e3));
+    const lasts = all - seconds < LASTS ? `for ${seconds} s` : `for ${seconds} s, ${all} s in all`, told = all < LASTS ? doing : `${doing} (${lasts})`;
     find("doing").title = doing;
     find("doing").textContent = told;
     if (this.called === "write") this.wrote(`${WRITING} ${told}`); // beside the button
-    if (seconds >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
+    if (all >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
   }
@@ -106,7 +111,7 @@ class Bench {
   async step(name, more = {}) {
     const turn = this.turn, { setup, tab } = this;
     try {
-      const found = await this.call(name, { tab, turn, setup, ...more });
+      const found = await this.call(name, { tab, turn, setup, opening: this.facts.opening, ...more });
       if (turn !== this.turn || found.stale) return null;
       this.warned = [...(ADDING.includes(name) ? this.warned : []), ...found.warnings];
       this.wrong("", false);
@@ -156,10 +161,13 @@ class Bench {
       return;
     }
     this.divide();
-    const kept = JSON.parse(STORAGE.getItem(this.token));
-    Object.assign(this, kept);
+    const kept = JSON.parse(STORAGE.getItem(this.token)) || {};
+    if (kept.opening === this.facts.opening) Object.assign(this, kept); // else it is of another piece
     find("sliders").before(find("notices")); // they change their height, which moves no picture there
     find("live").hidden = find("setup").hidden = false;
+    const wide = matchMedia("(min-width: 1151px)"), place = () => (wide.matches ? find("stage").append(find("verdict")) : find("live").after(find("verdict")));
+    wide.onchange = place; // below the picture there is room for the sentences beside the numbers
+    place();
     if (this.view) {
       this.view.put("part", this.rest, this.shade(), this.skin.faces);
       this.view.face(this.setup.direction);
@@ -170,13 +178,14 @@ class Bench {
     }
     this.make_fields();
     this.strike();
+    if (kept.opening !== this.facts.opening && this.facts.opening > 1) this.wrote("Opened as a new part, with a set-up of its own: the list of pieces leads back, Undo does not.");
     if (this.past.length) this.wrote("The set-up is that of before the page was loaded again; Undo goes back step by step.");
   }
 
   // The set-up, and those of Undo and Redo, for a reload of the page.
   keep() {
-    const { setup, past, future, face, lent } = this;
-    STORAGE.setItem(this.token, JSON.stringify({ setup, past, future, face, lent }));
+    const { setup, past, future, face, lent, facts: { opening } } = this;
+    STORAGE.setItem(this.token, JSON.stringify({ opening, setup, past, future, face, lent }));
   }
 
   // Each triangle of the skin gets points of its own, so that faces end sharply.
@@ -278,13 +287,19 @@ class Bench {
 
   // Names of faces as a reader looks for them: holes, groups of the file, then faces by their numbers.
   in_order(names) {
-    const rank = (name) => (/^hole .*mm/.test(name) ? 0 : /^(face|flat side) \d+$/.test(name) ? 2 : 1);
+    const rank = (name) => (/^hole .*mm/.test(name) ? 0 : is_numbered(name) ? 2 : 1);
     return [...names].sort((a, b) => rank(a) - rank(b) || a.localeCompare(b, "en", { numeric: true }));
   }
 
   make_fields() {
     const { facts } = this;
-    const names = this.in_order(facts.faces).map((name) => this.face_button(find("hold"), name, name, "hold or free it"));
+    const ordered = this.in_order(facts.faces), numbered = ordered.filter(is_numbered), folds = numbered.length > MOST_NUMBERED;
+    const rest = folds ? made("details", find("hold-row")) : null;
+    if (folds) made("summary", rest, `${numbered.length} faces by number`);
+    const lists = [find("hold"), folds ? made("div", rest, "", { className: "row faces" }) : find("hold")];
+    find("hold").hidden = numbered.length === ordered.length && folds;
+    const names = ordered.map((name) => this.face_button(lists[Number(is_numbered(name))], name, name, "hold or free it"));
+    this.pieces();
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
     this.own_material();
@@ -320,6 +335,30 @@ class Bench {
     find("stresses").onclick = () => this.stresses();
     find("python").onfocus = () => find("python").select();
     this.show_fields();
+  }
+
+  // The pieces of the file, of which another one is opened as a new part.
+  pieces() {
+    const { pieces, piece } = this.facts;
+    if (!pieces.length) return;
+    const row = made("label", find("pieces"), `piece (of ${pieces.filter(([rank]) => rank).length})`), select = made("select", row, "", { name: "piece" });
+    for (const [rank, text] of pieces) made("option", select, text, { value: rank });
+    select.value = piece;
+    select.onchange = () => this.take(select);
+    full_text(select);
+  }
+
+  async take(select) {
+    try {
+      this.turn += 1; // what is computed for this piece ends
+      await this.call("stop", { tab: this.tab, turn: this.turn });
+      await this.call("take", { piece: Number(select.value) });
+      location.reload();
+    } catch (error) {
+      select.value = this.facts.piece;
+      full_text(select);
+      this.wrong(error.message, true);
+    }
   }
 
   // A material of one's own starts from the constants of the material before it.
@@ -403,15 +442,34 @@ class Bench {
       const size = typed([number], SIZES.mm, ABOVE_0, true);
       if (size) this.resize(size[0], [number]);
     };
-    this.shown.push(() => fill(number, Number(((this.setup.size ?? this.facts.size) / SIZES.mm).toPrecision(4))));
+    const finer = made("div", find("part"), "", { className: "row" });
+    this.shown.push(() => {
+      const now = this.setup.size ?? this.facts.size;
+      fill(number, Number((now / SIZES.mm).toPrecision(4)));
+      this.offer_sizes(finer, now);
+    });
+  }
+
+  // The next finer sizes of the cells, with what they take, and the way back to the first.
+  offer_sizes(row, now) {
+    const button = (size, text, title) => made("button", row, text, { type: "button", title, onclick: () => this.resize(size) });
+    row.replaceChildren();
+    row.hidden = !this.facts.sizes.length;
+    made("small", row, "finer cells, and what a model with them takes:");
+    for (const [size, takes] of this.facts.sizes.filter(([size]) => size < 0.99 * now).slice(0, 2)) {
+      button(size, `${exact(size / SIZES.mm)} mm`, `a cell size of ${exact(size / SIZES.mm)} mm`);
+      made("small", row, takes);
+    }
+    if (this.setup.size !== null) button(null, "first size", "the cell size with which the page began");
   }
 
   // Another size of the cells; a mesh that takes long is made once the user has agreed.
   async resize(size, inputs = []) {
     try {
-      const { question } = await this.call("forecast", { setup: { ...this.setup, size } });
+      const { question, larger } = await this.call("forecast", { setup: { ...this.setup, size } });
       const make = () => this.change({ size }, true, inputs);
-      if (question) this.ask(question, "Make it", make, () => this.show_fields());
+      const other = larger ? [`Rather ${exact(larger / SIZES.mm)} mm`, () => this.resize(larger, inputs)] : undefined;
+      if (question) this.ask(question, "Make it", make, () => this.show_fields(), other);
       else make();
     } catch (error) {
       inputs.forEach((input) => mark(input, error.message));
@@ -424,7 +482,7 @@ class Bench {
     const row = made("label", where, label), select = made("select", row, "", { name: label });
     for (const one of options) made("option", select, texts[one] || one, { value: one });
     select.onchange = () => set(select.value);
-    this.shown.push(() => { select.value = get(); row.hidden = !counts() || Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
+    this.shown.push(() => { select.value = get(); full_text(select); row.hidden = !counts() || Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
   }
 
   // Three coordinates, of the set-up or of the striker of some kinds.
@@ -841,6 +899,17 @@ function notice(element, told) {
   const more = made("details", element);
   made("summary", more, `${told.length - shown} more`);
   for (const [, text] of told.slice(shown)) made("p", more, text);
+}
+
+// The text that is chosen in a list, as its title and, where the list is too narrow for it, below.
+function full_text(select) {
+  const text = select.selectedOptions.length ? select.selectedOptions[0].textContent : "", row = select.closest("label");
+  const note = row.querySelector(".full") || made("small", row, "", { className: "full" }), style = getComputedStyle(select);
+  const pen = document.createElement("canvas").getContext("2d");
+  pen.font = style.font;
+  select.title = text;
+  note.textContent = text;
+  note.hidden = pen.measureText(text).width < select.clientWidth - MARGINS;
 }
 
 // What was typed into number fields, times the size of their unit; null where an empty one leaves the

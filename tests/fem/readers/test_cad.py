@@ -126,15 +126,20 @@ def test_labels_that_programs_write_are_no_names():
 def test_other_ways_to_mesh_are_tried_and_told():
     raw = RawMesh(np.eye(3), np.array([[0, 1, 2]]), kind_of("triangle"), "gmsh")
 
-    def once(attempt: int, *limit: float) -> RawMesh:
+    tries = []
+
+    def once(attempt: int, *limit: float, told: str = "") -> RawMesh:
+        tries.append(told)
         if attempt < 4:
             raise UnmeshableError(f"PLC error {attempt}.")
         return raw
 
     (sentence,) = _meshed(once, Asked(Path("part.step"))).remarks
     assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[4].about}."
+    count = sum(attempt.suits(True) for attempt in ATTEMPTS)
+    assert tries == ["", f"try 2 of {count}, ", f"try 3 of {count}, "]
 
-    def never(attempt: int, *limit: float) -> RawMesh:
+    def never(attempt: int, *limit: float, told: str = "") -> RawMesh:
         raise UnmeshableError("PLC error.")
 
     with pytest.raises(ao.MeshError, match=r"PLC error; nor .* repair part.step"):
@@ -145,7 +150,7 @@ def test_the_next_reading_begins_with_the_attempt_that_succeeded(tmp_path):
     (tmp_path / "part.step").write_text("ISO-10303-21;\n")
     made = []
 
-    def fourth(attempt: int, *limit: float) -> RawMesh:
+    def fourth(attempt: int, *limit: float, told: str = "") -> RawMesh:
         made.append(attempt)
         if attempt < 4:
             raise UnmeshableError("PLC error.")
@@ -183,7 +188,7 @@ def test_no_further_attempt_begins_after_their_time(monkeypatch):
     seconds = [0.0]
     monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
 
-    def late(attempt: int, *limit: float) -> RawMesh:
+    def late(attempt: int, *limit: float, told: str = "") -> RawMesh:
         seconds[0] += 0.6 * reading.ATTEMPTS_TIME
         raise UnmeshableError("PLC error.")
 
@@ -220,7 +225,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
     monkeypatch.setattr(reading, "processor_time", lambda: seconds[0])
     made, told = [], []
 
-    def late(attempt: int, *limit: float) -> RawMesh:
+    def late(attempt: int, *limit: float, told: str = "") -> RawMesh:
         seconds[0] += 1.1 * reading.ATTEMPTS_TIME
         made.append(ATTEMPTS[attempt])
         raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
@@ -233,7 +238,7 @@ def test_ways_that_unroll_no_side_come_next_and_are_made_late_too(monkeypatch, n
         assert one.about in text
     made.clear()
 
-    def early(attempt: int, *limit: float) -> RawMesh:
+    def early(attempt: int, *limit: float, told: str = "") -> RawMesh:
         made.append(ATTEMPTS[attempt])
         if ATTEMPTS[attempt].cut:
             raise UnmeshableError("Wrong topology of boundary mesh for parametrization.")
@@ -266,7 +271,7 @@ def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
 def test_triangles_that_pierce_each_other_are_told_as_the_fault():
     made = []
 
-    def never(attempt: int, *limit: float) -> RawMesh:
+    def never(attempt: int, *limit: float, told: str = "") -> RawMesh:
         made.append(attempt)
         pierced = "Invalid boundary mesh (overlapping facets)"
         unrolled = "Wrong topology of boundary mesh for parametrization"
@@ -280,7 +285,7 @@ def test_triangles_that_pierce_each_other_are_told_as_the_fault():
 def test_after_an_attempt_that_does_not_end_the_faces_are_meshed_otherwise(monkeypatch):
     made: list[tuple[str, tuple[float, ...]]] = []
 
-    def endless(attempt: int, *limit: float) -> RawMesh:
+    def endless(attempt: int, *limit: float, told: str = "") -> RawMesh:
         made.append((ATTEMPTS[attempt].about, limit))
         raise UnmeshableError(f"reading part.step {OVERTIME_WORDS} than it may.")
 
@@ -293,7 +298,7 @@ def test_after_an_attempt_that_does_not_end_the_faces_are_meshed_otherwise(monke
 
 
 def test_what_can_be_done_names_the_size_and_the_files_beside(tmp_path):
-    def never(attempt: int, *limit: float) -> RawMesh:
+    def never(attempt: int, *limit: float, told: str = "") -> RawMesh:
         raise UnmeshableError("PLC error.")
 
     (tmp_path / "part.stl").write_text("solid\n")
@@ -396,7 +401,7 @@ def test_later_attempts_take_less_time_where_the_surface_can_be_made_anew(monkey
     monkeypatch.setattr(remade, "installed", lambda: installed)
     limits: list[tuple[float, ...]] = []
 
-    def never(attempt: int, *limit: float) -> RawMesh:
+    def never(attempt: int, *limit: float, told: str = "") -> RawMesh:
         limits.append(limit)
         raise UnmeshableError("PLC error.")
 

@@ -1,0 +1,237 @@
+"""The page of a part in several pieces: each of them is opened by the list, and all joined."""
+
+from __future__ import annotations
+
+import json
+import time
+import tomllib
+
+import meshio
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base.errors import InputError
+from antiosc.fem.mesh.halving import halvings
+from antiosc_app.cli import main
+from antiosc_app.new import inspect_part
+from antiosc_app.opened import ALL, ANOTHER, Opened
+from antiosc_app.view import View
+from webdriver import MISSING, Browser
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
+#: Sides [mm] of two boxes, and the distance between them.
+LARGE, SMALL, APART = (40.0, 12.0, 10.0), (12.0, 4.0, 3.0), 5.0
+QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+
+
+def corners(sides, start):
+    return np.array([[start + x * sides[0], y * sides[1], z * sides[2]]
+                     for x in (0, 1) for y in (0, 1) for z in (0, 1)])  # fmt: skip
+
+
+def as_step(path, gap):
+    """The small box first, since the file does not order them by size."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.occ.addBox(LARGE[0] + gap, 0, 0, *SMALL)
+        gmsh.model.occ.addBox(0, 0, 0, *LARGE)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def as_surface(path, gap):
+    """The larger box has fewer triangles."""
+    faces = np.array([t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))])
+    x = [corners(SMALL, LARGE[0] + gap), corners(LARGE, 0)]
+    meshio.write(path, meshio.Mesh(np.vstack(x), [("triangle", np.vstack([faces, faces + 8]))]))
+
+
+def as_deck(path, gap):
+    """Hexahedra: two of the large box, one of the small one, with contact between them."""
+    lines = ["*NODE"]
+    half = (LARGE[0] / 2, *LARGE[1:])
+    boxes = [(half, 0.0), (half, half[0]), (SMALL, LARGE[0] + gap)]
+    nodes, cells = [], []
+    for sides, start in boxes:
+        x = corners(sides, start)[[0, 4, 6, 2, 1, 5, 7, 3]].tolist()
+        cells.append([nodes.index(one) if one in nodes else nodes.append(one) or len(nodes) - 1
+                      for one in x])  # fmt: skip
+    lines += [f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(nodes, 1)]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=ALL"]
+    lines += [
+        ", ".join(str(n) for n in (k, *(c + 1 for c in cell))) for k, cell in enumerate(cells, 1)
+    ]
+    lines += ["*ELSET, ELSET=SMALL", "3", "*MATERIAL, NAME=M", "*ELASTIC", "210e3, 0.3"]
+    lines += ["*DENSITY", "7.85e-9", "*SOLID SECTION, ELSET=ALL, MATERIAL=M"]
+    path.write_text("\n".join([*lines, "*CONTACT PAIR, INTERACTION=I", "A, B", ""]))
+
+
+WRITERS = {"two.step": as_step, "two.stl": as_surface, "two.inp": as_deck}
+
+
+@pytest.fixture(params=WRITERS)
+def apart(request, tmp_path):
+    WRITERS[request.param](tmp_path / request.param, APART)
+    one = Opened(tmp_path / request.param)
+    yield one
+    one.close()
+
+
+def box_of(look):
+    """Sides [mm] of what the page shows."""
+    skin = look["skin"]
+    return np.ptp(skin["points"].reshape(-1, 3).astype(float), axis=0) * skin["half"] / 32767 * 1e3
+
+
+def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
+    first = apart.calls["look"]({})
+    assert [rank for rank, _ in first["pieces"]] == [1, 2]
+    for (_, text), sides in zip(first["pieces"], (LARGE, SMALL), strict=True):
+        assert " × ".join(f"{side:g}" for side in sides) in text
+    assert first["piece"] == 1
+    assert box_of(first) == pytest.approx(LARGE, abs=0.01)
+    apart.calls["take"]({"piece": 2})
+    other = apart.calls["look"]({})
+    assert (other["piece"], other["pieces"]) == (2, first["pieces"])
+    assert box_of(other) == pytest.approx(SMALL, abs=0.01)
+    assert other["size"] < first["size"] or apart._path.suffix == ".inp"
+    setup = json.loads(json.dumps(other["setup"])) | {"duration": 2e-4, "n": 5}
+    asked = {"tab": "a", "turn": 1, "setup": setup}
+    assert apart.calls["settle"](asked)["blow"]["computed"]["peak_force"] > 0
+    names = apart.calls["save"]({})["names"]
+    apart.calls["write"]({**asked, "agreed": names})
+    scene = tomllib.loads(apart._path.with_name(names[0]).read_text())
+    assert scene.get("deck", scene.get("geometry"))["piece"] == 2
+    with pytest.raises(InputError, match=ANOTHER):  # a tab with the piece before
+        apart.calls["settle"]({**asked, "opening": first["opening"]})
+
+
+def test_a_piece_that_there_is_not_leaves_the_one_that_is_open(apart):
+    first = apart.calls["look"]({})
+    for piece in (0, 3):  # nothing joins them
+        with pytest.raises(InputError, match="pieces"):
+            apart.calls["take"]({"piece": piece})
+        after = apart.calls["look"]({})
+        assert (after["piece"], after["opening"]) == (1, first["opening"])
+
+
+def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
+    as_step(tmp_path / "two.step", 0.0)
+    one = Opened(tmp_path / "two.step")
+    try:
+        first = one.calls["look"]({})
+        assert first["pieces"][0] == (0, ALL)
+        sides = {}
+        for piece in (2, 0):
+            one.calls["take"]({"piece": piece})
+            look = one.calls["look"]({})
+            assert look["piece"] == piece
+            sides[piece] = box_of(look)
+    finally:
+        one.close()
+    assert sides[2] == pytest.approx(SMALL, abs=0.01)
+    assert sides[0] == pytest.approx((LARGE[0] + SMALL[0], *LARGE[1:]), abs=0.01)
+
+
+def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):
+    as_deck(tmp_path / "two.inp", APART)
+    scene = tmp_path / "two.toml"
+    assert main(["new", str(scene), str(tmp_path / "two.inp"), "--piece", "2"]) == 0
+    assert tomllib.loads(scene.read_text())["deck"]["piece"] == 2
+    assert "12 × 4 × 3 mm" in capsys.readouterr().out
+    assert main(["new", str(tmp_path / "b.toml"), str(tmp_path / "two.inp"), "--piece", "3"]) == 1
+    assert "no piece 3" in capsys.readouterr().err
+
+
+def test_cell_sizes_that_are_offered_halve_a_deck_once_and_twice(tmp_path):
+    """What lies a little below half of the longest cell means two halvings, and is asked for."""
+    path = tmp_path / "two.inp"
+    as_deck(path, APART)
+    one = Opened(path)
+    try:
+        look = one.calls["look"]({})
+        longest = 1e-3 * np.linalg.norm([20, 12, 10])
+        sizes = [size for size, _ in look["sizes"]]
+        assert [halvings(longest, size) for size in sizes] == [1, 2, 3, 4]
+        made = [ao.read_model(path, "mm", piece=1, size=size) for size in sizes[:2]]
+        assert [part.mesh.n_cells for part in made] == [2 * 8, 2 * 64]
+        assert [text.split(" cells")[0] for _, text in look["sizes"][:2]] == ["16", "130"]
+        setup = json.loads(json.dumps(look["setup"]))
+        asked = {size: one.calls["forecast"]({"setup": setup | {"size": size}})
+                 for size in (sizes[0], 0.49 * longest)}  # fmt: skip
+        assert asked[sizes[0]]["question"] == ""
+        below = asked[0.49 * longest]
+        assert "halved 2 times" in below["question"]
+        assert below["larger"] == sizes[0]
+    finally:
+        one.close()
+
+
+def test_cell_sizes_that_are_offered_for_a_geometry_are_smaller_by_steps(tmp_path):
+    as_step(tmp_path / "two.step", APART)
+    one = Opened(tmp_path / "two.step")
+    try:
+        look = one.calls["look"]({})
+        sizes = np.array([look["size"], *(size for size, _ in look["sizes"])])
+        assert sizes[:-1] / sizes[1:] == pytest.approx(np.full(4, 1.5), rel=0.05)
+        count = float(look["sizes"][1][1].split()[0])
+        made = inspect_part(tmp_path / "two.step", size=sizes[2], piece=1)
+        assert count == pytest.approx(made.n_cells, rel=0.35)
+    finally:
+        one.close()
+
+
+STATE = """
+const at = globalThis.bench && bench.facts ? bench : {facts: {}, turn: -1};
+return {piece: at.facts.piece, 
+  complete: Number(document.documentElement.dataset.complete) === at.turn,
+  failed: document.documentElement.dataset.failed || "",
+  listed: [...document.querySelectorAll("#pieces option")].map((one) => one.textContent),
+  sizes: [...document.querySelectorAll("#part .row button")].map((one) => one.textContent),
+  told: document.getElementById("written").textContent,
+  undo: document.getElementById("undo").disabled,
+  below: document.getElementById("stage").contains(document.getElementById("verdict")),
+  width: document.documentElement.scrollWidth};
+"""
+
+
+def until(browser, is_so):
+    for _ in range(1200):
+        state = browser.run(STATE)
+        if state["failed"] or (state["complete"] and is_so(state)):
+            return state
+        time.sleep(0.1)
+    return state
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_a_page_takes_another_piece_as_a_new_part(tmp_path):
+    as_step(tmp_path / "two.step", APART)
+    page = View(Opened(tmp_path / "two.step"), "two.step", "'none'")
+    try:
+        with Browser() as browser:
+            browser.address(page.address, 1300)
+            first = until(browser, lambda state: state["piece"] == 1)
+            assert not first["failed"]
+            assert [text[:2] for text in first["listed"]] == ["1:", "2:"]
+            assert sum("mm" in text for text in first["sizes"]) >= 2
+            assert first["below"]  # the sentences beside the numbers
+            browser.run("const s = document.querySelector('#pieces select'); s.value = 2;"
+                        "s.dispatchEvent(new Event('change'));")  # fmt: skip
+            other = until(browser, lambda state: state["piece"] == 2)
+            assert not other["failed"]
+            assert "new part" in other["told"]
+            assert other["undo"]
+            browser.address(page.address, 390)
+            narrow = until(browser, lambda state: state["piece"] == 2)
+            assert (narrow["below"], narrow["width"]) == (False, 390)
+            assert browser.said() == []
+    finally:
+        page.close()
