@@ -182,7 +182,7 @@ def test_cell_sizes_that_are_offered_for_a_geometry_are_smaller_by_steps(tmp_pat
         assert sizes[:-1] / sizes[1:] == pytest.approx(np.full(4, 1.5), rel=0.05)
         count = float(look["sizes"][1][1].split()[0])
         made = inspect_part(tmp_path / "two.step", size=sizes[2], piece=1)
-        assert count == pytest.approx(made.n_cells, rel=0.35)
+        assert made.n_cells / 2 < count < 2 * made.n_cells
     finally:
         one.close()
 
