@@ -35,6 +35,7 @@ from antiosc import (
 from antiosc.base._types import Array
 from antiosc.base.errors import NARROWING, AntioscError, InputError, warnings_to
 from antiosc.base.texts import (
+    COMPARED,
     SMALLER_CELLS,
     capitalised,
     engineering,
@@ -845,7 +846,6 @@ def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str
 
 
 #: Beside a stress whose error by the mesh is not estimated.
-COMPARED = "compare two cell sizes"
 NO_MESH_ERROR = f"mesh not estimated: {COMPARED}"
 #: The same of a deck that keeps its elements.
 COMPARED_DECKS = "compare with a deck of smaller cells"

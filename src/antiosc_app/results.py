@@ -23,6 +23,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
+    COMPARED,
     SMALLER_CELLS,
     engineering,
     percent,
@@ -55,7 +56,6 @@ from antiosc.plot.charts import (
 from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.conditions import beside_headline, conditions
 from antiosc_app.live import (
-    COMPARED,
     COMPARED_DECKS,
     bar_of_fall,
     cautions_of,

@@ -27,7 +27,7 @@ POINT_ELEMENTS = {
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
     "GAP": ("clearance", ("GAPUNI",)),
 }
-#: Cards of contact, which are ignored when one piece of the deck is read alone.
+#: Cards of contact, which are left out when one piece of the deck is read alone.
 BETWEEN_PIECES = ("*CONTACTPAIR", "*CLEARANCE", "*CONTACT")
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
@@ -39,7 +39,8 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
-    assembled.account.refuse(BETWEEN_PIECES, alone=assembled.deck.piece is not None)
+    alone = assembled.deck.piece is not None
+    assembled.deck.remarks += assembled.account.refuse(BETWEEN_PIECES, alone)
     assembled.deck.remarks += assembled.account.unknown(options=True)
     revolved = revolve(assembled)
     ring = unfolded(assembled, first)

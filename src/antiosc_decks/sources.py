@@ -162,6 +162,13 @@ def table(*, refused: Mapping[str, str], **names: Iterable[str]) -> dict[str, Fa
     return fates
 
 
+#: Sentence on cards of contact between parts of what is read.
+CONTACT_LEFT_OUT = (
+    "contact between parts of {name} is not modelled ({cards}): parts that only touch do not press"
+    " on each other, and hold together where they share nodes or joints, also a few, alone."
+)
+
+
 @dataclass
 class Account:
     """The cards of a deck, each with its place and its fate."""
@@ -171,24 +178,30 @@ class Account:
     #: options and fields of cards that are read: (what it is, place of the card, fate)
     options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
-    def refuse(self, between: Collection[str] = (), alone: bool = False) -> None:
+    def refuse(self, between: Collection[str] = (), alone: bool = False) -> list[str]:
         """Raise MeshError for the first card or option that is refused.
 
         `between` are cards that act between pieces of the part: they raise PiecesError, or are
-        ignored if one piece is read `alone`.
+        told in a sentence (in a list) if one piece is read `alone`.
         """
+        left: list[tuple[str, DeckPlace, Fate]] = []
         for k, (name, place, fate) in enumerate([*self.cards, *self.options]):
             if fate.kind != "refused":
                 continue
             between_pieces = name.replace(" ", "") in between
             if alone and between_pieces:
-                self.cards[k] = (name, place, Fate("ignored", "whose surfaces do not meet here"))
+                self.cards[k] = (name, place, Fate("harmless"))
+                left.append((name, place, fate))
                 continue
             remark = f" is {fate.what}, which" if fate.what else ""
             message = f"{place}: {name}{remark} is not supported here and would change the result;"
             if between_pieces:
                 raise PiecesError(f"{message} remove it, or read one piece of the part (piece 1).")
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
+        cards = ", ".join(
+            _counted([(name, at, Fate("refused")) for name, at, _ in left], "refused")
+        )
+        return [CONTACT_LEFT_OUT.format(name=self.name, cards=cards)] if left else []
 
     def ignored(self) -> list[str]:
         """Count, name and lines of the cards and options that are ignored."""

@@ -231,14 +231,17 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     assert found.read == {"unit": "mm", "piece": 1}
     assert set_up.InspectedFile(path.name, found, {}).told == "piece 1 of 2 of a.inp"
     told = "(1 'LEFT': 300 × 100 × 50 mm; 2 'RIGHT': 300 × 100 × 50 mm)"
-    assert [told in note for note in found.notes] == [True]
-    with pytest.warns(ao.AntioscWarning, match=r"\*CONTACT PAIR whose surfaces do not meet"):
+    assert [told in note for note in found.notes] == [False, True]
+    assert "not modelled (1 *CONTACT PAIR (line " in found.notes[0]
+    with pytest.warns(ao.AntioscWarning, match="parts that only touch"):
         ao.read_model(path, unit="mm", piece=1)
     assert antiosc("new", tmp_path / "a.toml", path) == 0
-    capsys.readouterr()
+    assert capsys.readouterr().out.count("parts that only touch") == 1
     written = "--report", tmp_path / "a.html", "--out", tmp_path / "out"
     assert antiosc("run", tmp_path / "a.toml", *written) == 0
-    assert capsys.readouterr().out.splitlines()[0] == "An impact on a.inp, piece 1 of 2"
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0] == "An impact on a.inp, piece 1 of 2"
+    assert (said.out + said.err).count("parts that only touch") == 1
     assert "strikes piece 1 of 2 of a.inp at" in (tmp_path / "a.html").read_text()
 
 

@@ -110,12 +110,14 @@ def test_a_deck_that_keeps_its_elements_is_not_told_to_compare_two_cell_sizes(tm
         setup = json.loads(json.dumps(part.calls["look"]({})["setup"])) | {"n": 10}
         asked = {"tab": "a", "turn": 1, "setup": setup | {"duration": 0.02}}
         about = part.calls["settle"](asked)["about"]
-        judged = part.calls["verdict"](asked)["judged"]
+        told = part.calls["verdict"](asked)
+        judged = told["judged"]
     finally:
         part.close()
     assert "strikes plate.inp at" in about
     assert "assembly of" not in about
     assert live.COMPARED_DECKS in judged["stress_note"]
+    assert live.COMPARED not in " ".join([judged["stress_note"], *told["verdict"]])
 
 
 @pytest.mark.fem

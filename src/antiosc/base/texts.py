@@ -26,6 +26,8 @@ def where_to_change(scene: str, page: str) -> str:
     return f"in a scene: {scene}; on the page: {page}"
 
 
+#: What shows the error by the mesh where it is not estimated.
+COMPARED = "compare two cell sizes"
 #: Which piece of a file is read, in the sentence of `piece_is_read`.
 _PIECE = re.compile(r": (piece \d+ of \d+) is read, the others are not")
 

@@ -30,6 +30,7 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import (
+    COMPARED,
     SMALLER_CELLS,
     ReprMixin,
     capitalised,
@@ -879,5 +880,5 @@ def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> st
         return ""
     return (
         "the error by the mesh is not estimated for shells, and under a point load or in the disc"
-        " of the site the stress grows with refinements: compare with cells of half the size"
+        f" of the site the stress grows with refinements: {COMPARED}"
     )
