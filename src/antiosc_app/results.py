@@ -25,6 +25,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
     COMPARED,
     SMALLER_CELLS,
+    capitalised,
     engineering,
     percent,
     piece_told,
@@ -35,6 +36,7 @@ from antiosc.base.texts import (
 )
 from antiosc.extension import (
     MAP_QUANTITIES,
+    OF_ALL_CONTACTS,
     QUANTITIES,
     ErrorBudget,
     doubts_text,
@@ -902,7 +904,7 @@ def _fall(results: SceneResults) -> Presentation:
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
             "Fall": [
-                narrow_table(fall, worst) if is_single else table,
+                *([narrow_table(fall, worst), touches_text(fall)] if is_single else [table]),
                 rows,
                 how_it_ended(fall.message),
             ],
@@ -929,13 +931,24 @@ def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
         "± by law (%)": 100 * impacts.column("law_error"),
         **_stress_columns(fall, worst),
         "contact time (s)": impacts.column("contact_time"),
-        **({"touches": impacts.column("touches").astype(int)} if impacts.touch_again else {}),
         "speed before, after (m/s)": [
             f"{v:.3g}, {w:.3g}" for v, w in zip(before, after, strict=True)
         ],
         "lost (J)": impacts.column("lost"),
         "at": [placed(impact.place) for impact in impacts],
     }
+
+
+def touches_text(fall: Fall) -> str:
+    """Sentence on the impacts in which the part touches several times; "" if there are none."""
+    told = [
+        f"impact {k + 1} has {impact.touches} touches"
+        for k, impact in enumerate(fall.impacts)
+        if impact.touches > 1
+    ]
+    if not told:
+        return ""
+    return f"{capitalised(', '.join(told))}: the contact time is that {OF_ALL_CONTACTS}."
 
 
 def _stress_columns(fall: Fall, worst: WorstField | None) -> Columns:
@@ -945,7 +958,7 @@ def _stress_columns(fall: Fall, worst: WorstField | None) -> Columns:
         return {}
     return {
         "largest stress (Pa)": [one.stress for one in stresses],
-        "its error": [one.bar_text for one in stresses],
+        "its error, %": [one.bar_text.replace(" %", "") for one in stresses],
     }
 
 
