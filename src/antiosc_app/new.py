@@ -1416,7 +1416,7 @@ def write_scene(
     pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
         ".png": ("a picture of it", partial(draw, inspection, drop=drop))
     }
-    if "piece" in inspection.read:
+    if "piece" in inspection.read and inspection.pieces:
         boxes = partial(pieces.draw, inspection.pieces, chosen=inspection.read.get("piece"))
         pictures[pieces.ENDING] = ("its pieces, of which piece = 2 is the second", boxes)
     for ending, (caption, draw_it) in pictures.items():

@@ -245,6 +245,15 @@ def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsy
     assert "strikes piece 1 of 2 of a.inp at" in (tmp_path / "a.html").read_text()
 
 
+def test_contact_within_the_only_piece_of_a_deck_is_told(tmp_path, capsys):
+    """It has no list of pieces to draw."""
+    path = deck(tmp_path / "a.inp", "mm")
+    path.write_text(f"{path.read_text()}*CONTACT PAIR, INTERACTION=I\nA, B\n")
+    assert antiosc("new", tmp_path / "a.toml", path) == 0
+    assert capsys.readouterr().out.count("parts that only touch") == 1
+    assert not (tmp_path / "a.pieces.png").exists()
+
+
 def test_elements_that_are_divided_into_tetrahedra_and_a_strength_to_give_are_told(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", pieces=2)
     assert inspect_part(path).cells == "2 cells of kind hexahedron"
