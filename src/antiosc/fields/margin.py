@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import floor, inf
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -286,14 +286,19 @@ class Margin(ReprMixin):
             radius = engineering(float(min(of_contacts)) / CONTACT_RADII, "m", 2)
             sentences += [
                 f"this {self._told} may change with the mesh: its cells at the contact are larger"
-                f" than its radius, and the part is {self.thin:.2g} contact radii thick there, too"
-                f" thin (less than {HALF_SPACE:g}) for Hertz's stress in their place",
+                f" than its radius, and the part is {self._radii_thick} contact radii thick there,"
+                f" too thin (less than {HALF_SPACE:g}) for Hertz's stress in their place",
                 f"make the cells there smaller than {radius} ({SMALLER_CELLS})",
             ]
         if self.criterion == "tension":
             sentences.append("cracks are not computed; scratches and edges decide")
         first, *others = sentences
         return ". ".join([first, *map(capitalised, others)])
+
+    @property
+    def _radii_thick(self) -> str:
+        """Text: `thin`, rounded down, as it is less than `HALF_SPACE`."""
+        return f"{floor(10 * self.thin) / 10:g}"
 
     @property
     def _told(self) -> str:

@@ -316,8 +316,15 @@ def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
     assert is_thin == (radii == 3.0)
     assert (margin.edge_stress == 0.0) == is_thin
     assert margin.thin == pytest.approx(thickness if is_thin else np.inf)
-    assert (f"is {thickness:.2g} contact radii thick there" in margin.sentence) == is_thin
+    assert (f"is {int(10 * thickness) / 10:g} contact radii thick" in margin.sentence) == is_thin
     assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
+
+
+def test_a_part_that_is_nearly_thick_enough_is_not_told_to_be_as_thick():
+    margin = ao.results.Margin("yield", 0.9 * YIELD, YIELD, np.zeros(3), 0.0, contact=True)
+    beyond = np.array([[0.0, 0.0, 0.0, 3e-3]])
+    sentence = dataclasses.replace(margin, beyond=beyond, thin=5.97).sentence
+    assert "is 5.9 contact radii thick there, too thin (less than 6)" in sentence
 
 
 def _pascals(share: float) -> str:
