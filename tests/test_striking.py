@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.base.errors import RangeError
+from antiosc.base.errors import RangeError, warn
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.models.closed_form import StruckBeam, UniformBeam
 from antiosc.strikes import strike as striking
@@ -371,6 +372,32 @@ def test_numbers_whose_force_exceeds_the_law_are_passed_by(monkeypatch):
     monkeypatch.setattr(striking, "MOST_N", 44)
     with pytest.raises(RangeError):
         ao.strike(coarse(), SITE, *IMPACT, tol=0.05, **given)
+
+
+@pytest.mark.parametrize("refined", [False, True])
+def test_numbers_and_meshes_that_are_replaced_leave_no_warnings(refined, monkeypatch):
+    """Each number of anti-oscillators that is tried tells itself; the last one's are told."""
+    simulated = striking.simulated
+
+    def telling(impactor, contact, duration, options, model, error):
+        if model.strain_error is not None:  # not the corrected model, which has the same number
+            warn(f"tried {model.info['dofs']} dofs, {model.n} anti-oscillators.")
+        return simulated(impactor, contact, duration, options, model, error)
+
+    monkeypatch.setattr(striking, "simulated", telling)
+    monkeypatch.setattr(striking, "FIRST_N", 3)
+    monkeypatch.setattr(striking, "_truncation_goal", lambda *_: 1e-5)
+    source, given = coarse(), {"material": SHEET, "supports": HELD, "order": 1}
+    if not refined:
+        source, given = ao.Structure(source, **given), {}
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        hit = ao.strike(source, SITE, *IMPACT, tol=0.003, **given)
+    last = hit.model.info["strike"][-1]
+    assert last["n"] > 3
+    assert (len(hit.model.info["strike"]) > 1) == refined
+    tried = {str(one.message) for one in told if "tried" in str(one.message)}
+    assert tried == {f"tried {last['dofs']} dofs, {last['n']} anti-oscillators."}
 
 
 def test_a_model_of_half_as_many_whose_force_exceeds_the_law_has_the_steepest_fall(monkeypatch):

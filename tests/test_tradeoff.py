@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.base import clock
-from antiosc.base.errors import RangeError
+from antiosc.base.errors import RangeError, warn
 from antiosc.fem.elements import products
 from antiosc.fem.platform import compat
 from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
@@ -31,6 +32,7 @@ from antiosc.strikes.tradeoff import (
     TradeoffMember,
     number_between,
 )
+from antiosc_app import commands
 from antiosc_app.cli import main
 from antiosc_app.commands import to_a_tolerance
 from antiosc_app.scene_file.compiled import compiled
@@ -43,6 +45,7 @@ pytestmark = [
 ]
 SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)
 HELD = [ao.Support("left")]
+HELD_BOX = [ao.Support("-z")]
 SITE = ao.Site((0.25, 0.1), (0, -1), radius=0.012)
 IMPACT = (ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3)
 TOL = 0.02
@@ -127,10 +130,11 @@ def test_members_take_no_seconds_to_compile(monkeypatch):
     assert found.numbers()["compilation"] == found.compilation
 
 
-def ended(*notes: str, law: float | None = 0.0, why: str = "") -> SimpleNamespace:
-    """A history whose contact law has this error, for the reason `why` if it is not known."""
-    bars = {name: ErrorBar(1.0, 0.0, 0.0, 0.0, 0.0, law=law) for name in QUANTITIES}
-    return SimpleNamespace(error_budget=ErrorBudget(bars, 0.0, notes, law=why))
+def ended(*notes: str) -> SimpleNamespace:
+    """A history with these notes."""
+    bars = {name: ErrorBar(1.0, 0.0, 0.0, 0.0, 0.0, law=0.0) for name in QUANTITIES}
+    model = SimpleNamespace(patch_radius=None)
+    return SimpleNamespace(error_budget=ErrorBudget(bars, 0.0, notes), model=model)
 
 
 def some(*each: tuple[float, float]) -> Tradeoff:
@@ -143,12 +147,21 @@ def some(*each: tuple[float, float]) -> Tradeoff:
 def test_the_message_tells_the_share_of_the_law_and_the_whole_bar():
     found = some((1.0, 0.1), (2.0, 0.008))
     assert "its bar, 0.8 %, has no error of the contact law" in found.message
-    known = replace(found, hit=ended(law=0.11))
-    assert "leaves out the error of the contact law, 11 %: with it the bar is 12 %" in known.message
-    unknown = replace(found, hit=ended(law=None, why="It was measured by nobody."))
+    coarse, best = found.table
+    own = replace(best, laws=dict.fromkeys(QUANTITIES, 0.11))
+    other = replace(coarse, laws=dict.fromkeys(QUANTITIES, 0.15))  # not of the line that is told
+    known = replace(found, table=(other, own))
+    whole = "leaves out the error of the contact law, 11 %: with it the bar is 12 %."
+    assert whole in known.message
+    why = replace(best, unknown_law="It was measured by nobody.")
+    unknown = replace(found, table=(other, why))
     assert "the error of the contact law. It was measured by nobody." in unknown.message
     assert "[strike], makes such a mesh" not in known.message  # of a structure that is given
     assert "[strike], makes such a mesh" in replace(known, given=False).message
+    # the error of the law depends on the patch, which a scene's [strike] may choose otherwise
+    hit = SimpleNamespace(**vars(known.hit) | {"model": SimpleNamespace(patch_radius=3.8e-4)})
+    of_patch = replace(known, given=False, hit=hit)
+    assert "with tol = 0.01 and a site of radius = 0.00038" in of_patch.message
 
 
 def test_a_number_between_two_has_the_forecast_bar():
@@ -196,6 +209,66 @@ def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys
     assert main(["tradeoff", str(tmp_path / "scene.toml"), "--limit", "60"]) == 130
     assert [text.splitlines()[-1].split()[6] for text in printed] == ["20", "8"]
     assert "Ended after 2 methods" in capsys.readouterr().out
+
+
+def test_a_member_has_the_errors_by_the_law_of_its_own_run():
+    """Of fewer anti-oscillators the contact takes another share of the work."""
+    part = ao.Structure(box((6, 6, 2), (0.06, 0.06, 0.01)), ao.material("PETG printed"), HELD_BOX)
+    site = ao.Site((0.03, 0.03, 0.01), (0, 0, -1), radius=0.01)
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    found = ao.tradeoff(part, site, ball, duration=1e-3, tol=TOL)
+    few, *_, many = found.table
+    assert few.n < many.n
+    for one in (few, many):
+        own = ao.simulate(ao.extract(part, site, n=one.n, error="estimate"), ball, duration=1e-3)
+        laws = {name: own.error_budget[name].law for name in QUANTITIES}
+        assert one.laws == pytest.approx(laws, rel=0.05)
+
+
+def test_what_a_member_is_tried_with_is_no_warning_of_the_model(monkeypatch):
+    whole = tradeoff.of_number
+
+    def doubted(*given):
+        warn("the anti-oscillators are too few.")
+        return whole(*given)
+
+    monkeypatch.setattr(tradeoff, "of_number", doubted)
+    part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
+    assert len(found.table) > 1
+    assert not [one for one in told if "too few" in str(one.message)]
+
+
+def test_numbers_of_the_table_have_no_exponents():
+    one = TradeoffMember("Solid", 1e-3, 2, 100, 20, 1e-6, 1234.0, 251.0, 87654.0, 2.5, 2.5)
+    row = dict(zip(tradeoff.COLUMNS, one.cells(), strict=True))
+    names = ("seconds", "GB", "peak N", "all ± %", "to finest %")
+    assert [row[name] for name in names] == ["1230", "250", "87650", "250", "250"]
+
+
+def test_the_last_line_has_the_seconds_of_the_report_too(tmp_path, capsys, monkeypatch):
+    now = [0.0]
+
+    def taking(seconds, result):
+        def work(*_given, **_options):
+            now[0] += seconds
+            return result
+
+        return work
+
+    page = tmp_path / "page.html"
+    monkeypatch.setattr(commands, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    monkeypatch.setattr(ao, "tradeoff", taking(60.0, some((1.0, 0.001), (2.0, 0.002))))
+    monkeypatch.setattr(commands.report, "write_report_of", taking(1200.0, page))
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
+    (tmp_path / "scene.toml").write_text(text)
+    assert main(["tradeoff", str(tmp_path / "scene.toml"), "--report", str(page)]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("In all 1260 s:")
+    assert "60 s for the methods, 1200 s for picture and report" in last
 
 
 def test_the_best_and_the_front():
@@ -447,11 +520,14 @@ def test_of_a_scene_file(section, tmp_path, capsys):
     assert "all, to finest: the largest of those of peak force" in printed
     assert "The contact's law was given: its error is not in these bars." in printed
     assert "unreduced: not run" in printed
-    pattern = r"In all (\S+) s: (\S+) s to read .*, (\S+) s for the methods.* add to (\S+) s,"
+    pattern = (
+        r"In all (\S+) s: (\S+) s to read .*, (\S+) s for the methods, (\S+) s for picture and"
+        r" report.* add to (\S+) s,"
+    )
     told = re.search(pattern, printed)
     assert told is not None
-    whole, before, methods, _ = map(float, told.groups())
-    assert whole == pytest.approx(before + methods, rel=0.02)
+    whole, before, methods, written, _ = map(float, told.groups())
+    assert whole == pytest.approx(before + methods + written, rel=0.02)
     assert methods <= whole <= 1.01 * elapsed
 
 

@@ -7,7 +7,9 @@ import sys
 import time
 import traceback
 from argparse import Namespace
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +21,7 @@ from antiosc.base.errors import AntioscError, InputError, weight
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
-from antiosc.base.texts import STOPPED, engineering
+from antiosc.base.texts import STOPPED, engineering, plain
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
@@ -179,26 +181,31 @@ def _tradeoff(options: Namespace) -> int:
     except (KeyboardInterrupt, SystemExit):
         print_text(ENDED.format(len(finished)))
         raise
-    took = _took(tradeoff, chosen - start, time.perf_counter() - chosen)
-    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{took}\n{tradeoff.message}")
+    compared = time.perf_counter()
+    print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
         print_text(f"warning: {sentence}", sys.stderr)
     if options.chart is not None:
         print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
         print_text(f"wrote {report.write_report_of(scene, tradeoff, page)}")
+    print_text(_took(tradeoff, (start, chosen, compared, time.perf_counter())))
     return 0
 
 
-def _took(tradeoff: Tradeoff, before: float, after: float) -> str:
-    """What a trade-off took: `before` its methods, and with them [s]."""
+def _took(tradeoff: Tradeoff, times: Sequence[float]) -> str:
+    """What a trade-off took; `times` [s]: of its start, of that and the end of its methods, and of
+    its end.
+    """
+    before, methods, written = (plain(end - start, 3) for start, end in pairwise(times))
+    whole = plain(times[-1] - times[0], 3)
     members = sum(member.seconds for member in (*tradeoff.table, *tradeoff.others))
     return (
-        f"In all {before + after:.3g} s: {before:.3g} s to read the part and to choose what the"
-        f" scene leaves open (patch, duration), {after:.3g} s for the methods. Their lines add to"
-        f" {members:.3g} s, each with the factorization of its mesh and without the"
-        f" {tradeoff.compilation:.2g} s in which finite elements were compiled or loaded, and"
-        " without making the meshes."
+        f"In all {whole} s: {before} s to read the part and to choose what the scene leaves open"
+        f" (patch, duration), {methods} s for the methods, {written} s for picture and report."
+        f" The lines of the methods add to {plain(members, 3)} s, each with the factorization of"
+        f" its mesh and without the {plain(tradeoff.compilation)} s in which finite elements were"
+        " compiled or loaded, and without making the meshes."
     )
 
 

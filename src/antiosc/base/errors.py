@@ -184,6 +184,20 @@ def without_warnings() -> AbstractContextManager[None]:
 
 
 @contextmanager
+def warnings_of_last() -> Iterator[Callable[[], None]]:
+    """Context of several trials, the last of which counts: what it yields drops the warnings of a
+    trial that another one replaces; at the end, or after an error, the others are issued.
+    """
+    messages: list[str] = []
+    try:
+        with warnings_to(messages.append):
+            yield messages.clear
+    finally:
+        for message in messages:
+            warn(message)
+
+
+@contextmanager
 def finite_element_packages() -> Iterator[None]:
     """Context for imports of these packages: MissingDependencyError names the missing one."""
     try:

@@ -318,6 +318,11 @@ def exceeds(value: float, limit: float, digits: int) -> bool:
     return float(f"{value:.{digits}g}") > limit
 
 
+def plain(value: float, digits: int = 2) -> str:
+    """A number rounded to so many digits, without an exponent: "250", "1800", "0.0043"."""
+    return f"{float(f'{value:.{digits}g}'):.12g}" if isfinite(value) else "–"
+
+
 #: Share below which a text in per cent has no digit other than 0.
 LEAST_SHARE = 1e-5
 
@@ -326,7 +331,7 @@ def percent(share: float) -> str:
     """A ratio in per cent with two significant digits: "0.34 %"; "0 %" below `LEAST_SHARE`."""
     if abs(share) < LEAST_SHARE:
         return "0 %"
-    return f"{float(f'{100 * share:.2g}'):.12g} %" if isfinite(share) else "unknown"
+    return f"{plain(100 * share)} %" if isfinite(share) else "unknown"
 
 
 def plus_minus(bar: tuple[float, float], text: Callable[[float], str] = percent) -> str:

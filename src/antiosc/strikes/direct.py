@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from antiosc.base.errors import AntioscError
+from antiosc.base.texts import plain
 from antiosc.strikes import calculix, unreduced
 from antiosc.strikes.unreduced import Blow, Outcome
 
@@ -39,11 +40,12 @@ def outcomes(
             expected = method.forecast(blow)
             if expected > seconds:
                 notes.append(
-                    f"{name}: not run, the forecast of {expected:.2g} s for {blow.structure.dofs} "
-                    f"dofs and {blow.steps} steps exceeds compare = {seconds:g} s."
+                    f"{name}: not run, the forecast of {plain(expected)} s for"
+                    f" {blow.structure.dofs} dofs and {blow.steps} steps exceeds"
+                    f" compare = {seconds:g} s."
                 )
                 continue
-            report(f"{name}, about {expected:.2g} s")
+            report(f"{name}, about {plain(expected)} s")
             results[name] = method.run(blow, seconds)
         except AntioscError as error:
             notes.append(f"{name}: {str(error).rstrip('.')}.")

@@ -26,9 +26,9 @@ import numpy as np
 from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.clock import clock
-from antiosc.base.errors import InputError, RangeError, without_warnings
+from antiosc.base.errors import InputError, RangeError, warnings_of_last, without_warnings
 from antiosc.base.process import MEMORY_SHARE, free_memory
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, percent, plain
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
@@ -240,30 +240,32 @@ def struck(
     before: Answer | None = None
     n = FIRST_N
     records = []
-    while True:
-        structure = Structure(mesh, material, supports, order=order, prestress=prestress)
-        result = answered(structure, site, run, tol, n)
-        result = changed_since(result, before) if mesh.tdim == 1 else compared(result, before)
-        before = result
-        if report is not None:
-            report(result, site)
-        records.append(record(result))
-        log.info("strike: %s", records[-1])
-        reason = ""
-        ratio = np.ones(0)
-        meets_tol = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
-        if not meets_tol:
-            reason = place.fixed or (
-                f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
-            )
-            if not reason:
-                costs = limit, start_time, len(records)
-                ratio, reason = _next(result, mesh, order, tol, *costs, asked)
-        if reason or meets_tol:
-            structure.drop_factor()
-            return _finished(result, tol, asked, records, reason)
-        n = next_n(result, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
-        mesh = place.finer(mesh, ratio)
+    with warnings_of_last() as drop:
+        while True:
+            structure = Structure(mesh, material, supports, order=order, prestress=prestress)
+            result = answered(structure, site, run, tol, n)
+            result = changed_since(result, before) if mesh.tdim == 1 else compared(result, before)
+            before = result
+            if report is not None:
+                report(result, site)
+            records.append(record(result))
+            log.info("strike: %s", records[-1])
+            reason = ""
+            ratio = np.ones(0)
+            meets_tol = result.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
+            if not meets_tol:
+                reason = place.fixed or (
+                    f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
+                )
+                if not reason:
+                    costs = limit, start_time, len(records)
+                    ratio, reason = _next(result, mesh, order, tol, *costs, asked)
+            if reason or meets_tol:
+                structure.drop_factor()
+                return _finished(result, tol, asked, records, reason)
+            drop()
+            n = next_n(result, run, tol, MORE_ON_LINES if mesh.tdim == 1 else 1.0)
+            mesh = place.finer(mesh, ratio)
 
 
 def _material_of(
@@ -353,21 +355,24 @@ def answered(structure: Structure, site: Site, run: RunFunction, tol: float, n: 
     limit = min(MOST_N, structure.dofs - 1)
     n = min(n, limit)
     before = 0.0  # without the factorization, which all numbers share
-    while True:
-        model = extract(structure, site, n=n, error="estimate")
-        try:
-            hit = second_order.simulated(structure, model, partial(run, error=accuracy))
-        except RangeError:  # of too few, which move too little: their force is larger
-            if n >= limit or model.n < n:
-                raise
-            n = min(3 * n, limit)
-            continue
-        budget = hit.error_budget
-        truncation = max(bar.truncation for bar in budget.values())
-        if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
-            break
-        n = int(np.clip(_count(model, run, truncation, tol), n + n // 2, min(3 * n, limit)))
-        before = max(clock() - start_time - structure.seconds["factorization"], 0.0)
+    with warnings_of_last() as drop:
+        while True:
+            model = extract(structure, site, n=n, error="estimate")
+            try:
+                hit = second_order.simulated(structure, model, partial(run, error=accuracy))
+            except RangeError:  # of too few, which move too little: their force is larger
+                if n >= limit or model.n < n:
+                    raise
+                n = min(3 * n, limit)
+                drop()
+                continue
+            budget = hit.error_budget
+            truncation = max(bar.truncation for bar in budget.values())
+            if truncation <= _truncation_goal(budget, tol) or n >= limit or model.n < n:
+                break
+            n = int(np.clip(_count(model, run, truncation, tol), n + n // 2, min(3 * n, limit)))
+            drop()
+            before = max(clock() - start_time - structure.seconds["factorization"], 0.0)
     return replace(corrected(structure, hit, run, accuracy, n, start_time), before=before)
 
 
@@ -545,7 +550,7 @@ def _next(
     required_bytes = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()
     message = ""
-    cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
+    cost = f"a mesh of about {plain(dofs)} dofs would meet it, in some {plain(seconds)} s more"
     if limit is not None and expected > limit:
         message = f"Stopped before the limit of {limit:g} s: {cost}."
     elif required_bytes > MEMORY_SHARE * free:

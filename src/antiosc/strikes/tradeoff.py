@@ -25,9 +25,9 @@ import antiosc.reduce.site.at_points
 import antiosc.reduce.site.surface  # noqa: F401
 from antiosc.base import checks
 from antiosc.base.clock import clock, uncounted_seconds
-from antiosc.base.errors import InputError, RangeError, warn
+from antiosc.base.errors import InputError, RangeError, warn, without_warnings
 from antiosc.base.progress import doing
-from antiosc.base.texts import Result, engineering, percent
+from antiosc.base.texts import Result, engineering, percent, plain
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.forecast import of_factor
 from antiosc.fem.linalg.petsc_algebra import by_cells
@@ -92,6 +92,8 @@ class TradeoffMember:
         runs, with this number of anti-oscillators from the start.
     gigabytes : memory [GB] of K and M as stored, and of the solver as forecast.
     peak_force : that of the corrected model [N].
+    laws : relative errors of peak_force, impulse and contact_time by the contact law, which are in
+        no bar; empty where they are not known, `unknown_law` says why.
     bars : relative error bars of peak_force, impulse and contact_time in its error budget; the sum
         of the difference and the bar of the finest member where the difference exceeds one.
     bar : the largest of them.
@@ -117,6 +119,8 @@ class TradeoffMember:
     contact_time: float = math.nan
     method: str = "antiosc"
     bars: dict[str, float] = field(default_factory=dict)
+    laws: dict[str, float] = field(default_factory=dict)
+    unknown_law: str = ""
 
     @property
     def force_bar(self) -> float:
@@ -132,14 +136,14 @@ class TradeoffMember:
         return (
             *(self.method, self.family, engineering(self.size, "m"), f"{self.order}"),
             *(f"{self.dofs}", f"{self.n or '–'}", engineering(self.step, "s")),
-            *(f"{self.seconds:.3g}", f"{self.gigabytes:.2g}", f"{self.peak_force:.4g}"),
+            *(plain(self.seconds, 3), plain(self.gigabytes), plain(self.peak_force, 4)),
             *map(_percents, (self.force_bar, self.bar, self.difference)),
         )
 
 
 def _percents(share: float) -> str:
     """A share in per cent for the table."""
-    return f"{100 * share:.2g}" if math.isfinite(share) else "–"
+    return plain(100 * share)
 
 
 #: Markers of other methods.
@@ -199,7 +203,9 @@ class Tradeoff(Result):
         members = [member for member in self.table if member.seconds <= limit]
         if not members:
             fastest = min(member.seconds for member in self.table)
-            raise InputError(f"no member takes at most {limit:.3g} s, the fastest {fastest:.3g} s.")
+            raise InputError(
+                f"no member takes at most {plain(limit, 3)} s, the fastest {plain(fastest, 3)} s."
+            )
         return min(members, key=lambda one: one.bar)
 
     def _unmet(self, tol: float) -> str:
@@ -242,24 +248,25 @@ class Tradeoff(Result):
         sentence = f"{sentence} {self._of_force()}".rstrip()
         if self.given:
             return sentence
+        radius = self.hit.model.patch_radius
+        patch = "" if radius is None else f" and a site of radius = {radius:.4g}, as here"
         return (
-            f"{sentence} strike, in a scene [strike], makes such a mesh with tol = {self.tol:g};"
-            " its cells differ, and no single size gives it."
+            f"{sentence} strike, in a scene [strike], makes such a mesh with tol ="
+            f" {self.tol:g}{patch}; its cells differ, and no single size gives it."
         )
 
     def _law_of(self, member: TradeoffMember) -> str:
         """End of a sentence on a bar: what the error of the contact law adds to it."""
-        budget = self.hit.error_budget
-        if budget.law:
-            return f"leaves out the error of the contact law. {budget.law}"
-        shares = {name: bar.law or 0.0 for name, bar in budget.items()}
-        wholes = [member.bars.get(name, member.bar) + law for name, law in shares.items()]
-        law, whole = (max(values, default=0.0) for values in (shares.values(), wholes))
+        if member.unknown_law:
+            return f"leaves out the error of the contact law. {member.unknown_law}"
+        laws = member.laws
+        wholes = [member.bars.get(name, member.bar) + law for name, law in laws.items()]
+        law, whole = (max(values, default=0.0) for values in (laws.values(), wholes))
         if not law:
             return "has no error of the contact law."
         return (
             f"leaves out the error of the contact law, {percent(law)}: with it the bar is"
-            f" {percent(whole)}, whatever the method."
+            f" {percent(whole)}."
         )
 
     def _of_force(self) -> str:
@@ -476,6 +483,8 @@ class Made:
             gigabytes=(stored_bytes + outcome.bytes) / 1e9,
             bar=math.inf,
             bars={},
+            laws={},
+            unknown_law="",
             difference=max(differences(finest, numbers).values()),
             **asdict(numbers),
         )
@@ -575,7 +584,8 @@ def _made(mesh: Made, run: RunFunction, accuracy: float, n: int) -> Made | None:
     few move too little, so that their force is larger.
     """
     try:
-        answer = of_number(mesh.answer.structure, mesh.site, run, accuracy, n)
+        with without_warnings():  # it is tried: what it lacks is in its bar
+            answer = of_number(mesh.answer.structure, mesh.site, run, accuracy, n)
     except RangeError as error:
         warn(f"{n} anti-oscillators are left out of the trade-off: {error}")
         return None
@@ -635,6 +645,8 @@ def member_of(answer: Answer) -> TradeoffMember:
         peak_force=answer.hit.peak_force,
         bar=answer.budget.numerical,
         bars={name: answer.budget[name].numerical for name in QUANTITIES},
+        laws={name: law for name in QUANTITIES if (law := answer.budget[name].law) is not None},
+        unknown_law=answer.budget.law,
         impulse=answer.hit.impulse,
         contact_time=answer.hit.contact_time,
     )

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from antiosc.base.texts import plain
+
 #: Solves in turn that a model of twenty anti-oscillators needs.
 SOLVES = 22
 #: Bytes per entry of a factor, and of the matrices and work arrays beside it.
@@ -68,7 +70,7 @@ class Cost:
     seconds: float | None = None
 
     def __str__(self) -> str:
-        time = "" if self.seconds is None else f"{self.seconds:.2g} s, "
+        time = "" if self.seconds is None else f"{plain(self.seconds)} s, "
         return f"forecast {time}{self.bytes / 1e9:.2g} GB"
 
 
