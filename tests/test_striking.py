@@ -238,10 +238,10 @@ def test_a_mesh_that_takes_too_long_or_too_much_memory_is_not_made(step: Any) ->
     assert step(given, limit=7.0 + seconds * 1.001)[1] == ""
     told = step(given, limit=7.0 + seconds * 0.999)[1]
     assert told.startswith("Stopped before the limit of")
-    assert f"about 5e+03 dofs would meet it, in some {seconds:.2g} s more" in told
+    assert f"about 5000 dofs would meet it, in some {seconds:.2g} s more" in told
     needed = 400.0 * 5000**1.1 / striking.MEMORY_SHARE
     assert step(given, free=needed * 1.001)[1] == ""
-    assert "GB free: a mesh of about 5e+03 dofs" in step(given, free=needed * 0.999)[1]
+    assert "GB free: a mesh of about 5000 dofs" in step(given, free=needed * 0.999)[1]
 
 
 def test_when_no_mesh_helps_it_is_said(step: Any) -> None:
