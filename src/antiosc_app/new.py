@@ -1332,9 +1332,12 @@ def _band(radius: float) -> float:
 
 
 def _picture(path: Path, about: str, draw_it: Callable[[Path], object]) -> list[str]:
-    """The sentence that names a picture, after drawing it; [] if it exists already."""
+    """The sentence that names a picture, after drawing it, or that an existing file is kept."""
     if path.exists():
-        return []
+        return [
+            f"{path} exists already, and is left as it is: it does not show this scene; to have its"
+            " picture, remove both, then write the scene anew."
+        ]
     try:
         with progress.doing(f"drawing {path.name}"):
             draw_it(path)

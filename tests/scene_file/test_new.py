@@ -216,6 +216,14 @@ def test_nothing_is_overwritten_and_a_part_that_cannot_be_read_is_told(tmp_path,
     assert not scene.exists()
 
 
+def test_a_picture_that_exists_is_kept_and_told(tmp_path, capsys):
+    picture = tmp_path / "a.png"
+    picture.write_text("mine")
+    assert antiosc("new", tmp_path / "a.toml", MESHES / "bracket.msh") == 0
+    assert f"{picture} exists already" in capsys.readouterr().out.replace("\n", " ")
+    assert picture.read_text() == "mine"
+
+
 @pytest.mark.parametrize("cell", ["triangle", "quad"])
 def test_a_new_scene_of_a_sheet_has_error_bars(cell, tmp_path):
     x = np.array(np.meshgrid(np.linspace(0, 0.3, 7), np.linspace(0, 0.2, 5), [0.0], indexing="ij"))
