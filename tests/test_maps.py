@@ -24,7 +24,7 @@ import sheets
 from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import engineering, on_page, percent
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
-from antiosc.models.doubts import NEAR
+from antiosc.models.doubts import EDGE, NEAR
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.error import quadrilaterals
 from antiosc.reduce.site import functional
@@ -496,6 +496,34 @@ def test_the_facets_at_a_site_give_its_radius_and_sharp_edges_are_no_sites():
     assert larger.radius == pytest.approx(np.full(len(inner), least))
     with pytest.raises(ao.InputError, match="radius"):
         finely(radius=np.array([least, least]))
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # edges cut large patches
+def test_the_radii_that_a_map_chooses_are_resolved_as_those_of_a_single_blow():
+    """Small facets touch a point whose patch reaches larger ones."""
+    groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "top": (2, top)}
+    mesh = parts.box((12, 8, 3), SIZE, "tetrahedron", groups=groups)
+    x = mesh.dolfinx.geometry.x
+    x[:, 0] = SIZE[0] * (x[:, 0] / SIZE[0]) ** 3
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+    for radius in ("facets", Resolved(0.012)):
+        found = ao.impact_map(part, "top", radius=radius, n=4, modes=12, accuracy=1e9)
+        for i in range(0, len(found), 7):
+            site = ao.Site(found.points[i].tolist(), (0, 0, -1), radius=float(found.radius[i]))
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                ao.extract(part, site, n=2)
+            assert not [one for one in told if "not resolved" in str(one.message)], i
+
+
+def test_a_map_of_one_face_is_not_told_to_map_one_face(steel):
+    points, given = [(0.06, 0.04, 0.03)], {"direction": (0, 0, -1), "radius": 0.02}
+    found = ao.impact_map(steel, points, **given, accuracy=1e9)
+    for name, told in (("", True), ("top", False)):
+        edges = dataclasses.replace(found, names=np.array([name]), doubtful=np.zeros(1, bool))
+        sentence = map_results.left_out_text(map_results.doubted(edges, np.ones(1, bool), EDGE))
+        assert ("map one face" in sentence) == told
+        assert EDGE in sentence
 
 
 def test_the_impacts_of_a_map_are_made_longer_until_the_bodies_part():

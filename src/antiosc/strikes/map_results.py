@@ -30,7 +30,7 @@ from antiosc.impact.from_rest import Force
 from antiosc.impact.two_bodies import impact_band
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, ModelInfo
-from antiosc.models.doubts import REMEDIES
+from antiosc.models.doubts import EDGE, REMEDIES
 from antiosc.models.free_modes import SiteModels
 
 if TYPE_CHECKING:
@@ -293,7 +293,10 @@ def left_out_text(impact_map: ImpactMap) -> str:
 def doubts_remedy(impact_map: ImpactMap) -> str:
     """What leaves fewer sites of the most frequent reason doubtful; "" if unknown."""
     reasons, counts = np.unique(impact_map.reasons[impact_map.doubtful], return_counts=True)
-    return REMEDIES.get(str(reasons[np.argmax(counts)]), "") if len(reasons) else ""
+    reason = str(reasons[np.argmax(counts)]) if len(reasons) else ""
+    names = set(impact_map.names.tolist())
+    of_one_face = len(names) == 1 and "" not in names
+    return "" if of_one_face and reason == EDGE else REMEDIES.get(reason, "")
 
 
 def trusted(impact_map: ImpactMap, sites: IntArray | None = None) -> IntArray:

@@ -299,7 +299,7 @@ def sites_on(
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = (
-        np.maximum(resolved_radii(structure, ground.points, directions), radius.least)
+        resolved_radii(structure, ground.points, directions, radius.least)
         if isinstance(radius, Resolved)
         else np.full(count, np.nan if radius is None else radius)
     )
@@ -319,15 +319,28 @@ def sites_on(
     return result
 
 
-def resolved_radii(structure: MeshedStructure, points: Array, directions: Array) -> Array:
-    """Radii (P,) [m] of patches that the facets which touch the points resolve; of sheets NaN."""
+def resolved_radii(
+    structure: MeshedStructure, points: Array, directions: Array, least: float = 0.0
+) -> Array:
+    """Radii (P,) [m], at least `least`, of patches that all facets under them resolve; NaN of
+    sheets.
+
+    They begin with those that the facets which touch the points resolve.
+    """
     if not structure.kind.outside:
         return np.full(len(points), np.nan)
     faces = structure.faces
     reach = np.full(len(points), TOUCHING * structure.mesh.extent())
     labels = np.zeros(len(faces.facets), dtype=int)
     largest = faces.contact(points, directions, reach, labels).largest
-    return np.where(largest > 0, RESOLVED * largest, np.nan)
+    radii = np.where(largest > 0, np.maximum(RESOLVED * largest, least), np.nan)
+    left = np.flatnonzero(np.isfinite(radii))
+    while left.size:
+        largest = faces.contact(points[left], directions[left], radii[left], labels).largest
+        is_coarse = largest > radii[left]
+        left = left[is_coarse]
+        radii[left] = RESOLVED * largest[is_coarse]
+    return radii
 
 
 def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
@@ -345,14 +358,8 @@ def resolved_radius(structure: MeshedParts, site: Site) -> float | None:
     points = closest_many(part.mesh, in_space(aim.point)[None])[0].x[None]
     directions = in_space(aim.direction)[None]
     directions /= np.linalg.norm(directions)
-    radii = resolved_radii(part, points, directions)
-    labels = np.zeros(len(part.faces.facets), dtype=int)
-    while np.isfinite(radii[0]):
-        largest = part.faces.contact(points, directions, radii, labels).largest
-        if not largest[0] > radii[0]:
-            return float(radii[0])
-        radii = RESOLVED * largest
-    return None
+    radius = float(resolved_radii(part, points, directions)[0])
+    return radius if np.isfinite(radius) else None
 
 
 def clear_of_edges(structure: MeshedStructure, ground: SurfaceSample) -> tuple[SurfaceSample, int]:
