@@ -836,13 +836,23 @@ def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str
     """
     points = (peak.worst_point for peak in fields.values())
     margins = [_with_force(worst, force) for worst in points if worst is not None]
-    shares = [margin.bounds[0] for margin in margins if margin.criterion == "yield"]
-    if max(shares, default=0.0) < 1:
+    judged = [margin for margin in margins if margin.criterion == "yield"]
+    worst = max(judged, key=lambda margin: margin.bounds[0], default=None)
+    if worst is None or worst.bounds[0] < 1:
         return ""
     return (
-        f"The part yields, at {max(shares):.3g} times its yield strength or more: the force and its"
+        f"The part yields, at {_times_strength(worst)} or more: the force and its"
         " error bar are those of an elastic part, and one that yields carries less."
     )
+
+
+def _times_strength(worst: Margin) -> str:
+    """The least exposure with the strength that it is over, the largest of a range."""
+    share = f"{worst.bounds[0]:.3g} times"
+    if worst.strength_range is None:
+        return f"{share} its yield strength {engineering(worst.strength, 'Pa')}"
+    largest = engineering(worst.strength_range[1], "Pa")
+    return f"{share} the largest yield strength of its range, {largest},"
 
 
 #: Beside a stress whose error by the mesh is not estimated.
