@@ -688,9 +688,12 @@ def _most_dangerous(
         if alone
         else "their error by the mesh is not estimated"
     )
+    hidden = impact_map.radius is not None
+    patch_text = " and what the radius of its patch hides, as a single blow counts it," * hidden
     return [
         f"{text}, {exposure[i]:.3g} of the yield strength; by these stresses, {bars}, yield is"
-        f" {sites_text}. The zone of the contact itself is left out.",
+        f" {sites_text}. The zone of the contact itself{patch_text} {'are' if hidden else 'is'}"
+        " left out.",
         *by_itself,
     ]
 
@@ -842,7 +845,8 @@ def of_elastic_part(fields: Mapping[str, PeakField], force: float | None) -> str
         return ""
     return (
         f"The part yields, at {_times_strength(worst)} or more: the force and its"
-        " error bar are those of an elastic part, and one that yields carries less."
+        " error bar are those of an elastic part, and one that yields carries less. How much less"
+        " is not computed: an explicit finite element program with plasticity has it."
     )
 
 

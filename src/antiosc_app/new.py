@@ -184,12 +184,15 @@ TOO_LARGE = (
 
 
 class Forecast(NamedTuple):
-    """Rough numbers of cells and dofs of a mesh, seconds and bytes of a model on it."""
+    """Rough numbers of cells and dofs of a mesh, and the cost of a model on it: seconds, bytes, and
+    whether its solver iterates.
+    """
 
     cells: float
     dofs: float
     seconds: float
     bytes: float
+    iterative: bool
 
     @property
     def is_long(self) -> bool:
@@ -199,7 +202,9 @@ class Forecast(NamedTuple):
     def brief(self) -> str:
         """Cells, seconds and memory in few words."""
         seconds = progress.seconds_text(max(self.seconds, 1.0))
-        return f"{float(f'{self.cells:.2g}'):.0f} cells, {seconds}, {self.bytes / 1e9:.2g} GB"
+        solver = " (iterative solver)" if self.iterative else ""
+        cells = float(f"{self.cells:.2g}")
+        return f"{cells:.0f} cells, {seconds}, {self.bytes / 1e9:.2g} GB{solver}"
 
     def text(self) -> str:
         """The numbers in words."""
@@ -308,7 +313,7 @@ class Inspection:
             cells *= finer**dim
         of_cell = self.dofs / self.n_cells
         dofs, cost = before_meshing(self.shape, dim, cells, n or self.count, of_cell)
-        return Forecast(cells, dofs, cost.seconds or 0.0, cost.bytes)
+        return Forecast(cells, dofs, cost.seconds or 0.0, cost.bytes, cost.iterative)
 
     @property
     def length(self) -> float:
@@ -1207,6 +1212,24 @@ def _rounded(values: Sequence[float] | Array, size: float = 1.0) -> list[float]:
     return [float(c) + 0.0 for c in np.round(values, 5 - floor(log10(size)))]
 
 
+#: Views (elevation, azimuth) [degrees] from which a part is drawn: the first that sees the struck
+#: face well, by this least cosine, or the one that sees it best.
+VIEWS = [
+    (elevation, azimuth) for elevation in (24.0, -24.0) for azimuth in (-52.0, 128.0, 38.0, -142.0)
+]
+WELL_SEEN = 0.3
+
+
+def _view(direction: Array) -> Array:
+    """The view of a part that is struck in a direction (3,)."""
+    elevation, azimuth = np.radians(VIEWS).T
+    level = np.cos(elevation)
+    towards = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+    cosines = -(direction @ np.array(towards)) / np.linalg.norm(direction)
+    seen = cosines >= WELL_SEEN
+    return np.array(VIEWS[int(np.argmax(seen if seen.any() else cosines))])
+
+
 def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
     """Draw the part: its outer faces, and its supports and impact unless it is dropped."""
     from antiosc.plot.charts import save_figure
@@ -1226,7 +1249,7 @@ def draw(inspection: Inspection, path: Path, *, drop: bool = False) -> None:
         arrow = np.array(inspection.point), np.array(inspection.direction)
         shade = np.where(fixed, 1.0, np.nan)
         part = Deformed(points, points, faces, shade, "", 1.0)
-        figure = deformed_figure(part, arrow=arrow, whole_scale=True)
+        figure = deformed_figure(part, arrow=arrow, view=_view(arrow[1]), whole_scale=True)
         held_text = "yellow: held; " if fixed.any() else ""
         figure.text(0.02, 0.02, f"{held_text}red: where and how it is struck")
     save_figure(figure, path, dpi=100)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.base.texts import engineering, plus_minus
@@ -97,6 +98,24 @@ def test_one_contact_time_is_told_in_the_same_words_by_a_rough_curve(browser, tm
     rough = "contact_time_note: undefined, contact_time: 1.01 * page.hit.contact_time"
     browser.run(f"Object.assign(page.hit, {{{rough}}})")
     assert browser.run(note) == "of all contacts, flights included"
+
+
+def test_a_peak_force_outside_the_main_impact_is_told_beside_its_time(browser, tmp_path):
+    """775 N and the 73 µs of another contact were taken for one blow."""
+    model = ao.AntiOscillators(m0=0.05, k0=1e5, m=[0.05], omega=[3000.0])
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=2e-2)
+    peak = hit.time[np.argmax(hit.force)]
+    impulses = [
+        trapezoid(hit.force * ((hit.time >= a) & (hit.time <= b)), hit.time)
+        for a, b in hit.contacts
+    ]
+    first, last = hit.contacts[int(np.argmax(impulses))]
+    assert not first <= peak <= last
+    assert "; the peak force is another's, at 105 µs; last release at" in contact_time_note(hit)
+    opened(browser, ao.write_report(hit, tmp_path / "peak.html"))
+    browser.run("page.hit.contact_time_note = undefined")
+    told = browser.run("return page.remark('contact_time', true)")
+    assert "; the peak force is another's, at 105 µs; last release at" in told
 
 
 def opened(browser, page, width=1300):

@@ -640,3 +640,13 @@ def test_the_name_of_its_solid_is_no_name_of_a_face():
     )
     names = cad.face_names(SimpleNamespace(model=model), 1.0)
     assert names == {(2, 1): ["face 1"], (2, 2): ["face 2", "seat"]}
+
+
+def test_a_scene_is_drawn_from_the_side_that_is_struck():
+    """The arrow to the back of a part was drawn over its front."""
+    directions = np.random.default_rng(1).standard_normal((200, 3))
+    for direction in [*np.eye(3), *-np.eye(3), *directions]:
+        elevation, azimuth = np.radians(new._view(direction))
+        level = np.cos(elevation)
+        viewer = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
+        assert -(viewer @ direction) > 0.2 * np.linalg.norm(direction)

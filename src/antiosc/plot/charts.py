@@ -284,6 +284,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     start = min(s for s, _ in spans)
     end = max(e for _, e in spans)
     factor, unit = prefixed(end, "s")
+    tops = [0.0]
     for (name, hit), width in zip(runs.items(), widths(runs), strict=True):
         busy = len(hit.contacts) >= MANY_CONTACTS
         label = None if busy else name or None
@@ -297,6 +298,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             text = f"{name}, {mean}" if name else mean
             ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
         error, name_of_error = _error_of(hit)
+        tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE)))
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
@@ -310,7 +312,7 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
     ax.set_xlim(factor * (start - margin), factor * (end + margin))
     means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in runs.values())
     above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
-    ax.set_ylim(*padded_range([0.0, *(hit.peak_force for hit in runs.values())], 0.05, above))
+    ax.set_ylim(*padded_range(tops, 0.05, above))
     if len(runs) == 1:
         hit = next(iter(runs.values()))
         _mark_peak(ax, hit, 0.5 * (start + end), factor)

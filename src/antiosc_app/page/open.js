@@ -482,7 +482,7 @@ class Bench {
     const row = made("label", where, label), select = made("select", row, "", { name: label });
     for (const one of options) made("option", select, texts[one] || one, { value: one });
     select.onchange = () => set(select.value);
-    this.shown.push(() => { select.value = get(); full_text(select); row.hidden = !counts() || Boolean(kinds) && !kinds.includes(this.setup.striker.kind); });
+    this.shown.push(() => { select.value = get(); row.hidden = !counts() || Boolean(kinds) && !kinds.includes(this.setup.striker.kind); full_text(select); });
   }
 
   // Three coordinates, of the set-up or of the striker of some kinds.
@@ -901,7 +901,8 @@ function notice(element, told) {
   for (const [, text] of told.slice(shown)) made("p", more, text);
 }
 
-// The text that is chosen in a list, as its title and, where the list is too narrow for it, below.
+// The text that is chosen in a list, as its title and, where the list is too narrow for it, below. A
+// list that is hidden has no width.
 function full_text(select) {
   const text = select.selectedOptions.length ? select.selectedOptions[0].textContent : "", row = select.closest("label");
   const note = row.querySelector(".full") || made("small", row, "", { className: "full" }), style = getComputedStyle(select);

@@ -80,8 +80,10 @@ function contact_time_note(hit) {
   if (!(hit.contacts > 1 && hit.main)) return "";
   const [from, to] = hit.main;
   if (from === hit.touches[0][0] && to === hit.touches.at(-1)[1]) return "of all contacts, flights included";
-  const flights = hit.touches.some(([start, end]) => start === from && end < to);
-  return `of the main impact${flights ? ", flights included" : ""}; last release at ${engineering(hit.last, "s")}`;
+  const flights = hit.touches.some(([start, end]) => start === from && end < to), at = (time) => engineering(time, "s");
+  const peak = hit.time[hit.force.reduce((best, force, i) => (force > hit.force[best] ? i : best), 0)];
+  const elsewhere = from <= peak && peak <= to ? "" : `; the peak force is another's, at ${at(peak)}`;
+  return `of the main impact${flights ? ", flights included" : ""}${elsewhere}; last release at ${at(hit.last)}`;
 }
 
 // Start, end and impulse of the contacts of a curve of the force.

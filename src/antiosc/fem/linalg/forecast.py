@@ -64,10 +64,13 @@ HEXAHEDRA = Products(180.0, 4.0, 5.0, 4e-9, set_up=6e-8, finer=11.0)
 
 @dataclass(frozen=True)
 class Cost:
-    """Forecast of a solver: bytes beside the structure's own, and seconds of one core if known."""
+    """Forecast of a solver: bytes beside the structure's own, seconds of one core if known, and
+    whether it iterates, which takes less memory than a factor.
+    """
 
     bytes: float
     seconds: float | None = None
+    iterative: bool = False
 
     def __str__(self) -> str:
         time = "" if self.seconds is None else f"{plain(self.seconds)} s, "
@@ -123,11 +126,13 @@ def before_meshing(
     dofs = (of_cell or DOFS_OF_CELL.get(shape, DOFS_OF_OTHERS)) * cells
     entries = _entries(dim, dofs)
     of_solver = BYTES * entries
-    if dim == 3 and dofs > TWO_LEVELS:
+    iterative = dim == 3 and dofs > TWO_LEVELS
+    if iterative:
         of_solver = LevelSizes(TETRAHEDRA.row * dofs, TETRAHEDRA, entries).bytes
     if dim == 2:
         of_solver += OF_SHELLS * dofs
-    return dofs, Cost(of_solver + EACH_SHAPE * n * dofs, (EACH_DOF + EACH_STEP * n) * dofs)
+    seconds = (EACH_DOF + EACH_STEP * n) * dofs
+    return dofs, Cost(of_solver + EACH_SHAPE * n * dofs, seconds, iterative)
 
 
 def of_sheet(dofs: float, n: int) -> float:

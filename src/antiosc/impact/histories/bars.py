@@ -288,12 +288,17 @@ def comparable(first: Any, second: Any) -> bool:
 
 def contacts_of_main(result: Any) -> int:
     """Number of contacts of the main impact; 0 if it is not known."""
+    first, last = _main_impact(result)
+    return last - first + 1
+
+
+def _main_impact(result: Any) -> tuple[int, int]:
+    """Rows of the first and the last contact of the main impact; (0, -1) if they are not known."""
     contacts = np.array(getattr(result, "contacts", ())).reshape(-1, 2)
     if not len(contacts):
-        return 0
+        return 0, -1
     lasted = contacts[None, :, 1] - contacts[:, None, 0]
-    first, last = divmod(int(abs(lasted - result.contact_time).argmin()), len(contacts))
-    return last - first + 1
+    return divmod(int(abs(lasted - result.contact_time).argmin()), len(contacts))
 
 
 #: Of what a contact time is, where the impact has several contacts and no other follows.
@@ -305,12 +310,19 @@ def contact_time_note(result: Any) -> str:
     count = len(result.contacts)
     if count < 2:
         return ""
-    of_main = contacts_of_main(result)
-    if of_main == count:
+    first, last = _main_impact(result)
+    if last - first + 1 == count:
         return OF_ALL_CONTACTS
-    flights = ", flights included" if of_main > 1 else ""
-    last = engineering(result.contacts[-1][1], "s")
-    return f"of the main impact{flights}; last release at {last}"
+    flights = ", flights included" if last > first else ""
+    start, end = result.contacts[first][0], result.contacts[last][1]
+    peak = float(result.time[int(np.argmax(result.force))])
+    elsewhere = "" if start <= peak <= end else f"; the peak force is another's, at {_at(peak)}"
+    return f"of the main impact{flights}{elsewhere}; last release at {_at(result.contacts[-1][1])}"
+
+
+def _at(time: float) -> str:
+    """A time [s] as text."""
+    return engineering(time, "s")
 
 
 def changes(first: Any, second: Any) -> dict[str, float]:
