@@ -140,6 +140,8 @@ class Margin(ReprMixin):
     edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
         Pa; it counts where the nodes of the mesh are farther away and have lower stresses. 0 for a
         part that is thinner than six radii of the contact, where it does not hold.
+    thin_stress : of such a part the same stress, within its thickness, Pa; it counts in the largest
+        stress of the bar alone.
     thin : thickness of such a part under the contact over its radius, if the faces of the mesh are
         larger than that radius; else inf.
     mesh_error : error of the value by the mesh, in its unit; of shells, where it is not estimated,
@@ -166,6 +168,7 @@ class Margin(ReprMixin):
     nearer: Margin | None = None
     spread: float = 0.0
     edge_stress: float = 0.0
+    thin_stress: float = 0.0
     mesh_error: float = 0.0
     others: tuple[float, float] = (0.0, 0.0)
     force_error: float = 0.0
@@ -241,7 +244,8 @@ class Margin(ReprMixin):
             return max(self.spans, key=lambda span: span.exposure).stresses
         error, at_edge = self.mesh_error, EDGE_ERROR * self.edge_stress
         of_mesh = self.value - error, self.value + self.spread + error
-        of_hertz = self.edge_stress - at_edge, self.edge_stress + at_edge
+        most_of_hertz = (1 + EDGE_ERROR) * max(self.edge_stress, self.thin_stress)
+        of_hertz = self.edge_stress - at_edge, most_of_hertz
         least, largest = map(max, of_mesh, of_hertz, self.others)
         return least * (1 - self.force_error), largest * (1 + self.force_error)
 
@@ -475,6 +479,11 @@ class Zones(NamedTuple):
         return max((zone.edge_stress for zone in self.contacts), default=0.0)
 
     @property
+    def thin_stress(self) -> float:
+        """The same of contacts on parts that are too thin for it, within their thickness."""
+        return max((zone.thin_stress for zone in self.contacts), default=0.0)
+
+    @property
     def thin(self) -> float:
         """Least thickness over the radius of a contact, of those that the mesh does not resolve."""
         return min((zone.unresolved_depth for zone in self.contacts), default=inf)
@@ -525,7 +534,8 @@ def margin_of(
         beyond = replace(beyond, beyond=leave_out, nearer=nearer, asked=zones.asked)
         if not beyond.is_mises:
             return beyond
-        return replace(beyond, edge_stress=zones.edge_stress, thin=zones.thin)
+        of_zones = {name: getattr(zones, name) for name in ("edge_stress", "thin_stress", "thin")}
+        return replace(beyond, **of_zones)
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
     if not np.isfinite(exposure).any():

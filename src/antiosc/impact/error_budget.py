@@ -49,6 +49,7 @@ from antiosc.impact.stretching import (
     NEGLIGIBLE,
     ROUGH,
     WARN,
+    before_peak,
     beyond_third_order,
     differences,
     stretch_shares,
@@ -391,7 +392,7 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     else:
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
-    return stretch_shares(stretch_errors)
+    return stretch_shares(stretch_errors, before_peak(hit))
 
 
 def _beyond_third_order(hit: History, share: float) -> str:

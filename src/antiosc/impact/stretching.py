@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Generic, TypeVar
 
@@ -45,6 +46,8 @@ BY_CHANCE = 0.05
 #: Error of the force over the product of its energies of third and fourth order: 0.2 to 2.2 of nine
 #: random pieces of tubes (docs/howto/thin_sheets.md), less of shallow caps.
 BEYOND = 2.0
+#: Times up to the peak of a force at which energies are compared.
+SAMPLES = 200
 #: Change by the last of them from which a sentence tells it; below, the error budget does.
 WARN = 1e-2
 #: Error above which another program is advised.
@@ -169,7 +172,8 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     found.assembly.stretch_settled = series.unsettled <= aim
     if last and series.unsettled > limit:
-        return found, _not_enough(motions(found), last, limit, series.left_out)
+        share = stretch_shares(last, before_peak(found))["peak_force"]
+        return found, _not_enough(motions(found), last, share, limit, series.left_out)
     return found, ""
 
 
@@ -228,8 +232,24 @@ def motions(history: History) -> int:
 
 def released(history: History) -> float:
     """The largest energy that second-order forces release, over the largest linear one."""
-    shares = [-float((quadratic + cubic).min()) for quadratic, cubic in _energies(history)]
+    energies = _energies(history, partial(sampled_motion, history))
+    shares = [-float((quadratic + cubic).min()) for quadratic, cubic in energies]
     return max([0.0, *shares])
+
+
+def before_peak(history: History) -> float:
+    """The largest energy of the second-order forces before the last peak of a contact's force, over
+    the largest linear one before it: about the most by which they may change the peak.
+    """
+    contacts = [contact for contact in history.contact_histories if contact.contacts]
+    peaks = [float(contact.time[int(np.argmax(contact.force))]) for contact in contacts]
+    times = np.linspace(0.0, max(peaks, default=0.0), SAMPLES)
+    motion = history.states(times)[0]
+    shares = [
+        np.abs(third).max() + np.abs(four).max()
+        for third, four in _energies(history, lambda _: motion)
+    ]
+    return float(max([0.0, *shares]))
 
 
 def beyond_third_order(history: History) -> float:
@@ -238,16 +258,20 @@ def beyond_third_order(history: History) -> float:
     Energies of third and fourth order are U₃ and U₄, of the linear one; the next is about U₃ U₄. A
     flat sheet has no U₃, and none beyond U₄.
     """
-    shares = [float(np.abs(third).max() * np.abs(four).max()) for third, four in _energies(history)]
+    energies = _energies(history, partial(sampled_motion, history))
+    shares = [float(np.abs(third).max() * np.abs(four).max()) for third, four in energies]
     return BEYOND * max([0.0, *shares])
 
 
-def _energies(history: History) -> Iterator[tuple[Array, Array]]:
-    """Energies (n,) of the quadratic and the cubic forces of each body, over the largest linear."""
+def _energies(history: History, motion: Callable[[Array], Array]) -> Iterator[tuple[Array, Array]]:
+    """Energies (n,) of the quadratic and the cubic forces of each body, over the largest linear.
+
+    motion : modal displacements (n, J) from the frequencies of a body.
+    """
     a = history.assembly
     for name, forces in a.stretched.items():
         omega = a.bodies[name].omega
-        q = sampled_motion(history, omega)[:, a.spans[name]]
+        q = motion(omega)[:, a.spans[name]]
         linear = float(np.sum((omega * q) ** 2, axis=1).max()) / 2 or 1e-300
         amplitude = q @ forces.modes
         quadratic, cubic = stretch_forces(forces.quadratic, forces.cubic, amplitude)
@@ -284,22 +308,26 @@ def differences(first: History, second: History) -> dict[str, float]:
     return {**worst, "deflection": max(apart, default=0.0)}
 
 
-def stretch_shares(changes: Mapping[str, float]) -> dict[str, float]:
+def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, float]:
     """Shares of the error bars by motions that are left out, from what two more of them change.
 
-    The change of a peak force may vanish by chance: the deflection's counts too.
+    The change of a peak force may vanish by chance: the deflection's counts too, where the
+    energy `before_peak` allows as much.
     """
     worst = max(changes.get(name, 0.0) for name in DECIDING)
-    lower_bound = max(bars.FLOOR * worst, STRETCH_LEAST)
+    floors = dict.fromkeys(bars.QUANTITIES, bars.FLOOR * worst)
+    floors["peak_force"] = min(bars.FLOOR * worst, before)
     return {
-        name: STRETCH_SAFETY * max(changes.get(name, 0.0), lower_bound) for name in bars.QUANTITIES
+        name: STRETCH_SAFETY * max(changes.get(name, 0.0), floor, STRETCH_LEAST)
+        for name, floor in floors.items()
     }
 
 
 def _not_enough(
-    count: int, last: dict[str, float], limit: float, left_out: Sequence[int] = ()
+    count: int, last: dict[str, float], share: float, limit: float, left_out: Sequence[int] = ()
 ) -> str:
-    """Sentence on the quantities that change by more than a limit with each two modes more.
+    """Sentence on the quantities that change by more than a limit with each two modes more; `share`
+    of the error bar of the force.
 
     The impulse has no number: momentum bounds its bar.
     """
@@ -308,23 +336,23 @@ def _not_enough(
     settled = ""
     if "peak_force" not in unsettled:
         settled = f" The force holds: they change it by {percent(last['peak_force'])}."
-    force, deflection = stretch_shares(last)["peak_force"], STRETCH_SAFETY * last["deflection"]
+    deflection = STRETCH_SAFETY * last["deflection"]
     errors = {
-        "peak_force": f'an error of {percent(force)} of the force (the share "stretch" of its bar)',
-        "impulse": "one of the impulse (in its bar)",
-        "deflection": f"an error of {percent(deflection)} of the deflection",
+        "peak_force": f'of {percent(share)} of the force (the share "stretch" of its bar)',
+        "impulse": "of the impulse (in its bar)",
+        "deflection": f"of {percent(deflection)} of the deflection",
     }
     left = " and ".join(errors[name] for name in unsettled)
     name, worst = max(unsettled.items(), key=lambda entry: entry[1])
     advice = f"Take the {words} with this error."
-    if max(force, deflection) > ROUGH:
+    if max(share, deflection) > ROUGH:
         advice = f"{NARROWING}{NARROWED}."
     away = ""
     if left_out:
         numbers = " and ".join(map(str, left_out))
         away = f" Runs of {numbers} motions, which ran away from the others, are left out."
     return (
-        f"Second-order forces leave {left}: the deflection is so large or so local that those of"
-        f" {count} motions still change the {name.removeprefix('peak_')} by {percent(worst)} with"
-        f" each two more, and more are not taken.{away}{settled} {advice}"
+        f"Second-order forces leave an error {left}: the deflection is so large or so local that"
+        f" those of {count} motions still change the {name.removeprefix('peak_')} by"
+        f" {percent(worst)} with each two more, and more are not taken.{away}{settled} {advice}"
     )

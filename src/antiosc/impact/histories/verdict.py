@@ -124,10 +124,21 @@ class YieldingZone(NamedTuple):
         """Largest von Mises stress [Pa] on the surface of the ball, by Hertz's pressure on a
         half-space; 0 for a part that is too thin for it.
         """
-        if self.is_thin:
-            return 0.0
+        return 0.0 if self.is_thin else self._half_space_stress
+
+    @property
+    def thin_stress(self) -> float:
+        """The same stress within the thickness of a part that is too thin; 0 of others."""
+        return self._half_space_stress if self.is_thin else 0.0
+
+    @property
+    def _half_space_stress(self) -> float:
+        """Largest von Mises stress [Pa] on the surface of the ball in a half-space, within the
+        thickness.
+        """
         distance = CONTACT_RADII * self.radii[0]
-        angles = np.linspace(0, np.pi / 2, ANGLES)
+        steepest = np.arccos(min(self.depth / distance, 1.0))
+        angles = np.linspace(steepest, np.pi / 2, ANGLES)
         r, z = distance * np.sin(angles), distance * np.cos(angles)
         stresses = hertz_stresses(self.force, self.radii[0], self.nu, r, z)
         return float(von_mises(stresses).max())
