@@ -374,6 +374,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         raise
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
+        reason = re.sub(r"(\b\w+ \d+) \1\b", r"\1", reason)  # gmsh says some surfaces twice
         reason = reason[:200] or "it gives no reason"
         if ask.solid or (gmsh.model.getDimension() > 0 and suffix in GEOMETRY):
             raise UnmeshableError(f"gmsh cannot mesh {ask.name}: {reason}.") from error

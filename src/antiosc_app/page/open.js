@@ -394,8 +394,12 @@ class Bench {
   lent(own, origin) {
     const before = this.facts.constants[origin];
     const alike = ["E", "rho"].every((name) => Math.abs(own[name] - before[name]) <= this.facts.same_kind * before[name]);
-    if (!alike) return `Its strength does not grow with the strain rate, for it is not of the kind of ${origin}${own.yield_range ? `, whose range, in proportion to the yield strength, it has until you change it` : ""}.`;
-    return `The growth of its strength with the strain rate is that of ${origin}${own.yield_range ? ", and its range, until you change it, too: both in proportion to the yield strength" : ", in proportion to the yield strength"}.`;
+    const lends = [own, before].every((one) => one.yield_range) && own.yield_range.every((end, i) => {
+      return Math.abs(end / own.yield_strength / (before.yield_range[i] / before.yield_strength) - 1) < 1e-3;
+    });
+    const range = lends ? ` Its range of the yield strength is that of ${origin}, in proportion, until you change it.` : "";
+    if (!alike) return `It is another kind of material than ${origin}: its strength does not grow with the strain rate.${range}`;
+    return `The growth of its strength with the strain rate is that of ${origin}, in proportion to the yield strength.${range}`;
   }
 
   // The range of the yield strength of a deck, once that is given.

@@ -317,6 +317,16 @@ def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
     assert (margin.edge_stress == 0.0) == is_thin
     assert margin.thin == pytest.approx(thickness if is_thin else np.inf)
     assert (f"is {int(10 * thickness) / 10:g} contact radii thick" in margin.sentence) == is_thin
+    radius = hit_zone(hit).radii[0]
+    mean = hit.peak_force / np.pi / radius**2  # of the axis, where a half-space bears most
+    z = min(thickness, CONTACT_RADII)
+    along = -1 / (1 + z**2)
+    across = -(1 + alu.nu) * (1 - z * np.arctan2(1, z)) - along / 2
+    of_axis = 1.5 * mean * abs(along - across)
+    if is_thin:  # three radii are within it
+        assert margin.thin_stress == pytest.approx(of_axis, rel=0.05)
+        assert margin.stresses[1] >= 1.1 * margin.thin_stress
+    assert (margin.thin_stress == 0.0) != is_thin
     assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
 
 
