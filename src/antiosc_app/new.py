@@ -415,7 +415,9 @@ class Inspection:
             parts = source(self.structure).materials_of(self.structure, None)
             thickness = min(getattr(material, "thickness", thickness) for material in parts)
             return f"{text}, {1e3 * thickness:.4g} mm thick"
-        return f"{text}, taken as {1e3 * thickness:.4g} mm thick at first: the file has no thickness"
+        return (
+            f"{text}, taken as {1e3 * thickness:.4g} mm thick at first: the file has no thickness"
+        )
 
     def unit_text(self) -> str:
         """The unit of the file and why it is taken, with the part's size in other units."""

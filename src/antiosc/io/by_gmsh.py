@@ -10,6 +10,7 @@ estimated before a geometry is meshed. `cad` knows units, assemblies and names o
 from __future__ import annotations
 
 import inspect
+import re
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
