@@ -339,7 +339,7 @@ def test_a_mesh_off_its_surface_is_told_apart():
 
 
 def test_of_meshes_that_are_off_the_next_or_the_nearest_is_taken():
-    def once(number, limit=None):
+    def once(number, limit=None, told=""):
         share = offs.pop(0)
         if share is None:
             raise UnmeshableError("no")
