@@ -28,7 +28,7 @@ def test_a_contact_that_is_too_short_for_the_model_is_told():
         warnings.simplefilter("error")
         truth = ao.simulate(whole, BALL, LAW, 4e-3)
     few = chain(8)
-    with pytest.warns(ao.AccuracyWarning, match="band of the contact"):
+    with pytest.warns(ao.AccuracyWarning, match="too few for this contact"):
         hit = ao.simulate(few, BALL, LAW, 4e-3)
     assert "8 anti-oscillators" in hit.summary()
     wrong = abs(hit.peak_force / truth.peak_force - 1)

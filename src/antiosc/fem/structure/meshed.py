@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -36,7 +36,7 @@ from antiosc.fem.linalg.solver import checked_choice
 from antiosc.fem.linalg.solver_choice import attach
 from antiosc.fem.linalg.two_levels import without
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.mesh.closest import ClosestPoints, closest_many
+from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many
 from antiosc.fem.mesh.surface import DEGREE, Faces, WeightedPoints, largest, quadrature
 from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat, warn
@@ -347,6 +347,14 @@ class MeshedStructure(StructureMatrices):
         for number, (_, cells) in enumerate(self.parts):
             part[cells] = number
         return part
+
+    def material_at(self, nearest: ClosestPoint) -> Any:
+        """The material of the cell that holds a point, on all ranks."""
+        if len(self.parts) == 1:
+            return self.parts[0][0]
+        comm = self.mesh.comm
+        label = int(self.part_of_cells()[nearest.cell]) if comm.rank == nearest.rank else 0
+        return self.parts[comm.bcast(label, root=nearest.rank)][0]
 
     @cached_property
     def axes_and_sides(self) -> tuple[Array, Array]:

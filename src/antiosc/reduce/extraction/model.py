@@ -36,7 +36,7 @@ def info_of_model(
     measured, converged = checked_modes(structure, known, method)
     firsts = {name: columns[0] for name, columns in group.items()}
     cells = {name: first.cell for name, first in firsts.items() if first.cell is not None}
-    return ModelInfo(
+    info = ModelInfo(
         structure=structure.describe(),
         dofs=structure.dofs,
         method=method,
@@ -53,6 +53,21 @@ def info_of_model(
         no_estimate=_no_estimate(structure),
         **structure.matrices.plausibility,
     )
+    return replace(info, thickness=_thickness_at(structure, firsts, info.thickness))
+
+
+def _thickness_at(
+    structure: Structure, sites: Mapping[str, Functional], least: float | None
+) -> float | None:
+    """The thickness of a sheet at its sites, whose deflection it judges; of others the `least`."""
+    if least is None:
+        return None
+    from antiosc.reduce.site.surface import material_at  # given matrices do without meshes
+
+    places = [(site.point, site.direction) for site in sites.values()]
+    materials = [material_at(structure, x, along) for x, along in places if x is not None]
+    found = [getattr(getattr(one, "section", None), "thickness", least) for one in materials]
+    return min(found, default=least)
 
 
 def _no_estimate(structure: Structure) -> str | None:

@@ -324,9 +324,11 @@ def cell_and_waves(
     """(longest edge of a cell [m], wave speed × radius of gyration in bending [m²/s], wave speed
     [m/s]).
 
-    `sides` (3,) [m]: sides of the box around the part; `thickness`: that of a sheet or beam, or of
-    that box.
+    `sides` (3,) [m]: sides of the box around the part; `thickness`: that of a beam, or of that box.
     """
+    material = structure.material_at(nearest)
+    if structure.kind.sheet:
+        thickness = material.section.thickness
     mesh = structure.mesh
     x = corners_at(mesh, nearest)
     edges = x[:, None] - x[None]
@@ -337,7 +339,7 @@ def cell_and_waves(
     else:  # how far it points out of the cell's tangents
         tangents = np.linalg.svd(edges.reshape(-1, 3), full_matrices=False)[2][: mesh.tdim]
         bending_share = float(np.linalg.norm(direction - (direction @ tangents.T) @ tangents))
-    speed = max(material.bar_speed() for material, _ in structure.parts)
+    speed = material.bar_speed()
     gyration = thickness / sqrt(12) if bending_share > ALONG else 0.0
     return size, speed * gyration, speed
 

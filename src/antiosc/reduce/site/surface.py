@@ -166,12 +166,7 @@ class _Struck:
     def material(self) -> Any:
         """The material of the part at the point."""
         part = self.member.part
-        if len(part.parts) == 1:
-            return part.parts[0][0]
-        nearest = closest(part.mesh, self.point)
-        comm = part.mesh.comm
-        label = int(part.part_of_cells()[nearest.cell]) if comm.rank == nearest.rank else 0
-        return part.parts[comm.bcast(label, root=nearest.rank)][0]
+        return part.material_at(closest(part.mesh, self.point))
 
     def curvature(self, lengths: bool) -> Curvature:
         """Curvature of the outer surface, in the axes of the structure; see `curvature_at`."""
