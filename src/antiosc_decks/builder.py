@@ -76,12 +76,28 @@ def left_out(deck: Deck, selected: BoolArray) -> BoolArray:
     return flat
 
 
+def _in_kilograms_force(name: str, modulus: float, rho: float) -> str:
+    """Remark on a modulus [Pa] that suits its density [kg/m³] in kgf per area alone; else ""."""
+    likely = [density_like(modulus), density_like(GRAVITY * modulus)]
+    as_read, in_kgf = (abs(log10(rho / one)) for one in likely)
+    if in_kgf > EQUAL_DENSITY or as_read <= EQUAL_DENSITY:
+        return ""
+    return (
+        f"The modulus of elasticity of {name}, {modulus / 1e9:.3g} GPa, is that of no common"
+        f" material of {rho:.4g} kg/m³; in kgf per area it would be"
+        f" {GRAVITY * modulus / 1e9:.3g} GPa: if it is, multiply E and G of the deck, and its"
+        f" strengths, by {GRAVITY:g}."
+    )
+
+
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Poisson's ratio of a material that has the modulus of the caller.
 POISSON = 0.3
 #: Decades between a density and that of a common material of the same modulus, up to which it is
 #: one: titanium and magnesium lie 0.25 from the nearest, foams and woods further off.
 SAME_DENSITY = 0.4
+#: The same of a material that has this density, and another modulus.
+EQUAL_DENSITY = 0.05
 #: Direction cosines below this are rounding errors.
 LEAST_TERM = 1e-12
 
@@ -209,8 +225,9 @@ class ModelBuilder:
             f" units of {self.deck.name}, more than any solid has: it is taken as {words},"
             f" {meant:.4g} kg/m³; masses at nodes are taken as they are."
         )
-        if sentence not in self.deck.remarks:
-            self.deck.remarks.append(sentence)
+        for told in (sentence, _in_kilograms_force(material.name, modulus, meant)):
+            if told and told not in self.deck.remarks:
+                self.deck.remarks.append(told)
         return meant
 
     def isotropic(self, material: Material, what: str) -> Json:

@@ -32,3 +32,14 @@ def test_a_density_is_not_changed_beside_a_modulus_that_is_none_either(tmp_path)
     text = inp.CUBE + inp.STEEL.replace("2E5", "2E11").replace("8.E-9", "7850.") + inp.SOLID
     model, _ = inp.read(tmp_path, text)  # in SI units, read as mm
     assert model["families"][0][2]["rho"] == pytest.approx(7850e12)
+
+
+@pytest.mark.parametrize(("modulus", "doubted"), [("7377.728", True), ("72350.", False)])
+def test_a_modulus_in_kilograms_force_is_told(tmp_path, modulus, doubted):
+    """A wing of aluminium in kgf/mm² and kg/mm³: its density was mended, its modulus not."""
+    steel = inp.STEEL.replace("2E5", modulus).replace("8.E-9", "2.82e-6")
+    _, deck = inp.read(tmp_path, inp.CUBE + steel + inp.SOLID)
+    told = [sentence for sentence in deck.remarks if "kgf per area" in sentence]
+    assert len(told) == doubted
+    assert not doubted or "7.38 GPa" in told[0]
+    assert not doubted or "72.4 GPa" in told[0]
