@@ -70,7 +70,7 @@ from antiosc.extension import (
     unstretched_text,
     weaker_side,
 )
-from antiosc.models.auto_contact import piercing
+from antiosc.models.auto_contact import choice_of, piercing
 from antiosc.models.body import info_of, site_points
 from antiosc.models.stretch import MOST_ASKED, NARROWED
 from antiosc_app.scene_file.run import coarse_cells, error_budget
@@ -382,7 +382,7 @@ def halved(size: str, dim: int) -> str:
 
 #: Where the yield strength of a material of one's own is given.
 OWN_STRENGTH = where_to_change(
-    "yield_strength, yield_range", "own material in the list of materials"
+    "yield_strength, yield_range", "own material in the list of materials, or the fields of a deck"
 )
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
@@ -396,8 +396,14 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
     "stretch": "extract with a larger number of motions (in a scene: stretch in [extract])",
-    "law": f"give the yield strength of the part's own material and its range ({OWN_STRENGTH})",
+    "law": "give the yield strength of the part's own material, and its range as its tests have it"
+    f" ({OWN_STRENGTH})",
 }
+#: The end of a sentence on a law whose yield strength has no range.
+NO_RANGE = (
+    "the yield strength is taken as exact, and its range, where it has one, comes on top"
+    f" ({OWN_STRENGTH})"
+)
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
@@ -1096,10 +1102,17 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
+    ending = NO_RANGE if cause == "law" and _exact_strength(hit) else f"{NARROWING.lower()}{remedy}"
     return (
         f"the largest part of the bar of the peak force comes from the {cause},"
-        f" {percent(getattr(bar, cause))}: {NARROWING.lower()}{remedy}."
+        f" {percent(getattr(bar, cause))}: {ending}."
     )
+
+
+def _exact_strength(hit: History) -> bool:
+    """Whether the contact yields by a strength without a range."""
+    choice = choice_of(hit.law, hit.model, hit.impactor)
+    return choice is not None and choice.soft is not None and choice.soft.yield_range is None
 
 
 def _remedy_of_stretch(hit: History) -> str:

@@ -174,13 +174,9 @@ class OwnMaterial:
         if not self.origin or self.yield_strength is None:
             return None
         origin = materials.record(self.origin)
-        if origin.rate is None or origin.yield_strength is None:
-            return None
         if not materials.same_kind((self.E, origin.E), (self.rho, origin.rho)):
             return None
-        D, q, *strengths = origin.rate
-        share = self.yield_strength / origin.yield_strength
-        return D, q, *(share * strength for strength in strengths)
+        return materials.growth(origin, self.yield_strength)
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,7 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, NotTakenWarning
+from antiosc.base.materials import growth_like
 from antiosc.extension import (
     Attachment,
     Family,
@@ -206,7 +207,8 @@ def read_model(
         their Poisson's ratio is 0.3.
     yield_strength
         Yield strength in Pa of the isotropic materials, which decks do not state; margins and
-        contacts that yield need it.
+        contacts that yield need it. It grows with the strain rate, in the error of the contact's
+        law, as that of the material of the table with like E and density.
     yield_range
         Lowest and highest yield strength of batches of these materials, Pa.
     size, merge, timeout, comm
@@ -578,6 +580,9 @@ def _family(
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]
         known = signature(family).parameters
-        return family(**values, **{name: strengths[name] for name in strengths if name in known})
+        given: dict[str, Any] = {name: strengths[name] for name in strengths if name in known}
+        if "yield_strength" in given and "rate" in known:
+            given["rate"] = growth_like(values["E"], values["rho"], given["yield_strength"])
+        return family(**values, **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -4,6 +4,7 @@ const ENLARGED = 0.08, FRAMES = 60, CLOSE = 42; // of the size of the part; of a
 const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colours where the largest value exceeds it so many times
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const ARROW = 0.5; // length of the arrow over half the size of the part
+const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
 const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
@@ -110,7 +111,8 @@ class Part {
     const { point, direction } = this.place, d = unit(direction);
     this.nearest ??= nearest(this.rest, point);
     const own = [0, 1, 2].map((i) => u[3 * this.nearest + i]), behind = Math.max(dot(own, d) - moved, 0);
-    return own.map((x, i) => this.factor * (x - behind * d[i]));
+    const off = Math.min(this.factor * behind, LEAVES * this.data.half);
+    return own.map((x, i) => this.factor * x - off * d[i]);
   }
 
   // The end of the arrow in the set-up.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 import abaqus_decks as inp
+import antiosc as ao
 
 #: Density in a deck of mm, N and MPa, of steel -> kg/m³, and the unit that is told.
 STATED = {
@@ -43,3 +44,23 @@ def test_a_modulus_in_kilograms_force_is_told(tmp_path, modulus, doubted):
     assert len(told) == doubted
     assert not doubted or "7.38 GPa" in told[0]
     assert not doubted or "72.4 GPa" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("modulus", "density", "strength", "rate"),
+    [
+        ("2.1E5", "7.85e-9", 240e6, (6844, 3.91, 430e6 * 240 / 275)),  # as S275, which grows most
+        ("2.1E5", "7.85e-9", 700e6, (3200, 5)),  # as S690
+        ("7E4", "2.7e-9", 240e6, None),  # the growth of aluminium is not known
+    ],
+)
+def test_a_strength_that_is_given_grows_as_that_of_its_kind(
+    tmp_path, modulus, density, strength, rate
+):
+    """A steel of 235 MPa of a deck had a bar of 6.5 %, S235 by name one of 23 %."""
+    path = tmp_path / "cube.inp"
+    steel = inp.STEEL.replace("2E5", modulus).replace("8.E-9", density)
+    path.write_text(inp.CUBE + steel + inp.SOLID, encoding="utf-8")
+    part = ao.read_model(path, unit="mm", yield_strength=strength)
+    ((material, _),) = part.matrices.parts
+    assert material.rate == (rate and pytest.approx(rate))
