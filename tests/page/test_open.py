@@ -296,7 +296,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
         sentence for sentence in stressed["verdict"] if "stresses the part most" in sentence
     )
     assert f"{most:.3g} of the yield strength" in told
-        assert "The zone of the contact itself and what the radius of its patch hides" in told
+    assert "The zone of the contact itself and what the radius of its patch hides" in told
     sure = ~np.array(sites["doubtful"])
     sought = np.isfinite(sites["quantities"]["exposure"])
     assert np.array_equal(sure, sought)  # doubtful sites count in nothing
