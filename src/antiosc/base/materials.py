@@ -153,14 +153,20 @@ def growth_like(E: float, rho: float, strength: float) -> tuple[float, ...] | No
         return None
     limit = max(min(alike)[0], log10(LIKE_STRENGTH))
     return max(
-        (grown for far, grown in alike if far <= limit), key=lambda one: _grown(one, strength)
+        (grown for far, grown in alike if far <= limit),
+        key=lambda one: strength_at(one, strength, BLOW_RATE),
     )
 
 
-def _grown(rate: tuple[float, ...], strength: float) -> float:
-    """The strength [Pa] at `BLOW_RATE`."""
-    D, q, *static = rate
-    return float((static[0] if static else strength) * (1 + (BLOW_RATE / D) ** (1 / q)))
+def strength_at(rate: tuple[float, ...], strength: float, strain_rate: float) -> float:
+    """The strength [Pa] at a strain rate [1/s], of `rate` and the slow strength [Pa].
+
+    S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper, Brown University Applied
+    Mathematics Report 28 (1957).
+    """
+    D, q, *of_rate = rate
+    static = of_rate[0] if of_rate else strength
+    return static * (1 + (strain_rate / D) ** (1 / q))
 
 
 def _words(name: str) -> list[str]:

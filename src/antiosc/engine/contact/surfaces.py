@@ -56,17 +56,13 @@ class Matter:
         """Lower and upper bound of the yield strength [Pa] at a strain rate [1/s].
 
         The lower bound is that of slow tests; the upper bound is that of the range, or the strength
-        at the rate if it is larger: S (1 + (strain rate/D)^(1/q)), P. S. Symonds and G. R. Cowper,
-        Brown University Applied Mathematics Report 28 (1957). Both are 0 for a material that does
-        not yield.
+        at the rate if it is larger. Both are 0 for a material that does not yield.
         """
         slow_strength = self.yield_strength or 0.0
         low, high = self.yield_range or (slow_strength, slow_strength)
         if self.rate is None:
             return low, high
-        D, q, *rate_strength = self.rate
-        static = rate_strength[0] if rate_strength else slow_strength
-        return low, max(high, static * (1 + (strain_rate / D) ** (1 / q)))
+        return low, max(high, materials.strength_at(self.rate, slow_strength, strain_rate))
 
 
 RIGID = Matter(inf)
