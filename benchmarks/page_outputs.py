@@ -38,8 +38,8 @@ REFERENCE = "api/"
 #: Longer lines are wrapped, unless they are rows of a table; so many blanks begin what goes on.
 LONGEST, WIDTH, BLANKS = 110, 96, 14
 #: Figures of lines with these words are those of the machine, or rounding; rows of `tradeoff` have
-#: seconds.
-NOISE = re.compile(r"seconds|energy drift|force error|^step |^antiosc  ")
+#: seconds, and which is the cheapest follows from them.
+NOISE = re.compile(r"seconds|energy drift|force error|^step |^antiosc  |^cheapest: ")
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 #: Relative difference of figures of two kinds of processor.
 SAME = 0.02
