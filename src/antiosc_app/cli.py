@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
-from antiosc.base.errors import AntioscError, warnings_to
+from antiosc.base.errors import AntioscError, labelled, warnings_to
 from antiosc.base.progress import print_text, with_time
 from antiosc_app import info
 from antiosc_app.words import of_scenes
@@ -58,7 +58,7 @@ class _Warned:
         """Print a warning, unless it was printed before."""
         if message not in self._told:
             self._told.add(str(message))
-            print_text(f"warning: {message}", sys.stderr)
+            print_text(labelled(message), sys.stderr)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import antiosc
 from antiosc import impact_band
 from antiosc.base import checks
-from antiosc.base.errors import AntioscError, InputError, weight
+from antiosc.base.errors import AntioscError, InputError, labelled, weight
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
@@ -95,7 +95,7 @@ def _open(options: Namespace) -> int:
 def _check(options: Namespace) -> int:
     """Run `antiosc check`; returns the exit code."""
     scene = compiled(read(options.file))
-    sentences = [*(f"warning: {sentence}" for sentence in scene.warnings), *outline.check(scene)]
+    sentences = [*map(labelled, scene.warnings), *outline.check(scene)]
     print_text(
         f"{options.file}: no mistakes found; for {', '.join(scene.does()) or 'nothing to run'}."
     )
@@ -130,7 +130,7 @@ def _export(options: Namespace) -> int:
     with run.collected_warnings(scene.warnings):
         evaluate(Call(antiosc.export, arguments))
     for sentence in scene.warnings:
-        print_text(f"warning: {sentence}", sys.stderr)
+        print_text(labelled(sentence), sys.stderr)
     print_text(f"wrote {options.out}")
     return 0
 
@@ -184,7 +184,7 @@ def _tradeoff(options: Namespace) -> int:
     compared = time.perf_counter()
     print_text(f"\n{tradeoff.summary()}\n{WORST}\n{tradeoff.message}")
     for sentence in scene.warnings:
-        print_text(f"warning: {sentence}", sys.stderr)
+        print_text(labelled(sentence), sys.stderr)
     if options.chart is not None:
         print_text(f"wrote {tradeoff.plot(options.chart)}")
     if page is not None:
@@ -283,7 +283,7 @@ def _study(options: Namespace) -> int:
     if page is not None:
         written += report.write_page(computed, parts, page)
     for sentence in filter(weight, results.beside(computed, parts)):
-        print_text(f"warning: {sentence}", sys.stderr)
+        print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))
     return int(_stopped_early(computed))

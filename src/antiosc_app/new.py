@@ -226,7 +226,8 @@ class Inspection:
     read : arguments of `read_mesh` besides the file.
     low, high : (3,) corners of its box.
     groups : names of its groups.
-    shape, n_cells : shape and number of its cells.
+    shape, n_cells : shape of its largest mesh, and the number of cells of that dimension.
+    kinds : shape -> number of cells, of all parts of a deck; {}: `shape` alone.
     where : groups that are held; plane : (point, normal) of supported nodes; neither: free.
     on_plane : names of the groups that lie on that plane; foot : whether it holds the part at a
         small foot.
@@ -289,12 +290,15 @@ class Inspection:
     kept: str = ""
     divided: str = ""
     dofs: int = 0
+    kinds: dict[str, int] = field(default_factory=dict)
 
     @property
     def cells(self) -> str:
         """The number and kind of its cells in words."""
         divided = f" ({self.divided}, divided)" if self.divided else ""
-        return f"{self.n_cells} cells of kind {self.shape}{divided}"
+        (shape, count), *others = (self.kinds or {self.shape: self.n_cells}).items()
+        besides = "".join(f", {number} of kind {other}" for other, number in others)
+        return f"{count} cells of kind {shape}{besides}{divided}"
 
     def forecast(self, size: float | None = None, n: int | None = None) -> Forecast:
         """Forecast of a model of `n` anti-oscillators with cells of another size [m].
@@ -685,6 +689,7 @@ def _inspect_mesh(
     # each node that is not held has three dofs or more
     dofs = 3 * int((~supported).sum()) if structure is None else structure.dofs
     plate = family == "Solid" and longest > LIKE_A_PLATE * thickness
+    kinds, n_cells = ({}, mesh.n_cells) if structure is None else _cells_of(structure, mesh.tdim)
     count = min(COUNTS["Shell" if plate else family], dofs // DOFS_FOR_EACH)
     return Inspection(
         family,
@@ -693,7 +698,7 @@ def _inspect_mesh(
         high,
         list(mesh.groups),
         mesh.cell,
-        mesh.n_cells,
+        n_cells,
         where,
         plane,
         _rounded(point, size),
@@ -716,7 +721,22 @@ def _inspect_mesh(
         meshed=meshed,
         largest=longest_cell(x[nodes[:, : len(mesh.geometry.corners)]]),
         dofs=_counted(mesh) if structure is None else structure.dofs,
+        kinds=kinds,
     )
+
+
+def _cells_of(structure: Structure, dim: int) -> tuple[dict[str, int], int]:
+    """(shape -> number of its cells in all parts, the most first; number of those of dimension
+    `dim`).
+    """
+    from antiosc.extension import with_parts
+
+    meshes = [member.part.mesh for member in with_parts(structure).members()]
+    counts: Counter[str] = Counter()
+    for mesh in meshes:
+        counts[mesh.cell] += mesh.n_cells
+    of_dim = sum(mesh.n_cells for mesh in meshes if mesh.tdim == dim)
+    return dict(counts.most_common()), of_dim
 
 
 def _counted(mesh: Mesh) -> int:

@@ -31,6 +31,7 @@ from antiosc import AntiOscillators, History, ImpactMap
 from antiosc.base import checks, materials, progress
 from antiosc.base.errors import (
     AntioscError,
+    ChoiceWarning,
     InputError,
     by_weight,
     warn,
@@ -87,6 +88,7 @@ from antiosc_app.until_parted import (
     Choice,
     duration_of_map,
     rounded_up,
+    tell_radius,
     until_parted,
 )
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
@@ -600,10 +602,10 @@ class Opened:
                 break
             set_up = better
             reasons += why
-        if set_up.radius is not None and set_up.radius != asked.radius:
-            radius = engineering(set_up.radius, "m")
-            warn(f"The patch has grown to a radius of {radius}, which carries the force.")
-        for message in [*reasons, *messages]:
+        tell_radius(asked.radius, set_up.radius)
+        for reason in reasons:
+            warn(reason, ChoiceWarning)
+        for message in messages:
             warn(message)
         return blow
 

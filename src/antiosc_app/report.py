@@ -26,6 +26,7 @@ import antiosc
 from antiosc import Fall, History, ImpactMap, SceneHistory
 from antiosc.base import checks, files
 from antiosc.base.errors import (
+    NOTE,
     AntioscError,
     InputError,
     MissingDependencyError,
@@ -274,7 +275,8 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
         first=[capitalised(one) for one in warnings if not weight(one)],
-        warnings=[capitalised(one) for one in warnings if weight(one)],
+        warnings=[capitalised(one) for one in warnings if 0 < weight(one) < NOTE],
+        choices=[capitalised(one) for one in warnings if weight(one) == NOTE],
         headline=headline,
         sections=_untold(
             (picture for part_shown in parts for picture in part_shown.sections.items()), headline

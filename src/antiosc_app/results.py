@@ -372,9 +372,8 @@ def advice_of(results: SceneResults) -> Rows:
         return rows
     try:
         advice = advise(results.structure, results.impactor)
-    except AntioscError as error:
-        reason = str(error).partition(": give advise")[0]
-        return [*rows, ("element family", f"no advice: {reason}")]
+    except AntioscError:
+        return rows
     return [
         *rows,
         ("sufficient element family", advice.family),

@@ -16,8 +16,8 @@ from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.new import ON_PLANE, Inspection, sides_of
 
-#: Name of the plane at which a new scene supports a part without named groups.
-PLANE = "side of the box"
+#: What the sides along z are called besides.
+DOWNWARD = {"-z": ", below", "+z": ", on top"}
 #: The table of a support.
 Held: TypeAlias = Mapping[str, Any]
 
@@ -28,7 +28,8 @@ class PageSkin(NamedTuple):
     Attributes
     ----------
     data : data for the page; `tags` (T,) number the faces from 1, 0 for none; `sets` are the
-        triangles of each name of `faces`, which may be those of another name too.
+        triangles of each name of `faces`, which may be those of another name too, and `nodes` the
+        points of each that is an edge or a point of a sheet.
     faces : name -> support that fixes it; groups of edges and points have no triangles.
     held : names of the faces that a new scene fixes.
     """
@@ -49,7 +50,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         shape = geometry(page_surface.points[used_points], faces.reshape(-1, 3))
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = ({}, []) if look.of_deck else _with_usual(_groups(mesh), look)
-        shape["sets"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
+        shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
         return PageSkin(shape, all_faces, held_first)
     outer = Faces(mesh, mesh.tdim < 3)
     groups = _groups(mesh)
@@ -81,10 +82,25 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     all_faces, held_first = (
         _with_usual(groups, look) if has_others or not names else (groups, names)
     )
-    masks[PLANE] = np.isin(np.arange(len(outer)), on_plane)
+    if look.plane is not None:
+        masks[_plane_name(look)] = np.isin(np.arange(len(outer)), on_plane)
     shape["tags"] = owner.astype(np.uint32)
     shape["sets"] = [_triangles(masks[name], doubled) for name in all_faces]
+    lines = [_line_nodes(mesh, held) for held in all_faces.values() if outer.sheet]
+    nodes = lines or [used_points[:0]] * len(all_faces)
+    shape["nodes"] = [np.flatnonzero(np.isin(used_points, own)).astype(np.uint32) for own in nodes]
     return PageSkin(shape, all_faces, held_first)
+
+
+def _line_nodes(mesh: Mesh, held: Held) -> IntArray:
+    """Nodes of the edges or points of a sheet that a support fixes; none where it fixes cells."""
+    from antiosc.fem.platform import compat
+
+    parts = mesh.group(held["where"]) if "where" in held else {}
+    dim = max((dim for dim in parts if dim < mesh.tdim), default=mesh.tdim)
+    if mesh.tdim in parts or dim == mesh.tdim:
+        return np.zeros(0, dtype=int)
+    return np.unique(compat.entity_vertices(mesh.dolfinx, dim)[parts[dim]])
 
 
 def _triangles(mask: BoolArray, doubled: bool) -> IntArray:
@@ -132,7 +148,17 @@ def _with_usual(faces: dict[str, Held], look: Inspection) -> tuple[dict[str, Hel
         return faces, list(look.where)
     if look.plane is None:
         return faces, []
-    return {**faces, PLANE: {"plane": look.plane}}, [PLANE]
+    name = _plane_name(look)
+    return {**faces, name: {"plane": look.plane}}, [name]
+
+
+def _plane_name(look: Inspection) -> str:
+    """Name of the plane at which a new scene supports a part without named groups: its side."""
+    point, normal = np.array(look.plane)
+    axis = int(np.abs(normal).argmax())
+    is_low = point[axis] < (look.low[axis] + look.high[axis]) / 2
+    side = SIDES[2 * axis + (not is_low)]
+    return f"side {side} of the box{DOWNWARD.get(side, '')}"
 
 
 def _faces_on(outer: Faces, plane: Sequence[Sequence[float]] | None, size: float) -> IntArray:

@@ -11,7 +11,8 @@ from math import ceil, floor, log10, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import History
-from antiosc.base.errors import RangeError, warn, warnings_to
+from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
+from antiosc.base.texts import engineering
 
 T = TypeVar("T")
 #: First duration of an impact [s].
@@ -76,6 +77,13 @@ def until_parted(
     for message in messages:
         warn(message)
     return result, choice
+
+
+def tell_radius(first: float | None, taken: float | None) -> None:
+    """A note of the radius [m] of a patch that has grown from the first one."""
+    if taken is not None and taken != first:
+        text = f"The patch has grown to a radius of {engineering(taken, 'm')}, which carries"
+        warn(f"{text} the force.", ChoiceWarning)
 
 
 def _enough(hit: History, least: float) -> float:

@@ -205,3 +205,61 @@ def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, mon
             assert browser.said() == []
     finally:
         page.close()
+
+
+PLACES = """
+const names = (row) => [...row.querySelectorAll("input")].map((one) => one.name);
+const rows = [...document.querySelectorAll("#part label")].filter((one) => !one.hidden);
+const top = (id) => document.getElementById(id).getBoundingClientRect().top;
+const x = [...bench.rest].filter((_, k) => k % 3 === 0);
+return {fields: rows.map((row) => names(row)[0]), held: [...bench.held()], x,
+  shades: [...bench.shade()], verdict: top("verdict"), setup: top("setup")};
+"""
+SHOWN = "return globalThis.page && globalThis.page.hit ? {...document.documentElement.dataset} : {}"
+
+
+def shown(browser, name, turn):
+    """Wait until the page has shown an answer so far."""
+    for _ in range(1200):
+        state = browser.run(SHOWN)
+        assert "failed" not in state, state
+        if int(state.get(name, 0)) >= turn:
+            return
+        time.sleep(0.1)
+    raise AssertionError(state)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(opened):
+    page = View(opened, "plate", "'none'")
+    try:
+        with Browser() as browser:
+            browser.address(page.address, 390)
+            shown(browser, "settled", 1)
+            quick = "{duration: 0.02, n: 10, yield_strength: 2e8, held: ['edges at +x']}"
+            browser.run(f"bench.change({quick})")
+            shown(browser, "settled", 2)
+            places = browser.run(PLACES)
+            at = places["fields"].index("yield_strength")
+            assert places["fields"][at + 1] == "yield_range"
+            at_edge = [value > max(places["x"]) - 1e-4 for value in places["x"]]
+            assert [bool(one) for one in places["held"]] == at_edge  # no triangle beside it
+            triangles = [at_edge[k : k + 3] for k in range(0, len(at_edge), 3)]
+            assert not any(all(one) for one in triangles)
+            assert {round(one, 2) for one in places["shades"]} == {-1.0, -2.4}
+            assert places["verdict"] < places["setup"]
+            browser.run("bench.map()")
+            for _ in range(1200):
+                if browser.run("return Boolean(page.sites)"):
+                    break
+                time.sleep(0.1)
+            mapped = browser.run("page.choose(3); return page.hit.peak_force")
+            browser.run("bench.map()")  # strikes this site
+            shown(browser, "settled", 4)
+            assert browser.run("return page.data.before.peak_force") == mapped
+            told = browser.run("return page.cells.peak_force[1].textContent")
+            assert told.endswith("N")
+            assert browser.said() == []
+    finally:
+        page.close()

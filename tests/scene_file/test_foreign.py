@@ -17,6 +17,7 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
 import antiosc as ao
+from abaqus_decks import plate_deck
 from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
@@ -72,6 +73,16 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
     assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
     assert f"mass {found.mass_text()}" in opened._told_of_file(found)
+
+
+def test_all_kinds_of_cells_of_a_deck_are_counted(tmp_path):
+    path = tmp_path / "mixed.inp"
+    text = plate_deck(6).replace("\n1, 1, 2, 9, 8\n", "\n", 1)  # one square is two triangles
+    triangles = "*ELEMENT, TYPE=S3, ELSET=all\n101, 1, 2, 9\n102, 1, 9, 8\n*NSET"
+    path.write_text(text.replace("*NSET", triangles, 1))
+    look = inspect_part(path, unit="m")
+    assert look.cells == "35 cells of kind quadrilateral, 2 of kind triangle"
+    assert look.forecast().cells == look.n_cells == 37
 
 
 def test_a_deck_is_assembled_and_reduced_once(tmp_path, monkeypatch):

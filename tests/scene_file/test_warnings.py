@@ -15,9 +15,11 @@ import stretched
 from abaqus_decks import plate_deck
 from antiosc.base.errors import (
     AccuracyWarning,
+    ChoiceWarning,
     Message,
     NotTakenWarning,
     by_weight,
+    labelled,
     warn,
     warnings_to,
 )
@@ -53,7 +55,8 @@ STRENGTH = "yield_strength = 60e6\n"
 
 
 def test_what_questions_the_numbers_comes_first_and_nothing_twice():
-    kinds = [(NotTakenWarning, "file"), (ao.AntioscWarning, "model"), (AccuracyWarning, "number")]
+    kinds = [(ChoiceWarning, "taken"), (NotTakenWarning, "file"), (ao.AntioscWarning, "model")]
+    kinds.append((AccuracyWarning, "number"))
     collected: list[str] = []
     with warnings_to(collected.append):
         for _ in range(2):
@@ -63,15 +66,18 @@ def test_what_questions_the_numbers_comes_first_and_nothing_twice():
     with warnings_to(again.append):
         for message in collected:
             warn(message)
-    assert by_weight(again) == ["number of it", "model of it", "file of it"]
-    assert by_weight(again, "Told: Model of it.") == ["number of it", "file of it"]
+    in_order = ["number of it", "model of it", "file of it", "taken of it"]
+    assert by_weight(again) == in_order
+    told = [labelled(one) for one in by_weight(again)]
+    assert told == [f"warning: {one}" for one in in_order[:3]] + ["note: taken of it"]
+    assert by_weight(again, "Told: Model of it.") == [one for one in in_order if "mod" not in one]
     warning = Message("It is rough. To narrow it, use smaller cells.", AccuracyWarning)
     (rest,) = by_weight([warning], "The bar is wide: to narrow it, use smaller cells.")
     assert (rest, rest.category) == ("It is rough.", AccuracyWarning)
     assert by_weight([warning], "To narrow it, wait.") == [warning]
     with run.collected_warnings(again):
         pass
-    assert again == ["number of it", "model of it", "file of it"]
+    assert again == in_order
 
 
 @pytest.mark.fem
@@ -188,10 +194,10 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
     first = told(last)
     assert first.startswith("Second-order forces leave an error of 15 % of the deflection: ")
     assert "The force holds: they change it by 0.02 %" in first
-    assert first.endswith("Take the deflection with this error.")
+    assert first.endswith("they change it by 0.02 %.")  # a share: of the whole bar it says nothing
     of_both = told({**last, "peak_force": 0.02})
     assert "holds" not in of_both
-    assert of_both.endswith("Take the force and deflection with this error.")
+    assert of_both.endswith("and more are not taken.")
     of_large = told({**last, "peak_force": 0.2})
     share = 'an error of 60 % of the force (the share "stretch" of its bar) and of 15 %'
     assert of_large.startswith(f"Second-order forces leave {share}")

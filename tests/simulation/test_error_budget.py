@@ -107,6 +107,10 @@ def test_flat_faces_count_by_what_they_cut_off():
         assert bar.geometry == pytest.approx(expected, rel=0.02)
         assert bar.total == pytest.approx(sum(getattr(bar, cause) for cause in CAUSES))
     assert "Flat faces." in budget.notes
+    little = facts | {"mass": 0.0, "stiffness": (1e-4 * np.append(own.k0, own.k)).tolist()}
+    beside = struck(model(info={"geometry": little})).error_budget  # a curved side away from it
+    assert 0 < beside["peak_force"].geometry < 0.01
+    assert "Flat faces." not in beside.notes
     assert struck(own).error_budget["peak_force"].geometry == 0
 
 

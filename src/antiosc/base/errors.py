@@ -83,6 +83,10 @@ class NotTakenWarning(AntioscWarning):
     """Content of a file that is not taken."""
 
 
+class ChoiceWarning(AntioscWarning):
+    """A choice that was made where nothing is given: no caution, it is told as a note."""
+
+
 class Message(str):
     """Text of a warning that was collected, with its category."""
 
@@ -95,8 +99,9 @@ class Message(str):
         return message
 
 
-#: Weights of warnings: those that question the numbers, those on the model, those on the file.
-QUESTIONS_NUMBERS, ON_MODEL, ON_FILE = range(3)
+#: Weights of warnings: those that question the numbers, those on the model, those on the file, and
+#: notes of what was chosen.
+QUESTIONS_NUMBERS, ON_MODEL, ON_FILE, NOTE = range(4)
 
 
 def weight(message: str) -> int:
@@ -104,7 +109,14 @@ def weight(message: str) -> int:
     category = getattr(message, "category", AntioscWarning)
     if issubclass(category, AccuracyWarning):
         return QUESTIONS_NUMBERS
+    if issubclass(category, ChoiceWarning):
+        return NOTE
     return ON_FILE if issubclass(category, NotTakenWarning) else ON_MODEL
+
+
+def labelled(message: str) -> str:
+    """The message for a terminal, after the word for its weight."""
+    return f"{'note' if weight(message) == NOTE else 'warning'}: {message}"
 
 
 #: Begins the last sentence of a warning or of a verdict, on what narrows an error.

@@ -239,6 +239,8 @@ MOST = 1e-4
 INSTANTS = 200
 #: Largest change of stiffness or mass assumed for the gaps between flat faces and the true surface.
 MOST_GAP = 0.5
+#: Share of a bar from which flat faces in place of a curved surface are told.
+TOLD_GEOMETRY = 0.01
 #: Notes if a second radius gives no estimate.
 NO_PATCH = "Not included: the radius of the patch."
 CUT_PATCH = (
@@ -612,7 +614,6 @@ def _geometry(impact: RepeatedImpact, weights: Array) -> tuple[Shares, list[str]
         omega=model.omega * np.sqrt(stiffer / heavier),
         participation=None if p is None else p * heavier,
     )
-    relative_change = impact.change(curved)
-    return bars.with_floor({name: SAFETY * change for name, change in relative_change.items()}), [
-        facts["note"]
-    ]
+    changes = impact.change(curved)
+    shares = bars.with_floor({name: SAFETY * change for name, change in changes.items()})
+    return shares, [facts["note"]] if max(shares.values()) >= TOLD_GEOMETRY else []

@@ -332,7 +332,6 @@ def _not_enough(
     The impulse has no number: momentum bounds its bar.
     """
     unsettled = {name: last[name] for name, x in DECIDING.items() if last[name] > limit * x}
-    words = " and ".join(each.removeprefix("peak_") for each in unsettled)
     settled = ""
     if "peak_force" not in unsettled:
         settled = f" The force holds: they change it by {percent(last['peak_force'])}."
@@ -344,9 +343,7 @@ def _not_enough(
     }
     left = " and ".join(errors[name] for name in unsettled)
     name, worst = max(unsettled.items(), key=lambda entry: entry[1])
-    advice = f"Take the {words} with this error."
-    if max(share, deflection) > ROUGH:
-        advice = f"{NARROWING}{NARROWED}."
+    advice = f" {NARROWING}{NARROWED}." if max(share, deflection) > ROUGH else ""
     away = ""
     if left_out:
         numbers = " and ".join(map(str, left_out))
@@ -354,5 +351,5 @@ def _not_enough(
     return (
         f"Second-order forces leave an error {left}: the deflection is so large or so local that"
         f" those of {count} motions still change the {name.removeprefix('peak_')} by"
-        f" {percent(worst)} with each two more, and more are not taken.{away}{settled} {advice}"
+        f" {percent(worst)} with each two more, and more are not taken.{away}{settled}{advice}"
     )

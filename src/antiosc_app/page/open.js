@@ -41,6 +41,7 @@ const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join thos
 const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
 const is_numbered = (name) => /^(face|flat side) \d+$/.test(name);
+const NOTE = 3; // weight of a note of what was chosen
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 const SEE_THROUGH = 0.6; // cover of a face that stands out
 // What a tab keeps over a reload; nothing where the browser forbids it.
@@ -191,16 +192,24 @@ class Bench {
   // Each triangle of the skin gets points of its own, so that faces end sharply.
   divide() {
     const { points, faces, middle, half } = this.skin;
+    this.skin.of = faces; // the point of the mesh at each corner
     this.skin.points = Int16Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
     this.skin.faces = Uint32Array.from(faces.keys());
     this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
   }
 
   // Colours of the points of the skin: dark where a face is held.
-  shade() {
-    const values = new Float32Array(this.rest.length / 3).fill(PLAIN);
-    for (const name of this.setup.held) for (const corner of this.corners(name)) values[corner] = DARK;
-    return values;
+  shade() { return held_shades(this.held(), this.skin.faces); }
+
+  // Which points of the skin are held: the corners of triangles of a face, or the nodes of an edge.
+  held() {
+    const held = new Uint8Array(this.rest.length / 3), { nodes, of } = this.skin;
+    for (const name of this.setup.held) {
+      const own = new Set(nodes[this.facts.faces.indexOf(name)]);
+      if (own.size) of.forEach((node, corner) => { if (own.has(node)) held[corner] = 1; });
+      else for (const corner of this.corners(name)) held[corner] = 1;
+    }
+    return held;
   }
 
   // The points of the triangles of a face; none of a name that is no face.
@@ -316,7 +325,6 @@ class Bench {
     this.triple("striker", "tilt", "then tilted about x, y, z", "°", ["floor"]);
     this.cell_size();
     for (const [where, fields] of Object.entries(FIELDS)) fields.forEach((one) => this.slider(where, ...one));
-    this.deck_range();
     // before the handler of the field, which may fill it
     find("setup").addEventListener("change", ({ target }) => { target.dataset.shown = target.value; }, true);
     find("undo").onclick = () => this.undo(this.past, this.future);
@@ -404,7 +412,6 @@ class Bench {
 
   // The range of the yield strength of a deck, once that is given.
   deck_range() {
-    if (!this.of_deck()) return;
     const [name, label, unit] = STRENGTHS, row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit];
     const inputs = ["from", "to"].map((end) => made("input", row, "", { type: "number", step: "any", name, ariaLabel: `${label}, ${end} in ${unit}` }));
     made("span", row, unit);
@@ -546,6 +553,7 @@ class Bench {
       fill(number, now || !(name in OPTIONAL) ? now : "");
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });
+    if (name === "yield_strength") this.deck_range(); // beside it
   }
 
   // Whether the radius of the patch is that of a site of a map that was struck.
@@ -676,6 +684,7 @@ class Bench {
     this.warned = [];
     this.wrong("", false);
     this.wrote("");
+    if (this.page) this.last = this.page.hit;
     if (this.page && this.page.sites) this.page = null;
     this.chosen = null;
     const known = !this.moving && this.answers.get(JSON.stringify(this.setup));
@@ -684,11 +693,14 @@ class Bench {
     const found = await this.step("blow");
     if (!found) return;
     if (found.fall) return this.fall(found);
-    if (this.shown_blow !== turn) this.before = this.page && this.page.hit || null;
+    if (this.shown_blow !== turn) this.before = this.shown_hit();
     this.shown_blow = turn;
     this.show(found, null);
     this.later = setTimeout(() => this.settle(found), found.settled ? 0 : PAUSE);
   }
+
+  // The impact that is shown, or was, be it that of a site of a map.
+  shown_hit() { return (this.page ? this.page.hit : this.last) || null; }
 
   // The new arrow and the held faces at once; the arrow is grey until the answer.
   draw_awaited() {
@@ -697,7 +709,7 @@ class Bench {
     if (!view || this.falls() || !page || !page.data.place || site === this.drawn_site) return;
     this.drawn_site = site;
     page.stop();
-    const held = this.shade().map((value) => value === DARK), { point, direction } = setup;
+    const held = this.held(), { point, direction } = setup;
     Object.assign(page.data, { part: { ...this.skin, held }, place: { ...page.data.place, point, direction } });
     page.part = new Part(page.data.part, page.blow, view, page.data.place, true);
     page.kind = "";
@@ -728,7 +740,7 @@ class Bench {
     this.warned = warned;
     if (fall) this.show_fall(fall);
     else {
-      this.before = this.page && this.page.hit || null;
+      this.before = this.shown_hit();
       this.shown_blow = this.turn;
       this.show(settled, part);
       this.judge(judged);
@@ -782,7 +794,7 @@ class Bench {
     this.show_fields();
     const kind = part && this.page ? this.page.kind : "";
     if (this.page) this.page.stop();
-    const held = this.shade().map((value) => value === DARK);
+    const held = this.held();
     const data = { blow, place, part: part || { ...this.skin, held }, fixed: true, before: this.before, awaited: true };
     this.page = new Page(data, this.engine, this.view, true);
     if (kind && part) find("kind").value = this.page.kind = kind;
@@ -897,6 +909,7 @@ class Bench {
 function notice(element, told) {
   const shown = told.filter(([weight]) => !weight).length || 1;
   element.hidden = !told.length;
+  element.className = told.some(([weight]) => weight < NOTE) ? "warning" : "choice";
   element.replaceChildren();
   for (const [, text] of told.slice(0, shown)) made("p", element, text);
   if (told.length <= shown) return;

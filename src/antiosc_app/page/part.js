@@ -5,7 +5,7 @@ const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colour
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const ARROW = 0.5; // length of the arrow over half the size of the part
 const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
-const PLAIN = -1, DARK = -2, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
+const PLAIN = -1, DARK = -2, LINE = -2.4, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {
@@ -14,6 +14,7 @@ class Part {
     Object.assign(this, { data, blow, view, place, awaited, count: data.points.length / 3 });
     this.rest = Float32Array.from(data.points, (x, i) => data.middle[i % 3] + x * data.half / 32767);
     this.fields = { motion: data.motion && [data.motion], stress: data.stress };
+    this.shades = held_shades(data.held || new Uint8Array(this.count), data.faces);
     this.outside = place && outward(this.rest, data.faces, place.point, place.direction);
   }
 
@@ -93,13 +94,14 @@ class Part {
   show(kind, frame) {
     const { data, rest, place } = this, values = new Float32Array(this.count);
     let at = rest, way = [0, 0, 0];
+    values.set(this.shades);
     if (kind && this.states) {
       const { x, way: moved } = this.states[frame], sizes = this.sizes(kind, x), top = this.top(kind) || 1;
       const u = this.field(data.motion, x);
       at = rest.map((r, i) => r + this.factor * u[i]);
       sizes.forEach((size, p) => { values[p] = size / top; });
       if (place) way = this.touching(u, moved);
-    } else values.forEach((_, p) => { values[p] = data.held && data.held[p] ? DARK : PLAIN; });
+    }
     this.view.put("part", at, values, data.faces);
     if (place) this.striker(way, !kind);
     this.view.draw();
@@ -134,6 +136,17 @@ class Part {
     const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };
     this.view.put("arrow", shaft.points, new Float32Array(shaft.points.length / 3).fill(this.awaited ? BALL : MARK), shaft.faces);
   }
+}
+
+// Colours of points some of which are held: triangles whose corners all are become dark to their sides
+// alone; beside held points and lines, which have none, a band of the cells does.
+function held_shades(held, faces) {
+  const shades = Float32Array.from(held, (one) => (one ? LINE : PLAIN));
+  for (let k = 0; k < faces.length; k += 3) {
+    const corners = faces.slice(k, k + 3);
+    if (corners.every((p) => held[p])) for (const p of corners) shades[p] = DARK;
+  }
+  return shades;
 }
 
 // The normal of the surface where a line along a direction through a point crosses it next to the point.

@@ -16,6 +16,7 @@ from antiosc.base.errors import (
     AntioscError,
     by_weight,
     finite_element_packages,
+    labelled,
     warn,
     warnings_to,
 )
@@ -93,7 +94,7 @@ def collected_warnings(sentences: list[str]) -> Iterator[None]:
             yield
     except AntioscError:
         for sentence in by_weight(sentences):
-            progress.print_text(f"warning: {sentence}", sys.stderr)
+            progress.print_text(labelled(sentence), sys.stderr)
         raise
     finally:
         sentences[:] = by_weight(sentences)

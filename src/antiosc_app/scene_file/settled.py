@@ -10,14 +10,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from antiosc.base.errors import InputError, warn, warnings_to
-from antiosc.base.texts import engineering
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.automatic import only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.scene import MESHED, CompiledScene
-from antiosc_app.until_parted import Choice, rounded_up, until_parted
+from antiosc_app.until_parted import Choice, rounded_up, tell_radius, until_parted
 
 if TYPE_CHECKING:
     from antiosc import History, Structure
@@ -89,9 +88,7 @@ def settled(document: Document) -> Settled:
 
     with warnings_to(messages.append):
         result, choice = until_parted(run, _hit, first, is_sheet=_is_sheet(structure))
-        if choice.radius is not None and choice.radius != first.radius:
-            radius = engineering(choice.radius, "m")
-            warn(f"The patch has grown to a radius of {radius}, which carries the force.")
+        tell_radius(first.radius, choice.radius)
         if hardest is not document:
             result = known.scene(document, choice)
     result.scene.warnings[:] = list(dict.fromkeys(messages))
