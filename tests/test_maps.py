@@ -673,6 +673,13 @@ def test_a_wide_bar_of_a_map_is_told_before_the_numbers_with_what_narrows_it(ste
     assert headline_of_map(hard, steel, known={0: with_bar(0.4)}).caution == ""
 
 
+def test_a_wide_bar_of_the_most_stressed_site_names_what_narrows_it():
+    assert verdict._narrowed_alone(0.05) == verdict._narrowed_alone(None) == []
+    (told,) = verdict._narrowed_alone(0.58)
+    assert "refine" in told
+    assert "(Strike this site, which makes the cells smaller)" in on_page(told)
+
+
 def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
     with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:
         ao.impact_map(steel, "top", n=2, accuracy=1e-9)

@@ -32,6 +32,7 @@ from antiosc import (
     SceneHistory,
     simulate,
 )
+from antiosc.base import materials
 from antiosc.base._types import Array
 from antiosc.base.errors import NARROWING, AntioscError, InputError, warnings_to
 from antiosc.base.texts import (
@@ -382,7 +383,7 @@ def halved(size: str, dim: int) -> str:
 
 #: Where the yield strength of a material of one's own is given.
 OWN_STRENGTH = where_to_change(
-    "yield_strength, yield_range", "own material in the list of materials, or the fields of a deck"
+    "yield_strength, yield_range", "own material in the list of materials"
 )
 #: The cause of the largest share of a bar -> what reduces it.
 REMEDIES = {
@@ -399,11 +400,17 @@ REMEDIES = {
     "law": "give the yield strength of the part's own material, and its range as its tests have it"
     f" ({OWN_STRENGTH})",
 }
-#: The end of a sentence on a law whose yield strength has no range.
+#: The end of a sentence on a law whose yield strength has no range, one that is not the table's, or
+#: is that of the striker.
 NO_RANGE = (
     "the yield strength is taken as exact, and its range, where it has one, comes on top"
     f" ({OWN_STRENGTH})"
 )
+GIVEN_RANGE = (
+    "the range of the yield strength that is given, with its growth with the strain rate, and the"
+    " law itself make it; tests of the part's own material alone narrow it"
+)
+OF_STRIKER = "the striker yields first, and its yield strength is known no better"
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
@@ -664,7 +671,7 @@ def _most_dangerous(
     assert impact_map.peak_stress is not None
     assert impact_map.stress_points is not None
     exposure = impact_map.exposure
-    i = hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
+    i = most_stressed(impact_map)
     hit = None if structure is None else struck_alone(impact_map, structure, i, known)
     alone = [] if structure is None or hit is None else _stress_alone(structure, hit)
     budget = error_budget(hit)
@@ -701,7 +708,32 @@ def _most_dangerous(
         f" {sites_text}. The zone of the contact itself{patch_text} {'are' if hidden else 'is'}"
         " left out.",
         *by_itself,
+        *_narrowed_alone(force_bar(budget)),
     ]
+
+
+#: How a site of a map is struck by itself, with smaller cells.
+ALONE_AND_FINER = where_to_change(
+    "[sites] with its point, and refine there", "Strike this site, which makes the cells smaller"
+)
+
+
+def _narrowed_alone(bar: float | None) -> list[str]:
+    """A sentence (in a list) on what narrows the wide bar of a site that is struck by itself on the
+    cells of its map.
+    """
+    if bar is None or not exceeds(bar, WIDE, 2):
+        return []
+    wide = "Of this force the bar is wide, for the cells there are those of the map"
+    return [f"{wide}: {NARROWING.lower()}strike this site alone ({ALONE_AND_FINER})."]
+
+
+def most_stressed(impact_map: ImpactMap) -> int:
+    """Number of the site whose blow stresses the part most; without stresses the hardest one."""
+    if impact_map.peak_stress is None:
+        return hardest(impact_map)
+    exposure = impact_map.exposure
+    return hardest(impact_map, values=impact_map.peak_stress if exposure is None else exposure)
 
 
 def _by_itself(alone: Sequence[tuple[PeakField, float | None]], force_text: str) -> list[str]:
@@ -1102,17 +1134,31 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
     bar = budget["peak_force"]
     cause = max(budget.causes, key=lambda name: getattr(bar, name))
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
-    ending = NO_RANGE if cause == "law" and _exact_strength(hit) else f"{NARROWING.lower()}{remedy}"
-    return (
-        f"the largest part of the bar of the peak force comes from the {cause},"
-        f" {percent(getattr(bar, cause))}: {ending}."
-    )
+    ending = _end_of_law(hit) if cause == "law" else f"{NARROWING.lower()}{remedy}"
+    share = percent(getattr(bar, cause))
+    told = f"the largest part of the bar of the peak force comes from the {cause}, {share}"
+    return f"{': '.join(filter(None, [told, ending]))}."
 
 
-def _exact_strength(hit: History) -> bool:
-    """Whether the contact yields by a strength without a range."""
+def _end_of_law(hit: History) -> str:
+    """What is said of the share of a contact law: what narrows it, unless that is given."""
     choice = choice_of(hit.law, hit.model, hit.impactor)
-    return choice is not None and choice.soft is not None and choice.soft.yield_range is None
+    if choice is None or choice.soft is None:
+        return ""
+    if weaker_side(hit).startswith("the striker"):
+        return OF_STRIKER
+    if choice.soft.yield_range is None:
+        return NO_RANGE
+    if not _of_table(choice.soft):
+        return GIVEN_RANGE
+    return f"{NARROWING.lower()}{REMEDIES['law']}"
+
+
+def _of_table(matter: Matter) -> bool:
+    """Whether a material has the range of strengths that the table has for its name."""
+    return matter.name in materials.names() and (
+        materials.record(matter.name).yield_range == matter.yield_range
+    )
 
 
 def _remedy_of_stretch(hit: History) -> str:

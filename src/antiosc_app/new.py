@@ -95,6 +95,9 @@ BALL_OVER_SIZE = 0.02
 BALL_OVER_PATCH, BALL_OVER_PATCH_OF_DECK = 10.0, 5.0
 #: Largest radius of the ball over the longest side of a sheet or a bar.
 BALL_OVER_LENGTH = 0.1
+#: Largest mass of the ball over the part's: with 430 times a clip of 39 mg moved far beyond linear
+#: theory.
+HEAVIEST = 10.0
 #: A site is in a hollow if its concave curvature exceeds this share of the ball's curvature.
 HOLLOW = 0.5
 #: Distance over the longest side of the part below which a face before a site is the site's own.
@@ -350,7 +353,22 @@ class Inspection:
 
     @property
     def ball(self) -> float:
-        """Radius [m] of the striking ball, small enough for the patch to carry its force."""
+        """Radius [m] of the striking ball, small enough for the patch to carry its force, and of
+        little mass beside the part.
+        """
+        return min(self._ball_by_size, self._ball_by_mass)
+
+    @property
+    def _ball_by_mass(self) -> float:
+        """Radius [m] of the ball with the largest mass beside the part's, to two digits."""
+        heaviest = HEAVIEST * self.mass
+        if heaviest <= 0:
+            return inf
+        return rounded_down(float(np.cbrt(heaviest / (4 / 3 * pi * _ball_density()))))
+
+    @property
+    def _ball_by_size(self) -> float:
+        """Radius [m] of the ball by the sizes of the part and of the patch."""
         if self.radius is None:
             largest = BALL_OVER_LENGTH * self.length
         else:
@@ -472,9 +490,11 @@ class Inspection:
 
     def ball_text(self) -> str:
         """The ball and its mass, chosen by the size of the part."""
-        density = materials.record(BALL_MATERIAL).rho
-        mass = engineering(4 / 3 * pi * density * self.ball**3, "kg")
-        return f"steel ball, radius {1e3 * self.ball:g} mm ({mass}), by the part's size"
+        mass = engineering(4 / 3 * pi * _ball_density() * self.ball**3, "kg")
+        by = "size"
+        if self._ball_by_mass < self._ball_by_size:
+            by = f"mass, of which it has at most {HEAVIEST:g} times"
+        return f"steel ball, radius {1e3 * self.ball:g} mm ({mass}), by the part's {by}"
 
     def taken(self, drop: bool) -> list[tuple[str, str, str]]:
         """The guesses: (name, value, key of the scene that changes it)."""
@@ -543,6 +563,17 @@ def _in_mm(length: float) -> str:
     """A length [m] in millimetres, with four digits or those before its point."""
     text = np.format_float_positional(1e3 * length, 4, unique=False, fractional=False, trim="-")
     return str(text)
+
+
+def _ball_density() -> float:
+    """Density [kg/m³] of the ball of a new scene."""
+    return materials.record(BALL_MATERIAL).rho
+
+
+def rounded_down(value: float) -> float:
+    """A number with two digits, not above it."""
+    digit = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{floor(value / digit * (1 + 1e-9)) * digit:.2g}")
 
 
 def largest_ball_on(length: float) -> float:
@@ -1461,6 +1492,8 @@ def write_scene(
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
+    if size is not None and not drop:
+        inspection = replace(inspection, notes=(*inspection.notes, _of_this_size(inspection)))
     sentences += inspection.sentences(source.name, drop)
     pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
         ".png": ("a picture of it", partial(draw, inspection, drop=drop))
@@ -1471,6 +1504,15 @@ def write_scene(
     for ending, (caption, draw_it) in pictures.items():
         sentences += _picture(target.with_suffix(ending), caption, draw_it)
     return target, sentences
+
+
+def _of_this_size(inspection: Inspection) -> str:
+    """Sentence on what depends on a size of the cells that was asked for."""
+    section = "[deck]" if inspection.of_deck else "[geometry]"
+    return (
+        "its site and its striker are chosen on cells of this size (size), and differ with another"
+        f" one: to compare sizes, change size in {section} of one scene, which keeps both."
+    )
 
 
 def _tried(scene: Path, name: str, part: str, inspection: Inspection, drop: bool) -> Inspection:

@@ -156,6 +156,9 @@ MOST_STEPS, STEP = 4, 1.5
 #: Rank that stands for all pieces joined, its words, and what another tab is told.
 JOINED, ALL = 0, "all joined"
 ANOTHER = "another piece of the file was opened meanwhile: load this page again."
+#: Where the yield strength of a deck is given, and of a structure that was made in Python.
+OF_DECK = "the fields yield strength and its range"
+IN_PYTHON = "yield_strength and yield_range of its material"
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
@@ -339,7 +342,7 @@ class Opened:
             if source is not None and source.look.kept:
                 fields[live.COMPARED] = live.COMPARED_DECKS
             if source is not None and source.look.of_deck:
-                fields[live.OWN_STRENGTH] = "the fields yield strength and its range"
+                fields[live.OWN_STRENGTH] = IN_PYTHON if self._given else OF_DECK
             return {name: _in_words(value, fields) for name, value in {**result, **told}.items()}
 
         self._count(1)
@@ -769,6 +772,7 @@ class Opened:
         about = f"{headline.about} {len(impact_map)} sites of {where}, {_lasting(impact_map)}."
         return {
             "map": {**data, "barred": live.bars_of_sites(alone)},
+            "worst": live.most_stressed(impact_map),
             "about": about,
             "caution": headline.caution,
             "verdict": [*headline.sentences, *_with_stress(impact_map)],

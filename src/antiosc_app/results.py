@@ -27,6 +27,7 @@ from antiosc.base.texts import (
     SMALLER_CELLS,
     capitalised,
     engineering,
+    in_scene,
     percent,
     piece_told,
     point_text as placed,
@@ -59,6 +60,7 @@ from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.conditions import beside_headline, conditions
 from antiosc_app.live import (
     COMPARED_DECKS,
+    OWN_STRENGTH,
     bar_of_fall,
     cautions_of,
     force_bar,
@@ -1169,22 +1171,36 @@ def text(results: SceneResults, parts: Sequence[Presentation]) -> str:
 
 
 def with_remedy(text: str, results: SceneResults) -> str:
-    """A text with what makes the cells smaller in the scene of its results."""
-    data = {} if results.compiled is None else results.compiled.document.data
-    section = next((name for name in ("deck", "geometry") if name in data), None)
-    if section is None or results.structure is None:
+    """A text with the keys of the scene of its results in place of those of any scene, and without
+    the fields of the page.
+    """
+    if results.compiled is None:
         return text
+    data = results.compiled.document.data
+    if "strike" in data:  # which makes mesh and model
+        tighter = "a smaller tol in [strike]"
+        text = text.replace(SMALLER_CELLS, tighter).replace("n in [extract]", tighter)
+    section = next((name for name in ("deck", "geometry") if name in data), None)
+    if section is not None and results.structure is not None:
+        text = _with_cells_of(text, section, data[section], results.structure)
+    material = {"deck": "[deck]", "geometry": "[material]"}.get(section or "", "")
+    strengths = f"yield_strength, yield_range in {material}"
+    return in_scene(text.replace(OWN_STRENGTH, strengths) if material else text)
+
+
+def _with_cells_of(text: str, section: str, keys: dict[str, Any], structure: Structure) -> str:
+    """A text with what makes the cells of a deck or a geometry smaller, by keys of its section."""
     from antiosc.extension import with_parts
     from antiosc_decks.from_deck import kept_elements  # it needs the finite elements
 
     size = f"size in [{section}]"
-    source = str(data[section].get("source")).lower()
+    source = str(keys.get("source")).lower()
     remedy = f"refine, or {size}"
-    kept = section == "deck" and bool(kept_elements(results.structure))
+    kept = section == "deck" and bool(kept_elements(structure))
     if kept:
         text = text.replace(COMPARED, COMPARED_DECKS)
-    if not source.endswith(GEOMETRIES) and not data[section].get("solid"):
-        members = with_parts(results.structure).members()
+    if not source.endswith(GEOMETRIES) and not keys.get("solid"):
+        members = with_parts(structure).members()
         remedy = halved(size, 0 if kept else max(member.part.mesh.tdim for member in members))
     return text.replace(SMALLER_CELLS, remedy)
 

@@ -296,6 +296,7 @@ def test_warnings_stay_with_the_set_up_that_they_concern(opened):
         sentence for sentence in stressed["verdict"] if "stresses the part most" in sentence
     )
     assert f"{most:.3g} of the yield strength" in told
+    assert sites["quantities"]["exposure"][stressed["worst"]] == most  # it is chosen
     assert "The zone of the contact itself and what the radius of its patch hides" in told
     sure = ~np.array(sites["doubtful"])
     sought = np.isfinite(sites["quantities"]["exposure"])
@@ -1271,6 +1272,9 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             barred = browser.run("return page.cells.peak_force[0].textContent")
             assert "±" in barred  # the hardest site was struck by itself
             assert "the band: the error bar" in browser.run("return told.textContent")
+            hardest = "const {site, sites} = page, of = sites.data.quantities.peak_force, sure ="
+            hardest += " of.filter((_, i) => !sites.data.doubtful[i]);"
+            assert browser.run(f"{hardest} return of[site] === Math.max(...sure)")
             browser.run("page.choose((page.site + 1) % page.sites.count)")
             told = "return page.remarks.peak_force.textContent"
             assert browser.run(told).startswith("no error bar at this site")

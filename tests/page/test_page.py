@@ -257,6 +257,32 @@ def test_a_part_is_drawn_turned_and_played(browser, plate, tmp_path):
     assert browser.run("return page.bar") != pytest.approx(bar, rel=1e-3)
 
 
+#: Pixels per metre at rest, and the least of them over all frames of the motion.
+SCALES = """
+const at = (kind, frame) => {
+  Object.assign(page, {kind, frame});
+  page.picture();
+  return page.part.view.scale();
+};
+return [at("", 0), Math.min(...page.part.states.map((_, k) => at("motion", k)))];
+"""
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_striker_that_flies_off_does_not_shrink_the_part_to_a_dot(browser, plate, tmp_path):
+    """Enlarged as the motion, its way leaves the picture by far; the part keeps a quarter of it."""
+    part, model = plate
+    ball = ao.Sphere(0.01, material="bearing steel 100Cr6", velocity=1.0)
+    hit = ao.simulate(model, ball, duration=0.02)
+    way = abs(float(hit.impactor.velocity)) * hit.restitution * (0.02 - hit.contacts[-1][1])
+    opened(browser, ao.write_report(hit, tmp_path / "flies.html", part))
+    factor = browser.run("return page.part.factor")
+    assert factor * way > 3 * 0.2  # many times the part's side
+    resting, least = browser.run(SCALES)
+    assert least > resting / 4
+
+
 @pytest.mark.fem
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*times the radius")  # of a coarse plate

@@ -55,6 +55,30 @@ def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
     assert look.direction == [0.0, 0.0, -1.0]
 
 
+def test_the_ball_has_at_most_ten_times_the_mass_of_the_part():
+    """A strip of 33 × 6.5 × 0.2 mm has 0.34 g; a thick block keeps the ball of its size."""
+    density = materials.record(template.BALL_MATERIAL).rho
+    strip = template._inspect_mesh(ao.box_mesh((0.033, 0.0065), size=1e-3, gdim=3), {}, None)
+    block = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    light = replace(strip, room=np.inf, radius=None, measure=0.1 * strip.measure)
+    for look, by in ((light, "mass"), (block, "size")):
+        over = 4 / 3 * np.pi * density * look.ball**3 / look.mass
+        assert over <= 10
+        assert f"by the part's {by}" in look.ball_text()
+    assert over < 1
+    heaviest = light.ball * np.array([1.0, 1.1])  # it has two digits
+    low, high = 4 / 3 * np.pi * density * heaviest**3 / light.mass
+    assert low <= 10 < high
+
+
+def test_a_size_that_is_asked_for_says_what_else_it_changes(tmp_path):
+    mesh = tmp_path / "block.vtk"
+    write(mesh, BOX, ("hexahedron", np.array([[0, 1, 2, 3, 4, 5, 6, 7]])))
+    told = [" ".join(template.write_scene(tmp_path / f"{size}.toml", str(mesh), size=size)[1])
+            for size in (None, 0.1)]  # fmt: skip
+    assert ["change size in [geometry] of one scene" in one for one in told] == [False, True]
+
+
 def test_a_held_face_is_not_struck():
     look = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
     outer = Faces(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), False)

@@ -10,8 +10,11 @@ from types import SimpleNamespace
 import pytest
 
 import antiosc
+from antiosc.base import materials
 from antiosc.base.errors import warn
-from antiosc_app import cli, results
+from antiosc.base.texts import SMALLER_CELLS
+from antiosc.engine.contact.surfaces import Matter
+from antiosc_app import cli, live, results
 from antiosc_app.scene_file import run
 from antiosc_app.scene_file.document import SceneFileError
 from antiosc_app.words import SECTIONS, of_scenes
@@ -79,3 +82,53 @@ def test_advice_names_no_function_of_python(monkeypatch):
     part = SimpleNamespace(describe=lambda: "a part")
     rows = results.advice_of(SimpleNamespace(structure=part, impactor=striker))
     assert rows == [("structure", "a part")]  # no advice is nothing to tell
+
+
+#: Advice of each kind: cells, anti-oscillators, yield strength.
+ADVICE = " ".join(
+    (f"cells ({SMALLER_CELLS})", live.REMEDIES["truncation"], f"strength ({live.OWN_STRENGTH}).")
+)
+
+
+@pytest.mark.parametrize(
+    ("sections", "expected"),
+    [
+        ({"geometry": {"source": "a.step"}}, "yield_strength, yield_range in [material]"),
+        ({"geometry": {"source": "a.step"}, "strike": {}}, "(a smaller tol in [strike])"),
+        ({"deck": {"source": "a.inp"}}, "yield_strength, yield_range in [deck]"),
+    ],
+)
+def test_advice_in_a_scene_names_its_own_sections_and_no_fields_of_the_page(sections, expected):
+    scene = SimpleNamespace(document=SimpleNamespace(data=sections))
+    told = results.with_remedy(ADVICE, SimpleNamespace(compiled=scene, structure=None))
+    assert expected in told
+    for words in ("page", "field", "list of materials", "Finer mesh"):
+        assert words not in told
+    assert ("[extract]" in told) == ("strike" not in sections)
+    beside = {"extract"} | ({"material"} if "geometry" in sections else set())
+    assert {*re.findall(r"\[(\w+)\]", told)} <= {*sections, *beside}
+
+
+def test_advice_on_the_law_does_not_ask_for_what_is_given(monkeypatch):
+    """By what yields: of the table, with a range of its own, without one, and the striker."""
+    of_table = materials.record("steel S235")
+    constants = {"E": 210e9, "yield_strength": 235e6}
+    ranged = {**constants, "yield_range": (235e6, 300e6)}
+    table = {**constants, "yield_range": of_table.yield_range, "name": of_table.name}
+    hit = SimpleNamespace(law=None, model=None, impactor=None)
+
+    def ending(side="", **matter):
+        soft = Matter(**matter) if matter else None
+        monkeypatch.setattr(live, "choice_of", lambda *_: SimpleNamespace(soft=soft))
+        monkeypatch.setattr(live, "weaker_side", lambda _: side)
+        return live._end_of_law(hit)
+
+    asks = "to narrow it, give the yield strength"
+    assert ending(**table).startswith(asks)
+    for given in (ranged, {**table, "yield_range": (200e6, 300e6)}):
+        assert "give" not in ending(**given).replace("given", "")
+        assert live.OWN_STRENGTH not in ending(**given)
+    assert "taken as exact" in ending(**constants)
+    assert "striker" in ending("the striker's POM", **table)
+    assert live.OWN_STRENGTH not in ending("the striker", **constants)
+    assert ending() == ""  # none yields: there is no strength to give

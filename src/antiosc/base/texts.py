@@ -54,6 +54,15 @@ def on_page(text: str) -> str:
     return text.replace("in a scene: ", "in the scene that Save writes: ")
 
 
+#: Keys and fields in such a text.
+_BOTH = re.compile(r'in a scene: ((?:[^;()"\\]|\\.)*); on the page: (?:[^;()"\\]|\\.)*')
+
+
+def in_scene(text: str) -> str:
+    """Sentences of a scene, without the fields of the page."""
+    return _BOTH.sub(r"in the scene: \1", text)
+
+
 #: What makes cells smaller: around a site, or all of them.
 SMALLER_CELLS = where_to_change("refine, or size", "Finer mesh here, or cell size")
 #: Most characters of one value.

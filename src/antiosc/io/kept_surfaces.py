@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -16,12 +17,21 @@ from antiosc.io.neutral import FileMesh, packed, unpacked
 #: Number of surfaces that are kept, the last ones that were used.
 MOST_KEPT = 30
 #: Part of the name of each file, which changes with what it holds.
-VERSION = "3"
+VERSION = "4"
+#: The code that makes surfaces, and writes the sentences that are kept with them.
+CODE = Path(__file__).parent
+
+
+@functools.cache
+def _version_of(folder: Path) -> str:
+    """Digest of the code in a folder: other code makes other surfaces, or words."""
+    files = sorted(folder.glob("*.py"))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def key_of(path: Path, *options: object) -> str:
-    """The key of a file by its content, and of the options of reading it."""
-    key = hashlib.sha256(repr((VERSION, *options)).encode())
+    """The key of a file by its content, of the options of reading it, and of the code."""
+    key = hashlib.sha256(repr((VERSION, _version_of(CODE), *options)).encode())
     with contextlib.suppress(OSError):
         if path.is_file():  # a pipe would wait, and a device has no end
             with open(path, "rb") as file:

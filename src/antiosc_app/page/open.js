@@ -831,7 +831,7 @@ class Bench {
     this.page.stop();
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
     if (stress) this.page.show_kind(["exposure", "peak_stress"]);
-    this.follow(this.page.site);
+    this.page.choose(found.worst); // and its fields follow
     find("about").textContent = found.about;
     this.warn(found.caution);
     this.tell(found.verdict);

@@ -333,6 +333,18 @@ def test_repairs_that_open_a_solid_are_not_taken(left):
             opened()
 
 
+def test_what_other_code_has_kept_is_not_taken(tmp_path, monkeypatch):
+    """Its sentences, as "8.4e-05 units of the file", are those of the code that wrote them."""
+    keys = []
+    for number, text in enumerate(("told = 'units'", "told = 'mm'", "told = 'units'")):
+        code = tmp_path / str(number)
+        code.mkdir()
+        (code / "reader.py").write_text(text)
+        monkeypatch.setattr(kept_surfaces, "CODE", code)
+        keys.append(kept_surfaces.key_of(tmp_path / "part.stl", 1.0))
+    assert keys[0] == keys[2] != keys[1]
+
+
 def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
     tmp_path, monkeypatch
 ):
