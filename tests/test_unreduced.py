@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.strikes.unreduced import Curve, blow_of, figures, newmark
 from parts import STEEL, box, plate
+from sheets import at, rectangle
 
 pytestmark = [
     pytest.mark.fem,
@@ -114,3 +116,45 @@ def test_what_it_does_not_integrate_is_refused(what):
     hit = ao.simulate(model, ball, HERTZ, 4e-4, **more)
     with pytest.raises(ao.InputError, match={"moving": "at rest"}.get(what, what)):
         blow_of(part, TOP, hit, 4e-4)
+
+
+#: Name -> (a part in cells n times as small, its site, the contact).
+BENT = {
+    "in its plane": (
+        lambda n: ao.Structure(plate((8 * n, 3 * n), (0.3, 0.1)), SHEET, HELD),
+        EDGE,
+        HERTZ,
+    ),
+    "a block": (
+        lambda n: ao.Structure(box((6 * n, 2 * n, 2 * n)), ao.Solid(**STEEL), HELD),
+        TOP,
+        HERTZ,
+    ),
+    "a shell": (
+        lambda n: ao.Structure(
+            rectangle(6 * n, 0.3, 0.2), ao.Shell(**STEEL, thickness=4e-3), [ao.Support(at(0, 0.0))]
+        ),
+        ao.Site((0.1, 0.08, 0.0), (0, 0, -1), radius=2e-3),
+        ao.Hertz(1e7),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BENT)
+def test_the_bar_of_the_deflection_holds_against_all_dofs_of_a_finer_mesh(name):
+    """Newmark has the force alone: the site is where the ball is, less the indentation."""
+    made, site, law = BENT[name]
+    model = ao.extract(made(1), site, n=20, error="estimate")
+    duration = 4e-4 + np.pi / model.modal().omega[0]
+    hit = ao.simulate(model, BALL, law, duration, tol=1e-5)
+    bar = hit.error_budget.deflection
+    blow = blow_of(made(2), site, hit, duration)
+    curve = newmark(replace(blow, step=min(blow.step, duration / 1000))).curve
+    impulse = cumulative_trapezoid(curve.force, curve.time, initial=0.0) / BALL.mass
+    ball = BALL.velocity * curve.time - cumulative_trapezoid(impulse, curve.time, initial=0.0)
+    moved = np.abs(ball - curve.depth).max()
+    assert hit.site_motion.largest == pytest.approx(moved, rel=bar.without_law)
+    assert hit.error_budget.sides("deflection")[1] == bar.without_law
+    print("XX", name, hit.site_motion.largest, moved, bar)
+    assert bar.value == hit.site_motion.largest
+    assert 1e-4 < bar.without_law < 0.3

@@ -114,6 +114,7 @@ from antiosc.impact.histories import (
     error_scope as error_scope,
 )
 from antiosc.impact.histories.bars import (
+    DEFLECTION as DEFLECTION,
     OF_ALL_CONTACTS as OF_ALL_CONTACTS,
     QUANTITIES as QUANTITIES,
     ErrorBudget as ErrorBudget,
@@ -127,6 +128,10 @@ from antiosc.impact.histories.linear_theory import unstretched_text as unstretch
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
+)
+from antiosc.impact.histories.site_motion import (
+    SiteMotion as SiteMotion,
+    out_of_reach as out_of_reach,
 )
 from antiosc.impact.histories.verdict import (
     YieldingZone as YieldingZone,

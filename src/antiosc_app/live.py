@@ -55,16 +55,19 @@ from antiosc.engine.contact.laws import Hysteretic
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     CUT_PATCH,
+    DEFLECTION,
     NOT_ESTIMATED,
     QUANTITIES,
     WITHOUT_MESH,
     ErrorBudget,
+    SiteMotion,
     brittle_sides,
     by_hertz,
     contact_time_note,
     hardest,
     left_out_text,
     low_band,
+    out_of_reach,
     softest_model,
     trusted,
     unknown_dent,
@@ -204,7 +207,7 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         "duration": float(hit.run.time[-1]),
         "body": {**modal_data(body.modes, body.start, loads[0], local), "stretch": _stretch(hit)},
         "bars": _bars(hit, bars, local),
-        "computed": _computed(hit),
+        "computed": _computed(hit, bars),
     }
 
 
@@ -336,7 +339,7 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     return {**bodies_and_bars, "word": word, "unknown": budget.unbarred}
 
 
-def _computed(hit: History) -> Data:
+def _computed(hit: History, budget: ErrorBudget | None) -> Data:
     """The curve and the numbers of the computed case, which stay on the page."""
     time = hit.time
     force = hit.force
@@ -348,28 +351,47 @@ def _computed(hit: History) -> Data:
     counts["dent"] = 0.0 if hit.dent is None else hit.dent.depth
     last = hit.contacts[-1][1] if hit.contacts else 0.0
     ends = {"last": last, "touching": bool(last >= hit.run.time[-1])}
-    told = {"site_deflection": site_motion(hit)[0], "contact_time_note": contact_time_note(hit)}
+    told: Data = {"contact_time_note": contact_time_note(hit)}
+    if moved := deflection(hit, budget):
+        told |= {"site_deflection": moved["value"], "site": moved}
     return {"time": time, "force": force, **numbers, **counts, **ends, **told}
 
 
-#: Times of a run, and of its contacts, at which the deflection at the site is looked for.
-MOTION_TIMES = 1000
-
-
-def site_motion(hit: History) -> tuple[float | None, float]:
-    """(largest displacement [m] of the site along the impact, its patch left out, its time [s]);
-    None of a part that moves on as a whole.
+def deflection(hit: History, budget: ErrorBudget | None) -> Data | None:
+    """The largest displacement of the site along the impact: `value` [m], how far it may lie below
+    and above, over itself, and in words until when it is known; None of a part that moves on as a
+    whole.
     """
-    body = hit.assembly.bodies["structure"].modes
-    if not isinstance(body, ModalBody) or not body.omega.all():
-        return None, 0.0
+    motion = None if isinstance(hit, SceneHistory) else hit.site_motion
+    if motion is None:
+        return None
+    known = budget is not None and budget.deflection is not None
+    sides = budget.sides(DEFLECTION) if known and budget is not None else None
+    return {"value": motion.largest, "bar": sides, "told": _until(hit, motion)}
+
+
+def _until(hit: History, motion: SiteMotion) -> str:
+    """Text: the time that a largest displacement is of, and how large it becomes later."""
     end = float(hit.run.time[-1])
-    touched = hit.contacts[-1][1] if hit.contacts else end
-    times = np.union1d(*(np.linspace(0.0, last, MOTION_TIMES) for last in (end, touched)))
-    q, _ = hit.states(times)
-    moved = q[:, hit.assembly.spans["structure"]] @ body.b + body.r * hit.force_at(times)
-    k = int(np.abs(moved).argmax())
-    return float(abs(moved[k])), float(times[k])
+    within = f"largest within the {engineering(end, 's')} that were computed"
+    damping = "" if hit.assembly.system.damped else "without damping "
+    away = out_of_reach(hit)
+    if not np.isfinite(motion.later) or away is None or away > end:
+        return f"{within}; {damping}it may become larger later"
+    if motion.later <= motion.largest:
+        return f"{within}, and later too"
+    return f"{within}; {damping}at most {engineering(motion.later, 'm')} later"
+
+
+def deflection_rows(hit: History, budget: ErrorBudget | None) -> list[tuple[str, str]]:
+    """The row on the deflection at the site; none of a part that moves on as a whole."""
+    found = deflection(hit, budget)
+    if found is None:
+        return []
+    value = engineering(found["value"], "m")
+    if budget is not None and found["bar"] is not None:
+        value = budget.shown(DEFLECTION, 3)
+    return [("deflection at the site", f"{value}, {found['told']}")]
 
 
 def halved(size: str, dim: int) -> str:

@@ -31,7 +31,7 @@ from antiosc.extension import (
 )
 from antiosc.io.facets import oriented
 from antiosc.models.body import checked_body
-from antiosc_app.live import Data, finite_parameters, impact_data, modal_data, site_motion
+from antiosc_app.live import Data, finite_parameters, impact_data, modal_data
 
 #: Largest number of fields of the motion and of the stress.
 MOST_FIELDS = (12, 8)
@@ -258,6 +258,10 @@ def _equivalent(stress: Array) -> Array:
     return equivalent(np.moveaxis(stress, 1, -1))
 
 
+#: Place of a largest displacement in words, where it is that of the site.
+SITE = "the site"
+
+
 def _deflection(motion: Array, points: Array, hit: History) -> Data:
     """The largest displacement in the run: value [m], and place and time in words.
 
@@ -274,13 +278,13 @@ def _deflection(motion: Array, points: Array, hit: History) -> Data:
     time = float(near[sizes.argmax()])
     value = float(sizes.max())
     place = point_text(points[i])
-    at_site, time_there = site_motion(hit)
-    if at_site is not None and at_site > value:  # between the nodes of a coarse mesh
-        value, time, place = at_site, time_there, "the site"
+    at_site = hit.site_motion
+    if at_site is not None and at_site.largest > value:  # between the nodes of a coarse mesh
+        value, time, place = at_site.largest, at_site.time, SITE
     told = f"at {place}, {engineering(time, 's')}"
     if time >= end:
         told += " (end of the run)"
-    return {"value": value, "told": f"{told}, no bar"}
+    return {"value": value, "told": told, "at_site": place == SITE}
 
 
 #: Largest number of sites on a page.

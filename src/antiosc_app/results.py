@@ -63,6 +63,8 @@ from antiosc_app.live import (
     OWN_STRENGTH,
     bar_of_fall,
     cautions_of,
+    deflection,
+    deflection_rows,
     force_bar,
     halved,
     judgement,
@@ -440,19 +442,22 @@ def _impact(results: SceneResults) -> Presentation:
     names = (f"probes_{k + 1}.csv" if k else "probes.csv" for k in range(len(groups)))
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
+    known = {"error_budget": bars, "deflection": deflection(hit, budget)}
+    known = {name: value for name, value in known.items() if value}
     summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
     held = conditions(results)
     struck = format_rows([(f"{name:<{SUMMARY}}", value) for name, value in held])
     told = "\n".join(filter(None, (struck, summary)))
     remedy = "" if is_scene else remedy_of(hit, budget)
     accuracy = "\n".join(filter(None, (str(budget or ""), remedy)))
-    text = [told, accuracy, format_rows([*probe_rows, *stresses])]
+    moved = [] if is_scene else deflection_rows(hit, budget)
+    text = [told, accuracy, format_rows([*moved, *probe_rows, *stresses])]
     return Presentation(
         text=text,
         caution=cautions_of(hit, results.structure, budget, peaks),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
-            "result": hit.numbers() | ({"error_budget": bars} if bars else {}),
+            "result": hit.numbers() | known,
             "probes": {probe.name: probe.peak() for probe in probes},
             "stress": _stress_numbers(peaks),
         },
@@ -462,6 +467,7 @@ def _impact(results: SceneResults) -> Presentation:
             "Results": [
                 _facts(hit),
                 beside_headline(results, held),
+                moved,
                 explanation,
                 probe_rows,
                 stresses,

@@ -7,20 +7,22 @@ parted and the largest deflection is past.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, floor, log10, pi
+from math import ceil, floor, inf, log10, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import History
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering
+from antiosc.extension import out_of_reach
 
 T = TypeVar("T")
 #: First duration of an impact [s].
 DURATION = 1e-3
 #: Largest duration over it, and the largest number of runs.
 LONGER, MOST_RUNS = 32, 12
-#: A striker that leaves a sheet with less of its speed may meet it again: one sheet returned
-#: 0.0113 within 2 ms and 0.841 within 8 ms, with the largest force in between.
+#: Of a striker that is not known to be out of a sheet's reach: one that leaves it with less of its
+#: speed may meet it again: one sheet returned 0.0113 within 2 ms and 0.841 within 8 ms, with the
+#: largest force in between.
 LEAST_RETURN = 0.2
 #: Duration of the impacts of a map over the contact at the site that is struck: softer sites are
 #: touched longer. Of 1282 sites of a flanged ring 613 were still touched at the end without it,
@@ -70,7 +72,7 @@ def until_parted(
                 raise
             choice = choice._replace(radius=rounded_up(error.radius))
             continue
-        enough = _enough(hit_of(result), LEAST_RETURN if is_sheet else 0.0)
+        enough = _enough(hit_of(result), is_sheet)
         if choice.keeps_duration or choice.duration >= min(enough, longest):
             break
         choice = choice._replace(duration=min(rounded_up(enough), longest))
@@ -86,19 +88,23 @@ def tell_radius(first: float | None, taken: float | None) -> None:
         warn(f"{text} the force.", ChoiceWarning)
 
 
-def _enough(hit: History, least: float) -> float:
+def _enough(hit: History, is_sheet: bool) -> float:
     """Duration [s] in which the bodies part, and the slowest mode of the part moves to its largest
     deflection and back: a half of its period after the contact.
 
-    `least`: restitution from which they do not meet again.
+    A sheet may swing after its striker: that must be out of reach.
     """
     end = float(hit.run.time[-1])
-    if not parted(hit, least):
+    if not parted(hit):
         return 2 * end
+    away = out_of_reach(hit) if is_sheet else end
+    if away is None:
+        away = end if parted(hit, LEAST_RETURN) else inf
     omega = hit.assembly.bodies["structure"].omega
     elastic = omega[omega > RIGID * omega.max(initial=0.0)]
     released = hit.contacts[-1][1] if hit.contacts else 0.0
-    return float(released + pi / elastic.min()) if elastic.size else end
+    swing = float(released + pi / elastic.min()) if elastic.size else end
+    return max(swing, min(away, 2 * end))
 
 
 def parted(hit: History, least: float = 0.0) -> bool:

@@ -452,6 +452,44 @@ def test_the_computed_case_has_its_numbers_where_the_page_cannot_repeat_it(brows
 
 
 @pytest.mark.fem
+def test_the_deflection_at_the_site_has_its_bar_and_tells_until_when_it_is_known(
+    plate, browser, tmp_path
+):
+    part, model = plate
+    hit = ao.simulate(model, STRIKER, LAW, 4 * DURATION)
+    page = opened(browser, ao.write_report(tmp_path / "bent.html", hit, part))
+    assert page["cells"]["deflection_at the site"] == pytest.approx(hit.site_motion.largest)
+    cell = "return page.cells.site_deflection[0].textContent"
+    ends = hit.error_budget.sides("deflection")
+    assert ends[0] > 0
+    assert plus_minus(ends) in browser.run(cell)
+    told = browser.run("return page.remarks.site_deflection.textContent")
+    within = f"largest within the {engineering(4 * DURATION, 's')} that were computed"
+    assert told == f"along the impact, {within}, and later too"
+    assert hit.site_motion.later <= hit.site_motion.largest
+    ((name, row),) = assets.deflection_rows(hit, hit.error_budget)
+    assert name == "deflection at the site"
+    assert row.endswith(told.removeprefix("along the impact, "))
+    assert plus_minus(ends) in row
+    browser.run(MOVE, {"mass": 60})
+    assert "±" not in browser.run(cell)  # another impact's is not known
+    assert browser.run("return page.remarks.site_deflection.textContent").endswith("no bar")
+
+
+def test_a_deflection_that_may_become_larger_later_says_how_large():
+    light = ao.RigidMass(2e-3, 1.5)
+    hit = ao.simulate(MODEL, light, LAW, 5e-4)
+    assert hit.site_motion.later > hit.site_motion.largest
+    more = f"without damping at most {engineering(hit.site_motion.later, 'm')} later"
+    assert assets.deflection(hit, None)["told"].endswith(f" computed; {more}")
+    damped = ao.simulate(replace(MODEL, damping=ao.Damping(0.01)), light, LAW, 5e-4)
+    assert "without damping" not in assets.deflection(damped, None)["told"]
+    touching = ao.simulate(MODEL, STRIKER, LAW, 5e-4)
+    told = assets.deflection(touching, None)["told"]
+    assert told.endswith("; without damping it may become larger later")
+
+
+@pytest.mark.fem
 def test_the_largest_deflection_is_that_of_the_field_with_its_place_and_time(plate):
     part, model = plate
     hit = ao.simulate(model, STRIKER, LAW, DURATION)
@@ -459,9 +497,11 @@ def test_the_largest_deflection_is_that_of_the_field_with_its_place_and_time(pla
     field = ao.peak_field(part, hit, "displacement", times=np.linspace(0, DURATION, 400))
     i = int(np.argmax(field.values))
     assert moved["value"] == pytest.approx(field.values[i], rel=0.01)  # at vertices
-    told = re.search(r"mm, ([\d.]+) µs, no bar", moved["told"])
+    told = re.search(r"mm, ([\d.]+) µs$", moved["told"])
     assert 1e-6 * float(told[1]) == pytest.approx(field.times[i], rel=0.1)  # it is flat there
-    at_site, when = assets.site_motion(hit)
+    assert moved["at_site"] is (moved["value"] == hit.site_motion.largest)
+    at_site, when, later = hit.site_motion
+    assert later > 0
     k = int(np.abs(hit.displacement).argmax())
     assert at_site == pytest.approx(abs(hit.displacement[k]), rel=1e-3)
     assert when == pytest.approx(hit.time[k], rel=0.1)
@@ -470,7 +510,9 @@ def test_the_largest_deflection_is_that_of_the_field_with_its_place_and_time(pla
     loose = ao.extract(free, ao.Site((0.08, 0.07, 0.0), (0, 0, -1), radius=2e-3), n=5)
     again = ao.simulate(loose, STRIKER, LAW, DURATION)
     assert "deflection" not in live_meshes.of_structure(free, again)
-    assert assets.site_motion(again)[0] is None
+    assert again.site_motion is None
+    assert assets.deflection(again, None) is None
+    assert assets.deflection_rows(again, None) == []
 
 
 @pytest.mark.fem

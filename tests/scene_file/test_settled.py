@@ -8,7 +8,7 @@ import pytest
 import antiosc as ao
 from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import settled
-from antiosc_app.until_parted import duration_of_map
+from antiosc_app.until_parted import DURATION, LONGER, Choice, duration_of_map, until_parted
 
 #: A lid of 50 × 40 × 6 mm, held at one end.
 LID = """\
@@ -103,6 +103,25 @@ def test_a_run_that_nobody_limited_goes_on_until_the_largest_deflection_is_past(
         for one, end in ((hit, duration), (whole, 3 * duration))
     )
     assert found == pytest.approx(largest, rel=0.02)
+
+
+SHEET = ao.AntiOscillators(m0=0.3, k0=1e6, m=[0.2, 0.15], omega=[3e3, 5.2e3])
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.1, 0.16, 0.3, 0.45])
+def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass):
+    """By the same rule for quick strikers and for those that it catches up with."""
+
+    def run(choice):
+        return ao.simulate(SHEET, ao.RigidMass(mass, 1.0), ao.Hertz(1e8), choice.duration)
+
+    hit, choice = until_parted(run, lambda one: one, Choice(None), is_sheet=True)
+    assert DURATION < choice.duration < LONGER * DURATION
+    long = run(Choice(None, 8 * choice.duration))
+    assert len(long.contacts) == len(hit.contacts)
+    lowest = SHEET.modal().omega[0]
+    assert choice.duration >= hit.contacts[-1][1] + np.pi / lowest
+    assert long.site_motion.largest <= max(hit.site_motion.largest, hit.site_motion.later)
 
 
 def test_a_slow_contact_is_run_to_its_end(tmp_path):

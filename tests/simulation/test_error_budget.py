@@ -22,7 +22,7 @@ from antiosc.impact.error_budget import (
     amplitudes,
 )
 from antiosc.impact.histories import bars
-from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, QUANTITIES, differences
+from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, NO_ERROR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
 from antiosc.models.body import ModalModel, ModelInfo
 from antiosc_app.live import _bars, force_bar
@@ -196,7 +196,7 @@ def test_a_law_that_changes_the_number_of_contacts_leaves_the_contact_time_witho
 ):
     def with_softer(raw, by_law, tol):
         soft.append(by_law(ao.Hertz(1e5), tol))
-        return dict.fromkeys(QUANTITIES, 0.0), ""
+        return NO_ERROR, ""
 
     soft: list[ao.History] = []
     monkeypatch.setattr(error_budget, "law_errors", with_softer)

@@ -42,7 +42,14 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.texts import engineering, percent
 from antiosc.impact.histories import History, bars
-from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget, Rebound
+from antiosc.impact.histories.bars import (
+    DEFLECTION,
+    QUANTITIES,
+    UNITS,
+    ErrorBar,
+    ErrorBudget,
+    Rebound,
+)
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import (
@@ -96,7 +103,7 @@ class RepeatedImpact:
 
     def change(self, body: LinearBody) -> Shares:
         """Relative changes of peak force, impulse and contact time on another body."""
-        return bars.changes(self.raw, self.simulate_on(body))
+        return bars.all_changes(self.raw, self.simulate_on(body))
 
 
 def model_errors(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
@@ -169,7 +176,7 @@ def measured_errors(impact: RepeatedImpact) -> tuple[Shares, Shares]:
     noise, band = (
         {
             name: BAR * float(np.sqrt(np.mean([shares[name] ** 2 for shares in part])))
-            for name in QUANTITIES
+            for name in UNITS
         }
         for part in (noise_changes, band_changes)
     )
@@ -292,14 +299,13 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         "model": family,
         "stretch": _stretch(hit, stretching_model, rerun, tol),
     }
-    by_quantity = {
-        name: ErrorBar(
-            getattr(hit, name),
-            **{cause: share_of[name] for cause, share_of in shares.items()},
-            law=None if law is None else law[name],
-        )
-        for name in QUANTITIES
-    }
+
+    def bar(name: str, value: float) -> ErrorBar:
+        causes = {cause: share_of[name] for cause, share_of in shares.items()}
+        return ErrorBar(value, **causes, law=None if law is None else law[name])
+
+    by_quantity = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
+    motion = hit.site_motion
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
     without_mesh = ""
@@ -330,6 +336,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         unknown,
         incomparable,
         rebound_of(hit),
+        None if motion is None else bar(DEFLECTION, motion.largest),
     )
 
 
@@ -387,10 +394,9 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         return bars.NO_ERROR
     stretch = hit.assembly.stretched.get("structure")
     if stretch is None:
-        return dict.fromkeys(QUANTITIES, NEGLIGIBLE)
+        return dict.fromkeys(UNITS, NEGLIGIBLE)
     if model.stretch.count == "auto":
-        names = (*QUANTITIES, "deflection")
-        stretch_errors = {name: hit.error.get(f"stretch {name}", 0.0) for name in names}
+        stretch_errors = {name: hit.error.get(f"stretch {name}", 0.0) for name in UNITS}
     else:
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))
@@ -456,7 +462,7 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
         return impact.run(body, tol)
 
     if model.strain_error is None:
-        truncation_errors = dict.fromkeys(QUANTITIES, lower_bound)
+        truncation_errors = dict.fromkeys(UNITS, lower_bound)
         if model.info.no_estimate and model.n:
             truncated = truncation_error(model, known, tol=impact.tol)
             truncation_errors = _at_least(truncated, lower_bound)
@@ -464,7 +470,7 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
     softer = impact.simulate_on(model.corrected())
     share = energy_error(model, model.strain_error, weights)
     safety, doubts = _safety(model, share)
-    changes = bars.changes(raw, softer)
+    changes = bars.all_changes(raw, softer)
     if model.strain_misfit is not None:
         unstiffened = impact.change(replace(model, strain_misfit=None).corrected())
         changes = {name: max(change, changes[name]) for name, change in unstiffened.items()}
@@ -487,7 +493,7 @@ def _mesh(impact: RepeatedImpact, weights: Array, unstretched: str) -> MeshError
 
 def _at_least(truncated: TruncationError, lower_bound: float) -> Shares:
     """The errors due to truncation, none below a bound."""
-    return {name: max(getattr(truncated, name), lower_bound) for name in QUANTITIES}
+    return {name: max(getattr(truncated, name), lower_bound) for name in UNITS}
 
 
 def _recovered_shell(model: AntiOscillators) -> bool:
@@ -556,8 +562,8 @@ def _time(hit: History, finer: History | None, tol: float) -> dict[str, float]:
     """
     error = max(_time_errors(hit), default=0.0)
     estimated = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
-    change = bars.NO_ERROR if finer is None else bars.changes(hit, finer)
-    return {name: max(change[name] + tol, estimated.get(name, error)) for name in QUANTITIES}
+    change = bars.NO_ERROR if finer is None else bars.all_changes(hit, finer)
+    return {name: max(change[name] + tol, estimated.get(name, error)) for name in UNITS}
 
 
 def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:

@@ -23,7 +23,7 @@ from antiosc.engine.contact.peak_error import (
 )
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import NO_ERROR, changes, with_floor
+from antiosc.impact.histories.bars import NO_ERROR, all_changes, with_floor
 from antiosc.models.auto_contact import choice_of
 from antiosc.models.body import Body
 
@@ -67,7 +67,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     except SiteError:
         return None, UNKNOWN_CURVATURE
     for cause in changed_laws:
-        relative_changes = [changes(raw, by_law(law, tol)) for law in cause]
+        relative_changes = [all_changes(raw, by_law(law, tol)) for law in cause]
         for name in total:
             total[name] += max((shares[name] for shares in relative_changes), default=0.0)
     return with_floor(total), ""

@@ -41,7 +41,7 @@ from antiosc.base.texts import percent, where_to_change
 from antiosc.engine.damping import DampingMatrix, in_coordinates
 from antiosc.impact.assembly import Assembly, stiffness_at
 from antiosc.impact.histories import History
-from antiosc.impact.histories.bars import changes, with_floor
+from antiosc.impact.histories.bars import all_changes, with_floor
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 
@@ -198,6 +198,7 @@ class TruncationError:
     peak_force: float
     impulse: float
     contact_time: float
+    deflection: float = 0.0
 
     @property
     def worst(self) -> float:
@@ -243,9 +244,9 @@ def truncation_error(
     if next_omega is not None:
         next_omega = checks.positive("next_omega", next_omega, "rad/s")
     if model.n == 0:
-        return TruncationError(0, inf, inf, inf)
+        return TruncationError(0, inf, inf, inf, inf)
     raw = _checked_run(run(model, tol))
-    change = changes(raw, _checked_run(run(softest_model(model, next_omega), tol)))
+    change = all_changes(raw, _checked_run(run(softest_model(model, next_omega), tol)))
     ritz = next_omega is None and _unconverged(model)
     safety = TRUNCATION_SAFETY_RITZ if ritz else TRUNCATION_SAFETY
     errors = {name: safety * max(change - tol, 0.0) for name, change in change.items()}

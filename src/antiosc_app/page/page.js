@@ -229,6 +229,8 @@ class Page {
   // The error below and above a number; that of the restitution is not relative.
   sides(name, hit, bars) {
     if (name === "stress") return this.data.stress_bar;
+    if (name === "site_deflection") return this.at_start() ? this.blow.computed.site.bar : null;
+    if (name === "deflection") return this.data.part.deflection.at_site ? this.sides("site_deflection") : null;
     const total = bars[name === "restitution" ? "impulse" : name], { rebounds } = this.blow.bars || {};
     return Number.isFinite(total) ? sides_of(name, total, rebounds ? hit.restitution : NaN) : this.bars_here()[name];
   }
@@ -238,8 +240,8 @@ class Page {
     const { data, blow: { bars } } = this;
     if (name === "stress") return [data.scope, has_bar ? "" : data.stress_note].filter(Boolean).join("; ");
     if (this.sites && name === "peak_force" && !has_bar) return "no error bar at this site: it has one when it is struck by itself";
-    if (name === "deflection") return this.at_start() ? data.part.deflection.told : "";
-    if (name === "site_deflection") return "along the impact, no bar";
+    if (name === "deflection") return this.at_start() ? `${data.part.deflection.told}${has_bar ? "" : ", no bar"}` : "no bar";
+    if (name === "site_deflection") return this.at_start() ? `along the impact, ${this.blow.computed.site.told}${has_bar ? "" : "; no bar"}` : "along the impact, no bar";
     const unknown = (bars && bars.unknown || {})[name] || "";
     return name === "contact_time" ? [contact_time_note(this.hit), unknown].filter(Boolean).join("; ") : unknown;
   }

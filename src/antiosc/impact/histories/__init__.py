@@ -22,6 +22,7 @@ from antiosc.impact.histories.factors import modes_of, no_field_message, stretch
 from antiosc.impact.histories.linear_theory import linear_texts, stretch_effect
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
+from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import plot_history
@@ -77,6 +78,13 @@ class History(RunHistory, Results):
         if self.budget is None:
             raise InputError("only a History that simulate or strike returned has an error budget.")
         return self.budget(self)
+
+    @cached_property
+    def site_motion(self) -> SiteMotion | None:
+        """Largest displacement of the site along the impact within the run, `largest` [m] and
+        `time` [s], and the bound `later` [m] of what follows; None of a free part or of a scene.
+        """
+        return None if self.named else site_motion(self)
 
     def field(self, t: ArrayLike, body: str = "structure") -> Array:
         """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m].

@@ -12,8 +12,11 @@ from antiosc.base.texts import engineering, percent, plus_minus, restitution_tex
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
+#: That of the displacement of the site, which has a bar of its own beside these.
+DEFLECTION = "deflection"
+UNITS = {**QUANTITIES, DEFLECTION: "m"}
 #: What a cause adds that does not apply.
-NO_ERROR = dict.fromkeys(QUANTITIES, 0.0)
+NO_ERROR = dict.fromkeys(UNITS, 0.0)
 #: Causes of error, in the order in which they are told.
 CAUSES = (
     "mesh",
@@ -115,6 +118,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
+    deflection : bar of the largest displacement of the site within the run; None of a free part. It
+        is no member of the mapping.
     """
 
     bars: Mapping[str, ErrorBar]
@@ -125,6 +130,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     unknown: tuple[str, ...] = ()
     incomparable: tuple[str, ...] = ()
     rebound: Rebound | None = None
+    deflection: ErrorBar | None = None
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -150,7 +156,18 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         rebound = self.rebound
         if rebound is not None:
             rebound = rebound._replace(restitution=getattr(hit, "restitution", None))
-        return replace(self, bars=bars, rebound=rebound)
+        deflection, motion = self.deflection, getattr(hit, "site_motion", None)
+        if deflection is not None:
+            value = deflection.value if motion is None else motion.largest
+            deflection = replace(deflection, value=value, mesh=nearer * deflection.mesh)
+        return replace(self, bars=bars, rebound=rebound, deflection=deflection)
+
+    def bar(self, name: str) -> ErrorBar:
+        """The bar of a quantity, or of the "deflection"."""
+        if name == DEFLECTION:
+            assert self.deflection is not None
+            return self.deflection
+        return self.bars[name]
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -184,7 +201,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         Without the law where its error is unknown. No quantity is negative, and the impulse of a
         blow on a part at rest lies between m v and 2 m v (`rebound`).
         """
-        bar = self.bars[name]
+        bar = self.bar(name)
         total = bar.without_law if self.law or bar.total is None else bar.total
         below, above = min(total, 1.0), total
         if name == "impulse" and self.rebound is not None and bar.value > 0:
@@ -205,8 +222,8 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     def shown(self, name: str, digits: int = 4) -> str:
         """A quantity with its error as text; "numerical" if the error leaves the law out."""
-        bar = self.bars[name]
-        value = engineering(bar.value, QUANTITIES[name], digits)
+        bar = self.bar(name)
+        value = engineering(bar.value, UNITS[name], digits)
         if name in self.incomparable:
             return f"{value}, {NO_BAR}"
         word = f", {self.word}" if self.word else ""
@@ -239,7 +256,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
         "above" the value as far as physics allows. None where not known.
         """
-        bar = self.bars[name]
+        bar = self.bar(name)
         unknown_causes = CAUSES if name in self.incomparable else self.unknown
         shares = {
             cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
@@ -251,7 +268,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     def causes_text(self, name: str) -> str:
         """The shares of the causes in the error of a quantity as text."""
-        bar = self.bars[name]
+        bar = self.bar(name)
         return ", ".join(f"{cause} {percent(getattr(bar, cause))}" for cause in self.causes)
 
     def __str__(self) -> str:
@@ -335,9 +352,16 @@ def changes(first: Any, second: Any) -> dict[str, float]:
     return found
 
 
+def all_changes(first: Any, second: Any) -> dict[str, float]:
+    """`changes`, and that of the site's displacement; 0 where that is not known."""
+    moved = [getattr(one, "site_motion", None) for one in (first, second)]
+    largest = [0.0 if one is None else one.largest for one in moved]
+    return {**changes(first, second), DEFLECTION: _relative(*largest)}
+
+
 def with_floor(errors: Mapping[str, float]) -> dict[str, float]:
-    """The errors of the three quantities, none below `FLOOR` times the largest."""
-    worst = max(errors.values())
+    """The errors, none below `FLOOR` times the largest of the three quantities."""
+    worst = max(errors[name] for name in QUANTITIES)
     return {name: max(error, FLOOR * worst) for name, error in errors.items()}
 
 

@@ -1,0 +1,69 @@
+"""How far a site moves, later too, and when its striker is out of reach."""
+
+from __future__ import annotations
+
+from math import isinf
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.impact.histories.site_motion import out_of_reach
+
+LAW = ao.Hertz(1e8)
+ONE = ao.AntiOscillators(m0=0.5, k0=1e6, m=[], omega=[])
+THREE = ao.AntiOscillators(m0=0.3, k0=1e6, m=[0.2, 0.15], omega=[3e3, 5.2e3])
+#: It comes back slowly from a part of its mass, which then swings after it.
+ALIKE = ao.RigidMass(0.5, 1.0)
+LIGHT = ao.RigidMass(0.02, 1.0)
+
+
+def struck(model: ao.AntiOscillators, striker: ao.RigidMass, duration: float) -> ao.History:
+    return ao.simulate(model, striker, LAW, duration, tol=1e-6)
+
+
+def test_the_largest_motion_is_that_of_the_history() -> None:
+    hit = struck(THREE, LIGHT, 0.02)
+    motion = hit.site_motion
+    times = np.linspace(0.0, 0.02, 200_001)
+    moved = np.abs(hit.at(times)["structure"].displacement())
+    assert motion.largest == pytest.approx(moved.max(), rel=1e-6)
+    assert motion.time == pytest.approx(times[moved.argmax()], abs=2e-6)
+
+
+@pytest.mark.parametrize("model", [ONE, THREE], ids=["one mode", "three modes"])
+def test_no_later_motion_exceeds_its_bound_and_a_long_one_comes_near(
+    model: ao.AntiOscillators,
+) -> None:
+    """Frequencies without a common period meet at last: the sum of the amplitudes is reached."""
+    hit = struck(model, LIGHT, 2e-3)
+    whole = struck(model, LIGHT, 1.0)
+    assert len(whole.contacts) == len(hit.contacts)
+    later = np.abs(whole.at(np.linspace(2e-3, 1.0, 400_001))["structure"].displacement()).max()
+    assert 0.97 * hit.site_motion.later < later <= hit.site_motion.later * (1 + 1e-5)
+
+
+def test_a_striker_out_of_reach_does_not_meet_the_part_again() -> None:
+    for mass in (0.02, 0.1, 0.3, 0.45, 0.6):
+        striker = ao.RigidMass(mass, 1.0)
+        long = struck(THREE, striker, 0.1)
+        end = long.contacts[0][1] + 1e-5
+        hit = struck(THREE, striker, end)
+        away = out_of_reach(hit)
+        assert away is not None
+        if away <= end:
+            assert len(long.contacts) == len(hit.contacts)
+        if len(long.contacts) > len(hit.contacts):
+            assert away > end
+            assert isinf(away) or away > long.contacts[len(hit.contacts)][0]
+        last = long.contacts[-1][1]
+        assert out_of_reach(struck(THREE, striker, last + 0.01)) < np.inf
+
+
+def test_what_is_free_or_loaded_has_no_such_bound() -> None:
+    free = ao.AntiOscillators(m0=0.5, k0=0.0, m=[0.2], omega=[3e3])
+    assert struck(free, LIGHT, 1e-3).site_motion is None
+    assert out_of_reach(struck(free, LIGHT, 1e-3)) is None
+    falling = ao.simulate(ONE, LIGHT, LAW, 1e-3, gravity=9.81)
+    assert isinf(falling.site_motion.later)
+    assert out_of_reach(falling) is None
