@@ -108,7 +108,7 @@ def test_a_run_that_nobody_limited_goes_on_until_the_largest_deflection_is_past(
 SHEET = ao.AntiOscillators(m0=0.3, k0=1e6, m=[0.2, 0.15], omega=[3e3, 5.2e3])
 
 
-@pytest.mark.parametrize("mass", [0.02, 0.1, 0.16, 0.3, 0.45])
+@pytest.mark.parametrize("mass", [0.02, 0.16, 0.35, 0.45])
 def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass):
     """By the same rule for quick strikers and for those that it catches up with."""
 
@@ -119,6 +119,7 @@ def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass
     assert DURATION < choice.duration < LONGER * DURATION
     long = run(Choice(None, 8 * choice.duration))
     assert len(long.contacts) == len(hit.contacts)
+    assert hit.impactor_displacement[-1] <= -hit.site_motion.later
     lowest = SHEET.modal().omega[0]
     assert choice.duration >= hit.contacts[-1][1] + np.pi / lowest
     assert long.site_motion.largest <= max(hit.site_motion.largest, hit.site_motion.later)
