@@ -422,6 +422,8 @@ REMEDIES = {
     "law": "give the yield strength of the part's own material, and its range as its tests have it"
     f" ({OWN_STRENGTH})",
 }
+#: What is asked for where no yield strength is known.
+ASKED_STRENGTH = "give the yield strength or a material"
 #: The end of a sentence on a law whose yield strength has no range, one that is not the table's, or
 #: is that of the striker.
 NO_RANGE = (
@@ -1124,13 +1126,17 @@ def rough_force(bar: float | None, of_impact: str = "") -> str:
     """
     if bar is None or not exceeds(bar, WIDE, 2):
         return ""
-    return f"The force{of_impact} is a rough one, ± {percent(bar)}: "
+    of_law = ", without the error of the contact's law" * isinstance(bar, Numerical)
+    return f"The force{of_impact} is a rough one, ± {percent(bar)}{of_law}: "
 
 
 def rough(hit: History, budget: ErrorBudget | None) -> str:
     """Sentence, before the numbers, on a force with a wide bar, and what narrows it; "" if not."""
-    start = rough_force(None if budget is None else budget["peak_force"].total)
-    return start + _narrows(hit, budget) if start and budget is not None else ""
+    if budget is None:
+        return ""
+    bar = budget["peak_force"]
+    start = rough_force(Numerical(bar.without_law) if bar.total is None else bar.total)
+    return start + _narrows(hit, budget) if start else ""
 
 
 def _accuracy(hit: History, budget: ErrorBudget) -> str:

@@ -332,7 +332,6 @@ class Opened:
                     raise InputError(without_line(error)) from None
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
             warnings = by_weight(messages, " ".join([caution, *verdict]))
-            told = {"warnings": [[weight(one), capitalised(one)] for one in warnings]}
             source = self._source
             remedy = ""
             if source is not None:
@@ -343,7 +342,13 @@ class Opened:
                 fields[live.COMPARED] = live.COMPARED_DECKS
             if source is not None and source.look.of_deck:
                 fields[live.OWN_STRENGTH] = IN_PYTHON if self._given else OF_DECK
-            return {name: _in_words(value, fields) for name, value in {**result, **told}.items()}
+                if self._given is None:
+                    fields[live.ASKED_STRENGTH] = "give the yield strength in its field"
+            told = {name: _in_words(value, fields) for name, value in result.items()}
+            texts = [
+                [weight(one), capitalised(str(_in_words(str(one), fields)))] for one in warnings
+            ]
+            return told | {"warnings": texts}
 
         self._count(1)
         return self._work.submit(run_work).result()

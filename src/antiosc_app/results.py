@@ -59,6 +59,7 @@ from antiosc.plot.charts import (
 from antiosc.plotting import plot_deformed, plot_map
 from antiosc_app.conditions import beside_headline, conditions
 from antiosc_app.live import (
+    ASKED_STRENGTH,
     COMPARED_DECKS,
     OWN_STRENGTH,
     bar_of_fall,
@@ -1190,8 +1191,11 @@ def with_remedy(text: str, results: SceneResults) -> str:
     if section is not None and results.structure is not None:
         text = _with_cells_of(text, section, data[section], results.structure)
     material = {"deck": "[deck]", "geometry": "[material]"}.get(section or "", "")
-    strengths = f"yield_strength, yield_range in {material}"
-    return in_scene(text.replace(OWN_STRENGTH, strengths) if material else text)
+    if material:
+        asked = f"give yield_strength in {material}, or a material of the striker"
+        text = text.replace(ASKED_STRENGTH, asked)
+        text = text.replace(OWN_STRENGTH, f"yield_strength, yield_range in {material}")
+    return in_scene(text)
 
 
 def _with_cells_of(text: str, section: str, keys: dict[str, Any], structure: Structure) -> str:

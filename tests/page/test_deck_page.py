@@ -231,8 +231,11 @@ def shown(browser, name, turn):
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
-def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(opened):
-    page = View(opened, "plate", "'none'")
+def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(tmp_path):
+    """Of one without a density, whose field stands among the others."""
+    path = tmp_path / "plate.inp"
+    path.write_text(plate_deck(6).replace("*DENSITY\n1200.\n", ""), encoding="utf-8")
+    page = View(Opened(path, unit="m"), "plate", "'none'")
     try:
         with Browser() as browser:
             browser.address(page.address, 390)
@@ -243,6 +246,7 @@ def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(opened):
             places = browser.run(PLACES)
             at = places["fields"].index("yield_strength")
             assert places["fields"][at + 1] == "yield_range"
+            assert "density" in places["fields"]
             at_edge = [value > max(places["x"]) - 1e-4 for value in places["x"]]
             assert [bool(one) for one in places["held"]] == at_edge  # no triangle beside it
             triangles = [at_edge[k : k + 3] for k in range(0, len(at_edge), 3)]

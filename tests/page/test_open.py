@@ -21,7 +21,7 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.base import materials, progress
-from antiosc.base.errors import NOTE, InputError, by_weight, warnings_to
+from antiosc.base.errors import NOTE, InputError, by_weight, warn, warnings_to
 from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
@@ -722,6 +722,16 @@ def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
         assert made.is_finer == is_finer
         told = opened._computed(lambda: {"caution": f"({SMALLER_CELLS})"}, finer=is_finer)
         assert told["caution"] == ("(cell size)" if is_finer else "(Finer mesh here, or cell size)")
+
+
+def test_a_warning_begins_with_a_capital_in_the_words_of_the_page_too(opened):
+    def work():
+        warn("'structure' deflects by 2.05 mm, 10.3 times its thickness.")
+        return {}
+
+    assert warned(opened._computed(work)) == [
+        "The part deflects by 2.05 mm, 10.3 times its thickness."
+    ]
 
 
 def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them():

@@ -332,6 +332,11 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     assert browser.run(first + MAP_LEGEND)[1:] == ["doubtful", "stress not sought"]
     every = browser.run("page.data.sites.doubtful.fill(true);" + MAP_LEGEND)
     assert "all sites doubtful" in every[0]
+    assert found.radius is not None  # a single blow counts what it hides
+    assert "without what the radius of the patch hides" in every[0]
+    of_force = f"page.kind = 'peak_force'; {MAP_LEGEND}"
+    assert "hides" not in browser.run(of_force)[0]
+    browser.run("page.kind = 'exposure'; page.picture()")
     assert every[1] == ""  # none is grey
     low, high = browser.run("return page.sites.range('exposure')")
     assert (low, high) == pytest.approx((found.exposure[2:].min(), found.exposure[2:].max()))

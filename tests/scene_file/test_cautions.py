@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -76,6 +77,18 @@ def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
     assert "to narrow it" not in " ".join(rough.sentences)
     assert "rough" not in fine.caution
     assert "to narrow it" in " ".join(fine.sentences)
+
+
+def test_a_wide_bar_without_that_of_the_law_is_told_first_too():
+    """A smaller share of it stood first, where no yield strength is known."""
+    bar = SimpleNamespace(total=None, without_law=12.0, mesh=12.0)
+    budgets = type("Budget", (), {"causes": ["mesh"], "__getitem__": lambda *_: bar})
+    told = live.rough(None, budgets())
+    assert told.startswith(
+        "The force is a rough one, ± 1200 %, without the error of the contact's law: "
+    )
+    bar.without_law = 0.4
+    assert live.rough(None, budgets()) == ""
 
 
 @pytest.mark.parametrize(("strengths", "is_wide"), [((38e6, 46e6), False), ((6e6, 400e6), True)])

@@ -86,7 +86,11 @@ def test_advice_names_no_function_of_python(monkeypatch):
 
 #: Advice of each kind: cells, anti-oscillators, yield strength.
 ADVICE = " ".join(
-    (f"cells ({SMALLER_CELLS})", live.REMEDIES["truncation"], f"strength ({live.OWN_STRENGTH}).")
+    (
+        f"cells ({SMALLER_CELLS})",
+        live.REMEDIES["truncation"],
+        f"strength ({live.OWN_STRENGTH}), {live.ASKED_STRENGTH}.",
+    )
 )
 
 
@@ -102,6 +106,7 @@ def test_advice_in_a_scene_names_its_own_sections_and_no_fields_of_the_page(sect
     scene = SimpleNamespace(document=SimpleNamespace(data=sections))
     told = results.with_remedy(ADVICE, SimpleNamespace(compiled=scene, structure=None))
     assert expected in told
+    assert live.ASKED_STRENGTH not in told
     for words in ("page", "field", "list of materials", "Finer mesh"):
         assert words not in told
     assert ("[extract]" in told) == ("strike" not in sections)

@@ -15,13 +15,14 @@ from antiosc.base.errors import InputError
 from antiosc.base.texts import STOPPED, percent
 from antiosc.impact import stretching
 from antiosc.impact.error_budget import _beyond_third_order
+from antiosc.impact.histories import linear_theory
 from antiosc.impact.histories.bars import CAUSES
 from antiosc.impact.histories.energy import energy_gain
 from antiosc.impact.stretching import (
     NEGLIGIBLE,
     Series,
     beyond_third_order,
-    released,
+    energies_of,
     with_rows,
 )
 from antiosc.impact.truncation import WARN_SHARE, truncation_share
@@ -152,7 +153,7 @@ def test_a_run_whose_motion_ran_away_by_chance_is_left_out():
     """Two that run away in the same way are no chance: they snap through."""
     sound = [run_of(count) for count in (4, 5, 5)]
     away = run_of(4, well=8.0)
-    assert released(away) > 0.5 > 100 * max(map(released, sound))
+    assert energies_of(away).released > 0.5 > 100 * max(energies_of(one).released for one in sound)
     alone = Series([*sound[:2], away, sound[2]])
     assert alone.kept().left_out == (4,)
     assert alone.kept().runs == sound
@@ -170,9 +171,22 @@ def test_what_second_order_forces_release_is_the_energy_of_the_modes():
     t = np.linspace(0, hit.time[-1], 4000)
     q = hit.states(t)[0][:, : omega.size]
     linear = ((omega * q) ** 2).sum(axis=1) / 2
-    assert released(hit) == pytest.approx(
+    assert energies_of(hit).released == pytest.approx(
         -forces.energy(q @ forces.modes).min() / linear.max(), rel=0.05
     )
+
+
+def test_the_motion_of_a_run_is_sampled_once_for_what_is_asked_of_it(monkeypatch):
+    hit, sampled = run_of(4), []
+
+    def counted(history, omega):
+        sampled.append(history)
+        return linear_theory.sampled_motion(history, omega)
+
+    monkeypatch.setattr(stretching, "sampled_motion", counted)
+    found = [energies_of(hit).released, energies_of(hit).beyond, beyond_third_order(hit)]
+    assert found[2] == stretching.BEYOND * found[1]
+    assert sampled == [hit]
 
 
 def test_strain_beyond_third_order_is_noted_where_it_exceeds_the_bar():

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -210,7 +211,7 @@ class Series(Generic[H]):
         choices of motions then fall into a well that their neighbours do not have. What truly snaps
         through does so with more motions too, and in the same way.
         """
-        releases = [released(run) for run in self.runs]
+        releases = [energies_of(run).released for run in self.runs]
         most = RAN_AWAY * min(releases, default=0.0) + NEGLIGIBLE
         kept = [run for run, energy in zip(self.runs, releases, strict=True) if energy <= most]
         away = [run for run, energy in zip(self.runs, releases, strict=True) if energy > most]
@@ -230,11 +231,33 @@ def motions(history: History) -> int:
     return max(forces.size for forces in history.assembly.stretched.values())
 
 
-def released(history: History) -> float:
-    """The largest energy that second-order forces release, over the largest linear one."""
-    energies = _energies(history, partial(sampled_motion, history))
-    shares = [-float((quadratic + cubic).min()) for quadratic, cubic in energies]
-    return max([0.0, *shares])
+class Energies(NamedTuple):
+    """What second-order forces do in a run, over the largest linear energy of their body.
+
+    Attributes
+    ----------
+    released : the largest energy that they release.
+    beyond : the largest product of their energies of third and fourth order.
+    """
+
+    released: float
+    beyond: float
+
+
+#: Energies of runs: to sample the motion of one takes as long as many of its steps.
+_of_runs: WeakKeyDictionary[History, Energies] = WeakKeyDictionary()
+
+
+def energies_of(history: History) -> Energies:
+    """The energies of the second-order forces in a run, whose motion is sampled once."""
+    if history not in _of_runs:
+        found = Energies(0.0, 0.0)
+        for third, fourth in _energies(history, partial(sampled_motion, history)):
+            product = float(np.abs(third).max() * np.abs(fourth).max())
+            release = -float((third + fourth).min())
+            found = Energies(max(found.released, release), max(found.beyond, product))
+        _of_runs[history] = found
+    return _of_runs[history]
 
 
 def before_peak(history: History) -> float:
@@ -258,9 +281,7 @@ def beyond_third_order(history: History) -> float:
     Energies of third and fourth order are U₃ and U₄, of the linear one; the next is about U₃ U₄. A
     flat sheet has no U₃, and none beyond U₄.
     """
-    energies = _energies(history, partial(sampled_motion, history))
-    shares = [float(np.abs(third).max() * np.abs(four).max()) for third, four in energies]
-    return BEYOND * max([0.0, *shares])
+    return BEYOND * energies_of(history).beyond
 
 
 def _energies(history: History, motion: Callable[[Array], Array]) -> Iterator[tuple[Array, Array]]:

@@ -396,7 +396,8 @@ class Page {
     const drawn = this.part ? `, motion drawn × ${this.part.factor}, ${engineering(this.time(), "s")}` : "";
     const wide = this.sites && this.sites.logarithmic(this.kind);
     const doubtful = this.sites && this.sites.all_doubtful() ? ", all sites doubtful" : "";
-    find("what").textContent = label + doubtful + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
+    const lacks = this.sites && this.kind in NOT_SOUGHT && this.sites.data.radii.length ? ", without what the radius of the patch hides" : "";
+    find("what").textContent = label + lacks + doubtful + drawn + (wide ? `, logarithmic: in the middle ${engineering(Math.sqrt(low * high), unit)}` : "");
   }
 
   play(on) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -183,8 +184,20 @@ def deflection(history: RunHistory, name: str, closely: bool = True) -> float:
 
     closely : whether to sample many times, instead of the ends of steps alone.
     """
+    known = _deflections.setdefault(history, {})
+    if (name, closely) not in known:
+        known[name, closely] = _deflection(history, name, closely)
+    return known[name, closely]
+
+
+#: Deflections of runs by bodies: texts, bars and choices ask for the same ones.
+_deflections: WeakKeyDictionary[RunHistory, dict[tuple[str, bool], float]] = WeakKeyDictionary()
+
+
+def _deflection(history: RunHistory, name: str, closely: bool) -> float:
+    """`deflection` of a run, whose motion is sampled."""
     a = history.assembly
-    omega = history.assembly.bodies[name].omega
+    omega = a.bodies[name].omega
     span = a.spans[name]
     columns = a.columns[name]
     sites = a.B[span, columns] @ a.G[: len(a.laws), columns].T
