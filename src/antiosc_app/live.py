@@ -77,7 +77,7 @@ from antiosc.extension import (
 from antiosc.models.auto_contact import choice_of, piercing
 from antiosc.models.body import info_of, site_points
 from antiosc.models.stretch import MOST_ASKED, NARROWED
-from antiosc_app.scene_file.run import coarse_cells, error_budget
+from antiosc_app.scene_file.run import coarse_cells, error_budget, has_sheets
 from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
@@ -383,15 +383,21 @@ def _until(hit: History, motion: SiteMotion) -> str:
     return f"{within}; {damping}at most {engineering(motion.later, 'm')} later"
 
 
-def deflection_rows(hit: History, budget: ErrorBudget | None) -> list[tuple[str, str]]:
-    """The row on the deflection at the site; none of a part that moves on as a whole."""
+def motion_rows(
+    hit: History, budget: ErrorBudget | None, structure: Structure | None
+) -> list[tuple[str, str]]:
+    """Rows on the deflection at the site, but of a part that moves on as a whole, and on whether a
+    thin part stretches where the summary has none.
+    """
     found = deflection(hit, budget)
+    stretch = "" if hit.stretch_texts else stretching(hit, structure)
+    rows = [("stretch", stretch)] if stretch else []
     if found is None:
-        return []
+        return rows
     value = engineering(found["value"], "m")
     if budget is not None and found["bar"] is not None:
         value = budget.shown(DEFLECTION, 3)
-    return [("deflection at the site", f"{value}, {found['told']}")]
+    return [("deflection at the site", f"{value}, {found['told']}"), *rows]
 
 
 def halved(size: str, dim: int) -> str:
@@ -479,7 +485,7 @@ def headline_of_history(
         ("contact", hit.verdict),
         *(("doubt" if i else "stress", s) for i, s in enumerate(stresses)),
         ("energy", _absorbed(hit)),
-        ("stretch", _stretching(hit)),
+        ("stretch", stretching(hit, structure)),
         ("contacts", _contacts(hit)),
         ("accuracy", "" if budget is None else _accuracy(hit, budget)),
     ]
@@ -1052,10 +1058,13 @@ def _stress_note(peak: PeakField, force: float | None) -> str:
     return f"{plus_minus(bar)} by mesh and patch, force not estimated"
 
 
-def _stretching(hit: History) -> str:
-    """Sentence whether the part stretches, and what this changes."""
+def stretching(hit: History, structure: Structure | None) -> str:
+    """Sentence whether a thin part stretches, and what this changes; "" of a thick one."""
+    is_sheet = has_sheets(structure)
     texts = [text.replace("'structure'", "the part") for text in hit.stretch_texts]
-    texts = texts or [*filter(None, [unstretched_text(hit)])]
+    texts = texts or [*filter(None, [unstretched_text(hit, is_sheet)])]
+    if not texts and is_sheet and not hit.assembly.bodies["structure"].omega.all():
+        texts = ["nothing holds the part, and it is taken as linear, without stretching"]
     return " ".join(f"{capitalised(text)}." for text in texts)
 
 

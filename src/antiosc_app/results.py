@@ -65,11 +65,11 @@ from antiosc_app.live import (
     bar_of_fall,
     cautions_of,
     deflection,
-    deflection_rows,
     force_bar,
     halved,
     judgement,
     map_cautions,
+    motion_rows,
     remedy_of,
     stress_note,
     stresses_of_impacts,
@@ -451,7 +451,7 @@ def _impact(results: SceneResults) -> Presentation:
     told = "\n".join(filter(None, (struck, summary)))
     remedy = "" if is_scene else remedy_of(hit, budget)
     accuracy = "\n".join(filter(None, (str(budget or ""), remedy)))
-    moved = [] if is_scene else deflection_rows(hit, budget)
+    moved = [] if is_scene else motion_rows(hit, budget, results.structure)
     text = [told, accuracy, format_rows([*moved, *probe_rows, *stresses])]
     return Presentation(
         text=text,

@@ -472,7 +472,7 @@ def test_the_deflection_at_the_site_has_its_bar_and_tells_until_when_it_is_known
     within = f"largest within the {engineering(4 * DURATION, 's')} that were computed"
     assert told == f"along the impact, {within}, and later too"
     assert hit.site_motion.later <= hit.site_motion.largest
-    ((name, row),) = assets.deflection_rows(hit, hit.error_budget)
+    (name, row), *_ = assets.motion_rows(hit, hit.error_budget, part)
     assert name == "deflection at the site"
     assert row.endswith(told.removeprefix("along the impact, "))
     assert plus_minus(ends) in row
@@ -517,7 +517,10 @@ def test_the_largest_deflection_is_that_of_the_field_with_its_place_and_time(pla
     assert "deflection" not in live_meshes.of_structure(free, again)
     assert again.site_motion is None
     assert assets.deflection(again, None) is None
-    assert assets.deflection_rows(again, None) == []
+    ((name, told),) = assets.motion_rows(again, None, free)
+    assert name == "stretch"
+    assert "nothing holds the part" in told.lower()
+    assert assets.motion_rows(again, None, None) == []  # of no sheet
 
 
 @pytest.mark.fem

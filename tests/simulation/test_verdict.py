@@ -269,6 +269,11 @@ def test_a_sheet_that_is_held_along_one_line_is_told_to_bend_without_stretching(
     share = float(slightly.split(" times its thickness, too little")[0].split()[-1])
     assert share == pytest.approx(0.01, rel=0.02)
     assert unstretched_text(told(u / 0.1, "thickness")) == ""
+    assert unstretched_text(told(u / 0.01, "bends")) == slightly
+    for key in ("thickness", "bends"):  # of a sheet it is said always, of a block never
+        slight = told(u / 1e-4, key)
+        assert unstretched_text(slight) == ""
+        assert "less than 0.001 times its thickness" in unstretched_text(slight, is_sheet=True)
     assert "explicit finite element program" in next(iter(told(u / 5, "bends").stretch_texts))
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from antiosc.base.errors import InputError, warn, warnings_to
+from antiosc.base.errors import warn, warnings_to
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.automatic import only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
+from antiosc_app.scene_file.run import has_sheets
 from antiosc_app.scene_file.scene import MESHED, CompiledScene
 from antiosc_app.until_parted import Choice, rounded_up, tell_radius, until_parted
 
@@ -87,7 +88,7 @@ def settled(document: Document) -> Settled:
         return one
 
     with warnings_to(messages.append):
-        result, choice = until_parted(run, _hit, first, is_sheet=_is_sheet(structure))
+        result, choice = until_parted(run, _hit, first, is_sheet=has_sheets(structure))
         tell_radius(first.radius, choice.radius)
         if hardest is not document:
             result = known.scene(document, choice)
@@ -130,15 +131,3 @@ def _smallest(structure: Structure | None, scene: CompiledScene) -> float | None
         return None
     radius = resolved_radius(with_parts(structure), site)
     return None if radius is None else rounded_up(radius)
-
-
-def _is_sheet(structure: Structure | None) -> bool:
-    """Whether a part of the structure is a sheet."""
-    from antiosc.extension import with_parts
-
-    if structure is None:
-        return False
-    try:
-        return any(member.part.kind.sheet for member in with_parts(structure).members())
-    except (AttributeError, InputError):  # matrices of other programs have no parts
-        return False

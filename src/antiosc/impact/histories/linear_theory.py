@@ -117,18 +117,26 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
             )
 
 
-def unstretched_text(history: RunHistory) -> str:
-    """Sentence that the sheets of a run bend too little to stretch; "" if one may, or without
-    sheets.
+#: Deflection over the thickness below which a thick part is not told that it does not stretch.
+NO_QUESTION = 1e-3
+
+
+def unstretched_text(history: RunHistory, is_sheet: bool = False) -> str:
+    """Sentence that the thin parts of a run bend too little to stretch; "" if one may, or without
+    such parts. `is_sheet`: whether they are sheets, which are told always.
     """
-    ratios = [
-        deflection(history, name) / h for name, body, h in _sheets(history) if body.omega.all()
+    held = [(name, h) for name, body, h in _sheets(history) if body.omega.all()]
+    along_line = [
+        (name, bends)
+        for name, body in history.assembly.bodies.items()
+        if (bends := info_of(body.body).bends) is not None
     ]
-    if not ratios or max(ratios) > SLIGHT_DEFLECTION:
+    ratios = [deflection(history, name) / h for name, h in (*held, *along_line)]
+    worst = max(ratios, default=np.inf)
+    if worst > SLIGHT_DEFLECTION or not (is_sheet or worst >= NO_QUESTION):
         return ""
-    return (
-        f"it deflects at the site by {max(ratios):.2g} times its thickness, too little to stretch"
-    )
+    times = f"{worst:.2g}" if worst >= NO_QUESTION else f"less than {NO_QUESTION:g}"
+    return f"it deflects at the site by {times} times its thickness, too little to stretch"
 
 
 #: Largest share by which forces of a sheet that nothing stretches are larger where it bends in two
