@@ -146,6 +146,11 @@ def _parser() -> argparse.ArgumentParser:
                 " all if they can be joined, else the largest)"
             )
             command.add_argument("--piece", type=int, metavar="NUMBER", help=about_piece)
+            about_contact = (
+                "of a deck: its contact pairs are tied where they are closed at first, or apart"
+                " (default: tied)"
+            )
+            command.add_argument("--contact", choices=("tied", "apart"), help=about_contact)
             about_time = "limit of reading and meshing the file (default: by its kind and size)"
             command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
         if name == "export":

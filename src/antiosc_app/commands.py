@@ -70,6 +70,7 @@ def _new(options: Namespace) -> int:
         options.timeout,
         options.size,
         options.piece,
+        options.contact,
     )
     for sentence in sentences:
         print_text(sentence)
@@ -87,6 +88,7 @@ def _open(options: Namespace) -> int:
         options.timeout,
         options.size,
         options.piece,
+        options.contact,
         browser=not options.no_browser,
     )
     return 0

@@ -53,7 +53,9 @@ MOST_CELLS = 30_000
 #: Nodes of a mesh in pieces are joined up to this distance [m].
 MERGE_DISTANCE = 1e-6
 #: Arguments of reading that say which pieces are read, and how they are joined.
-OF_PIECES = ("fragments", "merge", "cells", "solid", "piece")
+OF_PIECES = ("fragments", "merge", "cells", "solid", "piece", "contact")
+#: What becomes of contact of a deck if nothing is said: a joint under a light blow stays pressed.
+TIED = "tied"
 #: Words of the warnings of a mesh whose pieces meet, but not at faces of their cells: joined at the
 #: few nodes that coincide, one would turn about the others.
 UNJOINED = ("overlap others", "lie on cells that they do not belong to")
@@ -108,12 +110,14 @@ def foreign_part(
     unit: str | None = None,
     timeout: float | None = None,
     size: float | None = None,
+    contact: str | None = None,
     alone: Read | None = None,
 ) -> ForeignPart:
     """Read or mesh a part; `free`: a deck without supports; `unit`: unit of the file, if known.
 
     `timeout` [s]: limit of each reading; None: by kind and size of the file. `size` [m]: largest
-    cell; None: by the size of a geometry, that of the cells of a mesh or a deck. `alone`: how one
+    cell; None: by the size of a geometry, that of the cells of a mesh or a deck. `contact`: what
+    becomes of the contact of a deck, "tied" or "apart"; None: tied, if it can be. `alone`: how one
     piece is read (`way_of_piece`), in place of all alternatives.
 
     Raises
@@ -126,14 +130,17 @@ def foreign_part(
     limit: Read = {} if timeout is None else {"timeout": timeout}
     if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
         options = limit | ({"free": True} if free else {}) | (alone or {})
+        options |= {"contact": contact} if contact else {}
         return _of_deck(path, options, UNITS if unit is None else (unit,), size)
+    if contact is not None:
+        raise InputError(f"{path.name} is no deck with contact: leave contact away.")
     with without_warnings():
         return _of_mesh(path, unit, limit, size, alone)
 
 
 def way_of_piece(read: Read, piece: int) -> Read:
     """How a piece of a part is read alone; `read`: how the part was read, with its pieces."""
-    joins = () if "piece" in read else ("fragments", "merge")
+    joins = () if "piece" in read else ("fragments", "merge", "contact")
     kept = {key: read[key] for key in OF_PIECES if key in read and key not in joins}
     return {**kept, "piece": piece}
 
@@ -395,6 +402,7 @@ def _read_deck(
     that are needed, and to `warned` the warnings.
     """
     pieces: Sequence[Piece] = ()
+    chosen = "contact" in read
     while True:
         warned.clear()
         try:
@@ -403,8 +411,13 @@ def _read_deck(
         except PiecesError as error:
             if "piece" in read:
                 raise
-            read["piece"] = 1
             pieces = error.pieces
+            if "contact" not in read and not pieces:
+                read["contact"] = TIED
+                continue
+            if not chosen:
+                read.pop("contact", None)
+            read["piece"] = 1
         except InputError as error:
             if ALL_HELD in str(error) and "free" not in read:
                 read["free"] = True

@@ -168,6 +168,8 @@ IMPACTS = 3
 FRICTION = 0.3
 #: What a deck says of the strength of its materials.
 NO_YIELD = "none is read of a deck: nothing is said of yield"
+#: What becomes of the contact of a deck.
+CONTACT_TEXTS = {"tied": "tied where they are closed at first", "apart": "left out"}
 FLOOR_MATERIAL = "concrete C30/37"
 #: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
@@ -518,6 +520,9 @@ class Inspection:
             rows.append(("section", f"a bar of {self.thickness:g} m", "[material] section"))
         key = "[deck] unit" if self.of_deck else "[material] name"
         rows.append(("mass", self.mass_text(), key))
+        if "contact" in self.read:
+            told = CONTACT_TEXTS[self.read["contact"]]
+            rows.append(("contact pairs", told, "[deck] contact"))
         if drop:
             fall = f"from {FALL_HEIGHT:g} m, without supports, z up, tilted by {list(TILT)}°"
             return [*rows, ("fall", fall, "[drop] height, tilt")]
@@ -594,6 +599,7 @@ def inspect_part(
     timeout: float | None = None,
     size: float | None = None,
     piece: int | None = None,
+    contact: str | None = None,
     whole: Inspection | None = None,
 ) -> Inspection:
     """Read or mesh the file of a part and inspect it, or one of its pieces.
@@ -601,7 +607,7 @@ def inspect_part(
     `free`: whether to ignore the supports of a deck; `unit`: unit of the file, if known;
     `timeout` [s]: limit of each reading; None: by kind and size of the file; `size` [m]: largest
     cell, if it is asked for; `piece`: rank among those of the inspection without it, which is
-    `whole`, if it was made.
+    `whole`, if it was made; `contact`: what becomes of the contact of a deck, if that is asked for.
 
     Raises
     ------
@@ -610,7 +616,7 @@ def inspect_part(
         of it needs more than the free memory.
     """
     check_size(path)
-    options = free, unit, timeout, size
+    options = free, unit, timeout, size, contact
     if piece is None:
         part = foreign_part(path, *options)
     else:
@@ -1334,6 +1340,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         "density",
         "modulus",
         "piece",
+        "contact",
         "fragments",
         "solid",
         "cells",
@@ -1432,12 +1439,14 @@ def write_scene(
     timeout: float | None = None,
     size: float | None = None,
     piece: int | None = None,
+    contact: str | None = None,
 ) -> tuple[Path, list[str]]:
     """Write a new scene file, complete or absent; returns its path and sentences on the part.
 
     `material`: name of the material of a part that is no deck; `unit`: unit of the file;
     `timeout` [s]: limit of each reading of the file; `size` [m]: largest cell, if it is asked for;
-    `piece`: rank of the piece of the part that is read alone.
+    `piece`: rank of the piece of the part that is read alone; `contact`: what becomes of the
+    contact of a deck, "tied" or "apart".
 
     Raises
     ------
@@ -1465,7 +1474,7 @@ def write_scene(
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     try:
         with progress.doing(f"looking at {source.name}"):
-            inspection = inspect_part(source, drop, unit, timeout, size, piece)
+            inspection = inspect_part(source, drop, unit, timeout, size, piece, contact)
     except OSError as error:
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:

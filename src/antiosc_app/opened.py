@@ -223,6 +223,7 @@ class Opened:
     timeout : limit [s] of reading the file; None: by its kind and size.
     size : largest cell [m]; None: as `antiosc new` takes it.
     piece : rank of the piece that is opened; None: as `antiosc new` takes them.
+    contact : what becomes of the contact of a deck, "tied" or "apart"; None: likewise.
     """
 
     def __init__(
@@ -233,6 +234,7 @@ class Opened:
         timeout: float | None = None,
         size: float | None = None,
         piece: int | None = None,
+        contact: str | None = None,
     ) -> None:
         self._path = path
         self._given = structure
@@ -260,6 +262,7 @@ class Opened:
         #: parts that were opened
         self._whole: new.Inspection | None = None
         self._piece = piece
+        self._contact = contact
         self._opening = 0
         self._doing = ""
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
@@ -440,6 +443,8 @@ class Opened:
             "opening": self._opening,
             "pieces": self._pieces(inspection),
             "piece": inspection.read.get("piece", JOINED),
+            "contact": inspection.read.get("contact", ""),
+            "contacts": new.CONTACT_TEXTS if "contact" in inspection.read else {},
             "told": _told_of_file(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "skin": shape,
@@ -477,24 +482,36 @@ class Opened:
         )
         with progress.doing(f"looking at {self._path.name}"):
             if self._whole is None:
-                self._whole = look()
+                self._whole = look(contact=self._contact)
             if self._piece in (None, self._whole.read.get("piece", JOINED)):
                 return self._whole
-            return look(piece=self._piece, whole=self._whole)
+            return look(piece=self._piece, contact=self._contact, whole=self._whole)
 
     def _take(self, values: Table) -> Data:
-        """Open another piece of the part, or all of them joined; the page then looks anew."""
+        """Open another piece of the part, or all of them joined, or with another choice of its
+        contact; the page then looks anew.
+        """
+        if "contact" in values:
+            contact = checks.choice("contact", values["contact"], tuple(new.CONTACT_TEXTS))
+            self._open_anew(None, contact, None)
+            return {}
         piece = checks.whole("piece", values.get("piece"), least=JOINED)
         if piece == JOINED and (self._whole is None or "piece" in self._whole.read):
             raise InputError(f"the pieces of {self._path.name} are not joined.")
-        before = self._piece, self._first, self._source
-        self._piece, self._first = piece, {}
+        self._open_anew(piece, self._contact, self._whole)
+        return {}
+
+    def _open_anew(
+        self, piece: int | None, contact: str | None, whole: new.Inspection | None
+    ) -> None:
+        """Look at the part anew; if that fails, the one before stays."""
+        before = self._piece, self._contact, self._whole, self._first, self._source
+        self._piece, self._contact, self._whole, self._first = piece, contact, whole, {}
         try:
             self._look()
         except BaseException:
-            self._piece, self._first, self._source = before
+            self._piece, self._contact, self._whole, self._first, self._source = before
             raise
-        return {}
 
     def _pieces(self, look: new.Inspection) -> list[tuple[int, str]]:
         """The pieces of the part by their ranks, in words, with all joined if they were so."""

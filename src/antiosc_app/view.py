@@ -111,12 +111,14 @@ def until_interrupted(
     timeout: float | None,
     size: float | None,
     piece: int | None,
+    contact: str | None,
     browser: bool,
 ) -> None:
     """Serve the page of a file until Ctrl-C; `unit`: unit of the file, if known; `timeout` [s]:
-    limit of reading it; `size` [m]: largest cell, if it is asked for; `piece`: that is opened.
+    limit of reading it; `size` [m]: largest cell, if it is asked for; `piece`: that is opened;
+    `contact`: what becomes of that of a deck.
     """
-    page = _open_page(_file(path), None, NOBODY, unit, timeout, size, piece)
+    page = _open_page(_file(path), None, NOBODY, unit, timeout, size, piece, contact)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
     if browser:
         webbrowser.open(page.address)
@@ -145,10 +147,11 @@ def _open_page(
     timeout: float | None = None,
     size: float | None = None,
     piece: int | None = None,
+    contact: str | None = None,
 ) -> View:
     """The page of a file or of a structure."""
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
     title = path.name if structure is None else "A part"
-    return View(Opened(path, structure, unit, timeout, size, piece), title, frames)
+    return View(Opened(path, structure, unit, timeout, size, piece, contact), title, frames)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,12 +34,27 @@ class DeckFaces:
     faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
     #: arrays of rows of nodes; together all nodes of the surface
     node_tables: list[IntArray] = field(default_factory=list)
+    #: arrays of rows of elements with these faces
+    element_tables: list[IntArray] = field(default_factory=list)
+
+    @property
+    def elements(self) -> IntArray:
+        """Rows of the elements with these faces."""
+        return np.unique(np.concatenate([NONE, *self.element_tables]))
 
     @property
     def nodes(self) -> IntArray:
         """Rows of all nodes of the surface, each once."""
         nodes = np.unique(np.concatenate([NONE, *self.node_tables]))
         return nodes[nodes >= 0]
+
+    @property
+    def node_rows(self) -> list[IntArray]:
+        """Nodes of each face: all, or the corners where a mid-side node is missing."""
+        return [
+            np.concatenate([corners, mids]) if len(mids) and (mids >= 0).all() else corners
+            for corners, mids in self.faces
+        ]
 
 
 def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]:
@@ -56,6 +72,7 @@ def surfaces_of(assembled: Whole, cards: Sequence[Card]) -> dict[str, DeckFaces]
                 surface.node_tables.append(row.nodes())
                 continue
             elements = card.within.elements(row.word(0), row.place)
+            surface.element_tables.append(elements)
             side = row.word(1).upper()
             for block, _ in assembled.deck.blocks_of(elements):
                 faces = _faces(block, side, row.place)
@@ -101,11 +118,55 @@ def _faces(block: Block, side: str, place: DeckPlace) -> list[tuple[IntArray, In
 
 #: Default tolerance of a tie, as a share of the master's mean edge length (Abaqus).
 TIE_REACH = 0.05
+#: Largest distance of a point of a curved face from its centre, over that of its nodes.
+BULGE = 1.5
 #: Number of nearest faces onto which each node is projected.
 TRIED = 12
 #: The projection of points onto 1000 random faces of each kind, bent by 2 % of their size, ended
 #: within 5e-7 of the size after this many steps.
 NEWTON_STEPS = 12
+
+
+class TiedNode(NamedTuple):
+    """A node at a face, and the nodes of the face with their shape functions at its place."""
+
+    node: int
+    leaders: IntArray
+    weights: Array
+
+
+def tied_nodes(
+    joints: DeckConstraints, slave: DeckFaces, master: DeckFaces, tolerance: float | None
+) -> tuple[list[TiedNode], float]:
+    """(nodes of `slave` that lie within reach of the faces of `master` and are none of their nodes,
+    the reach).
+
+    The reach is `tolerance`, by default `TIE_REACH` of the mean edge of the faces.
+    """
+    faces = [(nodes, np.array([joints.place(int(n)) for n in nodes])) for nodes in master.node_rows]
+    size = mean_edge(joints, master)
+    centres = np.array([x.mean(axis=0) for _, x in faces])
+    around = max(float(np.linalg.norm(x - x.mean(axis=0), axis=1).max()) for _, x in faces)
+    reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
+    candidates = slave.nodes[~np.isin(slave.nodes, master.nodes)].tolist()
+    tied = []
+    for node in candidates:
+        point = joints.place(node)
+        away = np.linalg.norm(centres - point, axis=1)
+        if away.min() > BULGE * around + reach:
+            continue
+        order = np.argsort(away, kind="stable")[:TRIED]
+        distance, leaders, weights = _nearest([faces[k] for k in order], point)
+        if distance <= reach:
+            tied.append(TiedNode(node, leaders, weights))
+    return tied, reach
+
+
+def mean_edge(joints: DeckConstraints, surface: DeckFaces) -> float:
+    """Mean length of the edges of faces."""
+    rings = [np.array([joints.place(int(n)) for n in corners]) for corners, _ in surface.faces]
+    edges = [np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1).mean() for x in rings]
+    return float(np.mean(edges))
 
 
 def tie(
@@ -119,32 +180,11 @@ def tie(
     Returns a sentence (in a list) if some nodes lie further than `tolerance` from the faces and are
     therefore not tied.
     """
-    place.needs(master.faces, "the master surface.node_tables *TIE must be of faces of elements.")
-    faces = []
-    edges = []
-    for corners, mids in master.faces:
-        quadratic = len(mids) and (mids >= 0).all()
-        nodes = np.concatenate([corners, mids]) if quadratic else corners
-        x = np.array([joints.place(int(node)) for node in nodes])
-        faces.append((nodes, x))
-        ring = x[: len(corners)]
-        edges.append(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).mean())
-    size = float(np.mean(edges))
-    centres = np.array([x.mean(axis=0) for _, x in faces])
-    reach = (TIE_REACH * size if tolerance is None else tolerance) + 1e-9 * size
-    untied = 0
+    place.needs(master.faces, "the master surface of *TIE must be of faces of elements.")
+    tied, reach = tied_nodes(joints, slave, master, tolerance)
+    lead(joints, tied, place)
     nodes = slave.nodes
-    for node in nodes[~np.isin(nodes, master.nodes)].tolist():
-        point = joints.place(node)
-        order = np.argsort(np.linalg.norm(centres - point, axis=1), kind="stable")[:TRIED]
-        distance, leaders, weights = _nearest([faces[k] for k in order], point)
-        if distance > reach:
-            untied += 1
-            continue
-        with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
-        followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
-        for c in range(6 if with_rotations else 3):
-            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
+    untied = int((~np.isin(nodes, master.nodes)).sum()) - len(tied)
     place.needs(
         untied != len(nodes),
         "*TIE joins nothing: no node of the slave surface lies within "
@@ -154,6 +194,17 @@ def tie(
         f"{place}: {untied} of {len(nodes)} slave nodes of *TIE lie further than {reach:.3g} from "
     )
     return [f"{message}the master surface and are not tied (POSITION TOLERANCE=)."] * bool(untied)
+
+
+def lead(joints: DeckConstraints, tied: Sequence[TiedNode], place: DeckPlace) -> None:
+    """Let nodes follow the faces at which they lie, by displacements and, where both have them,
+    rotations.
+    """
+    for node, leaders, weights in tied:
+        with_rotations = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
+        followers = [(int(n), -float(w)) for n, w in zip(leaders, weights, strict=True)]
+        for c in range(6 if with_rotations else 3):
+            joints.equation([(node, c, 1.0), *((n, c, w) for n, w in followers)], place)
 
 
 def _nearest(

@@ -11,6 +11,7 @@ from antiosc.io.deck import Array, real_number
 from antiosc.io.neutral import Model, Term, UnitSystem
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card, Row
+from antiosc_decks.abaqus_contact import read_contacts
 from antiosc_decks.abaqus_joints import read_joints
 from antiosc_decks.abaqus_sections import Orientations, Sections, around_axis
 from antiosc_decks.builder import UNITS, ModelBuilder, Unstated, add_mass, add_total
@@ -27,8 +28,9 @@ POINT_ELEMENTS = {
     "DASHPOT": ("damping coefficient", ("DASHPOTA", "DASHPOT1", "DASHPOT2")),
     "GAP": ("clearance", ("GAPUNI",)),
 }
-#: Cards of contact, which are left out when one piece of the deck is read alone.
+#: Cards of contact, and those that name what can be tied.
 BETWEEN_PIECES = ("*CONTACTPAIR", "*CLEARANCE", "*CONTACT")
+TIED = ("*CONTACTPAIR", "*CLEARANCE")
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {"ENCASTRE": (0, 1, 2, 3, 4, 5), "PINNED": (0, 1, 2)}
 NAMED |= {"XSYMM": (0, 4, 5), "YSYMM": (1, 3, 5), "ZSYMM": (2, 3, 4)}
@@ -39,8 +41,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
     top = assembled.instances[""]
     first = [card.of(top) for card in (assembled.steps[0] if assembled.steps else [])]
-    alone = assembled.deck.piece is not None
-    assembled.deck.remarks += assembled.account.refuse(BETWEEN_PIECES, alone)
+    left = assembled.account.refuse(BETWEEN_PIECES, assembled.deck.contact, TIED)
     assembled.deck.remarks += assembled.account.unknown(options=True)
     revolved = revolve(assembled)
     ring = unfolded(assembled, first)
@@ -67,6 +68,7 @@ def model_of(assembled: Whole, units: UnitSystem, unstated: Unstated) -> Model:
         if block.type.startswith("T2D2"):  # bars of the plane
             builder.fix(np.unique(block.corners), [2])
     read_joints(assembled, builder.joints, [*assembled.cards, *first])
+    read_contacts(assembled, builder, [*assembled.cards, *first], left)
     _add_points_and_links(assembled, builder, sections.orientations)
     builder.ignored += assembled.account.ignored()
     return finished(builder)

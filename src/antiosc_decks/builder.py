@@ -155,6 +155,8 @@ class ModelBuilder:
         self.truss = False
         #: nodes that are not merged with coincident nodes
         self.apart: list[int] = []
+        #: indices of the sections of parts in contact, of which a remark tells
+        self.touching: set[int] = set()
         #: what is ignored, in the deck's terms
         self.ignored: list[str] = []
         #: motions that are fixed; before `hold`, along the local axes of nodes that have such axes

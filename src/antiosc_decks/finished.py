@@ -214,6 +214,7 @@ def finished(builder: ModelBuilder) -> Model:
         (_point(builder, n), {MOTIONS[m]: k * units[m]}) for ((n, m, _),), k in point_springs
     ]
     groups: list[tuple[str, str, Json, str]] = []
+    touching: list[str] = []
     for number in np.unique(builder.of_element).tolist():
         name = builder.names[number]
         family = builder.families[number]
@@ -224,6 +225,7 @@ def finished(builder: ModelBuilder) -> Model:
             name = f"{name} {number}" if name in sets else name
             sets[name] = elements
         groups.append((name, family.kind, family.arguments, str(family.place)))
+        touching += [name] * (number in builder.touching)
     return {
         "families": groups,
         "supports": _supports(builder, count),
@@ -236,6 +238,7 @@ def finished(builder: ModelBuilder) -> Model:
         "mixed": mixed,
         "joints": builder.joints.finished(builder.units),
         "apart": builder.apart,
+        "touching": touching,
         "fixed_points": fixed_points,
         "pieces": pieces,
         "held": supported,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -31,6 +31,7 @@ from antiosc import (
 )
 from antiosc.base._types import IntArray, SolverChoice
 from antiosc.base.checks import (
+    choice,
     flag,
     instance,
     list_of,
@@ -155,6 +156,9 @@ def kept_elements(structure: Structure) -> str:
     return _kept.get(structure, "")
 
 
+#: What may become of the contact of a deck.
+ContactChoice: TypeAlias = Literal["tied", "apart"]
+CONTACT_CHOICES: tuple[ContactChoice | None, ...] = ("tied", "apart", None)
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
 #: Name of the part with the triangles, if there are quadrilaterals too.
@@ -180,6 +184,7 @@ def read_model(
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
+    contact: ContactChoice | None = None,
     free: bool = False,
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
@@ -221,6 +226,11 @@ def read_model(
         Number of the piece to be read, if the elements form pieces without a common node: 1 for
         the largest, 2 for the next; the others are left out. Without it, several pieces are read
         if each of them is supported.
+    contact
+        Of the contact pairs of an Abaqus or CalculiX deck: "tied" joins those that are closed at
+        first, as *TIE does, "apart" leaves all contact out. A joint that stays pressed together is
+        nearer to the first, one that opens or slides is between both. Without it a deck with
+        contact is refused, unless one piece is read, whose contact is left out.
     free
         Whether to leave out the supports of the deck, as for a fall or an impact in flight.
     elements
@@ -247,7 +257,7 @@ def read_model(
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, names
         of nodes, elements and sets that the deck does not define, and unsupported content that
-        would change the result: contact pairs between pieces that are read together, element types
+        would change the result: contact without a choice (`contact`), element types
         that no family carries. The message names the line.
 
     Warns
@@ -268,6 +278,7 @@ def read_model(
         merge=merge,
         parts=parts,
         piece=piece,
+        contact=contact,
         free=free,
         elements=elements,
         root=root,
@@ -312,6 +323,7 @@ def outline_of_deck(
         "merge",
         "parts",
         "piece",
+        "contact",
         "free",
         "elements",
         "root",
@@ -388,6 +400,7 @@ def _reader(
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
+    contact: ContactChoice | None = None,
     free: bool = False,
     elements: NumberedElements | None = None,
     root: str | Path | None = None,
@@ -414,6 +427,7 @@ def _reader(
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
     free = flag("free", free)
+    contact = choice("contact", contact, CONTACT_CHOICES)
     numbered = numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
@@ -425,7 +439,8 @@ def _reader(
 
     def work() -> dict[str, RawMesh]:
         unstated = (density, modulus, massless)
-        options = {"unstated": unstated, "parts": parts, "piece": piece, "root": root, "free": free}
+        options = {"unstated": unstated, "parts": parts, "piece": piece, "root": root}
+        options |= {"free": free, "contact": contact}
         meshes: dict[str, RawMesh] = {}
         by_shape = read_parts(
             file, unit=units, merge=merge, timeout=timeout, model=options, elements=numbered

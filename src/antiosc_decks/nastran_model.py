@@ -417,7 +417,7 @@ def _motions(entry: Entry, text: str) -> tuple[int, ...]:
 
 def model_of(deck: NastranDeck, units: UnitSystem, unstated: Unstated) -> Model:
     """The deck's model in SI units; its groups and fixed nodes are added to the deck."""
-    deck.deck.remarks += deck.account.refuse(CONTACT, alone=deck.deck.piece is not None)
+    deck.deck.remarks += deck.account.refuse(CONTACT, deck.deck.contact)
     tell_damping(deck.account, deck.bulk.entries)
     weight_to_mass = deck.parameter("WTMASS")
     factor = weight_to_mass.real(1, None) if weight_to_mass else 1.0

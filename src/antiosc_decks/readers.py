@@ -37,6 +37,8 @@ def _reader(
             deck.wanted = options.get("parts")
             deck.piece = options.get("piece")
             deck.free = options.get("free", False)
+            alone = None if deck.piece is None else "apart"
+            deck.contact = options.get("contact") or alone
             unstated = Unstated(*options["unstated"])
             deck.model = model_of(deck_and_model, UnitSystem(*ask.unit), unstated)
         if not deck.n_elements:

@@ -178,25 +178,34 @@ class Account:
     #: options and fields of cards that are read: (what it is, place of the card, fate)
     options: list[tuple[str, DeckPlace, Fate]] = field(default_factory=list)
 
-    def refuse(self, between: Collection[str] = (), alone: bool = False) -> list[str]:
+    def refuse(
+        self,
+        between: Collection[str] = (),
+        contact: str | None = None,
+        tied: Collection[str] = (),
+    ) -> list[str]:
         """Raise MeshError for the first card or option that is refused.
 
-        `between` are cards that act between pieces of the part: they raise PiecesError, or are
-        told in a sentence (in a list) if one piece is read `alone`.
+        `between` are cards of contact, which act between pieces of the part: they raise
+        PiecesError, unless `contact` is "apart", which is told in a sentence (in a list), or
+        "tied" and they are among `tied`.
         """
         left: list[tuple[str, DeckPlace, Fate]] = []
         for k, (name, place, fate) in enumerate([*self.cards, *self.options]):
             if fate.kind != "refused":
                 continue
-            between_pieces = name.replace(" ", "") in between
-            if alone and between_pieces:
+            keyword = name.replace(" ", "")
+            between_pieces = keyword in between
+            if between_pieces and (contact == "apart" or (contact and keyword in tied)):
                 self.cards[k] = (name, place, Fate("harmless"))
-                left.append((name, place, fate))
+                left += [(name, place, fate)] * (contact == "apart")
                 continue
             remark = f" is {fate.what}, which" if fate.what else ""
             message = f"{place}: {name}{remark} is not supported here and would change the result;"
             if between_pieces:
-                raise PiecesError(f"{message} remove it, or read one piece of the part (piece 1).")
+                tie = ' tie what it presses together (contact "tied"),' * (keyword in tied)
+                remedy = f"remove it,{tie} or read one piece of the part (piece 1)."
+                raise PiecesError(f"{message} {remedy}")
             raise MeshError(f"{message} remove it from the deck, or model the part without it.")
         cards = ", ".join(
             _counted([(name, at, Fate("refused")) for name, at, _ in left], "refused")

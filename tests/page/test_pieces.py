@@ -16,7 +16,9 @@ from antiosc.fem.mesh.halving import halvings
 from antiosc_app.cli import main
 from antiosc_app.new import inspect_part
 from antiosc_app.opened import ALL, ANOTHER, Opened
+from antiosc_app.set_up import read, scene_of, toml
 from antiosc_app.view import View
+from contact_decks import SIDES as BLOCK, cut_block
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -137,6 +139,29 @@ def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
         one.close()
     assert sides[2] == pytest.approx(SMALL, abs=0.01)
     assert sides[0] == pytest.approx((LARGE[0] + SMALL[0], *LARGE[1:]), abs=0.01)
+
+
+def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
+    one = Opened(cut_block(tmp_path / "two.inp", (4, 2, 1), (3, 1, 1)))
+    try:
+        first = one.calls["look"]({})
+        assert (first["contact"], first["pieces"], list(first["contacts"])) == (
+            "tied", [], ["tied", "apart"]
+        )  # fmt: skip
+        assert box_of(first) == pytest.approx(BLOCK, abs=0.01)
+        one.calls["take"]({"contact": "apart"})
+        other = one.calls["look"]({})
+        assert (other["contact"], other["piece"], len(other["pieces"])) == ("apart", 1, 2)
+        assert box_of(other) == pytest.approx(BLOCK * (1, 1, 0.5), abs=0.01)
+        setup = json.loads(json.dumps(other["setup"]))
+        scene = toml(scene_of(one._source, read(setup), 1e-3))
+        assert tomllib.loads(scene)["deck"]["contact"] == "apart"
+        with pytest.raises(InputError, match="contact"):
+            one.calls["take"]({"contact": "glued"})
+        one.calls["take"]({"contact": "tied"})
+        assert box_of(one.calls["look"]({})) == pytest.approx(BLOCK, abs=0.01)
+    finally:
+        one.close()
 
 
 def test_the_command_writes_a_scene_of_one_piece(tmp_path, capsys):

@@ -129,6 +129,8 @@ class Deck:
     piece: int | None = None
     #: whether the supports are left out of a model
     free: bool = False
+    #: what becomes of contact: "tied", "apart"; None: it is refused, unless one piece is read
+    contact: str | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
     model: Model | None = None
     #: numbers of the first nodes in the file

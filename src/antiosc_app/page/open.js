@@ -347,23 +347,29 @@ class Bench {
 
   // The pieces of the file, of which another one is opened as a new part.
   pieces() {
-    const { pieces, piece } = this.facts;
-    if (!pieces.length) return;
-    const row = made("label", find("pieces"), `piece (of ${pieces.filter(([rank]) => rank).length})`), select = made("select", row, "", { name: "piece" });
-    for (const [rank, text] of pieces) made("option", select, text, { value: rank });
-    select.value = piece;
-    select.onchange = () => this.take(select);
+    const { pieces, piece, contact, contacts } = this.facts;
+    this.opens_anew(`piece (of ${pieces.filter(([rank]) => rank).length})`, "piece", pieces, piece, Number);
+    this.opens_anew("contact pairs", "contact", Object.entries(contacts), contact, String);
+  }
+
+  // A list of which another entry opens the file as a new part.
+  opens_anew(label, name, entries, chosen, as) {
+    if (!entries.length) return;
+    const row = made("label", find("pieces"), label), select = made("select", row, "", { name });
+    for (const [value, text] of entries) made("option", select, text, { value });
+    select.value = chosen;
+    select.onchange = () => this.take(select, { [name]: as(select.value) });
     full_text(select);
   }
 
-  async take(select) {
+  async take(select, choice) {
     try {
       this.turn += 1; // what is computed for this piece ends
       await this.call("stop", { tab: this.tab, turn: this.turn });
-      await this.call("take", { piece: Number(select.value) });
+      await this.call("take", choice);
       location.reload();
     } catch (error) {
-      select.value = this.facts.piece;
+      select.value = this.facts[select.name];
       full_text(select);
       this.wrong(error.message, true);
     }

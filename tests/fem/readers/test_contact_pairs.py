@@ -1,0 +1,153 @@
+"""Contact pairs of decks: tied, a block in two bodies is the block in one mesh."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.base.errors import PiecesError
+from antiosc_app.new import inspect_part, write_scene
+from assemblies import eigenfrequencies
+from contact_decks import cut_block, whole_block
+from marks import FREE_ON_PURPOSE
+from mpi import START, one_and_several
+from refusals import refused
+
+pytestmark = [FREE_ON_PURPOSE, pytest.mark.fem]
+#: Rigid motions of one body.
+RIGID = 6
+
+
+def read(path, **options) -> tuple[ao.Structure, list[str]]:
+    """(the structure of a deck, what is told)."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        part = ao.read_model(path, unit="mm", **options)
+    return part, [str(one.message) for one in told]
+
+
+def elastic(part: ao.Structure, count: int = 6) -> np.ndarray:
+    """The lowest circular frequencies of a free body that are not those of rigid motions."""
+    found = eigenfrequencies(part, RIGID + count)
+    assert found[RIGID - 1] < 1e-2 * found[RIGID], found
+    return found[RIGID:]
+
+
+def test_tied_bodies_of_equal_meshes_have_the_frequencies_of_one_mesh(tmp_path):
+    one, _ = read(whole_block(tmp_path / "one.inp", (4, 2, 2)))
+    two, _ = read(cut_block(tmp_path / "two.inp", (4, 2, 1), (4, 2, 1)), contact="tied")
+    assert two.mass == pytest.approx(one.mass, rel=1e-12)
+    np.testing.assert_allclose(elastic(two), elastic(one), rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_the_frequencies_of_tied_bodies_tend_to_those_of_one_mesh(tmp_path):
+    """The error falls with the square of the size at least; its first is 17 %."""
+    exact = elastic(read(whole_block(tmp_path / "one.inp", (10, 3, 4)))[0])
+    errors = []
+    for k in (1, 2):
+        n, m = (4 * k, 2 * k, k), (3 * k, k, k)
+        part, told = read(cut_block(tmp_path / f"{k}.inp", n, m), contact="tied")
+        errors.append(float(np.abs(elastic(part) / exact - 1).max()))
+        assert len(told) == 1
+    assert errors[1] < errors[0] / 4
+    assert errors[1] < 0.04
+
+
+def test_the_finer_surface_follows_whichever_is_named_first(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (6, 3, 1), (2, 1, 1))
+    swapped = tmp_path / "b.inp"
+    swapped.write_text(path.read_text().replace("UPPER_LOW, LOWER_HIGH", "LOWER_HIGH, UPPER_LOW"))
+    (first, told), (second, _) = (read(one, contact="tied") for one in (path, swapped))
+    assert f"tied at {7 * 4} nodes" in told[0]
+    np.testing.assert_allclose(elastic(first), elastic(second), rtol=1e-9)
+
+
+def test_contact_without_a_choice_is_refused_with_both(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
+    line = path.read_text().split("\n").index("*CONTACT PAIR, INTERACTION=I") + 1
+    with refused(line, 'contact "tied"', PiecesError):
+        ao.read_model(path, unit="mm")
+    with refused(None, "contact", ao.InputError):
+        ao.read_model(path, unit="mm", contact="glued")
+
+
+@pytest.mark.parametrize("contact", ["tied", "apart"])
+def test_one_warning_tells_how_bodies_of_a_pair_hold_together(tmp_path, contact):
+    """Neither is their joint told as a crack of the mesh, nor are cells that overlap there."""
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
+    part, told = read(path, contact=contact)
+    assert len(told) == 1, told
+    assert "UPPER and LOWER (UPPER_LOW, LOWER_HIGH) share 4 nodes" in told[0]
+    assert "contact of [deck]" in told[0]
+    assert ("tied at 11 nodes" in told[0]) == (contact == "tied")
+    assert len(elastic(part)) == 6
+
+
+def test_bodies_of_a_tied_pair_that_overlap_a_little_are_told_once(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), gap=-0.1)
+    _, told = read(path, contact="tied")
+    assert len(told) == 1, told
+    assert "UPPER and LOWER (UPPER_LOW, LOWER_HIGH) share no node" in told[0]
+
+
+def test_a_crack_within_a_body_of_a_pair_is_told(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1), shared=True)
+    lines = path.read_text().replace("*STEP", "").split("\n")
+    # the last element of the lower body, with a node of its own in place of one within its mesh
+    at = max(k for k, line in enumerate(lines) if line.startswith("8, ") and line.count(",") == 8)
+    number, *nodes = lines[at].split(",")
+    place = next(line for line in lines if line.startswith(f"{int(nodes[0])}, "))
+    lines[at] = ",".join([number, " 5000", *nodes[1:]])
+    lines.insert(1, ",".join(["5000", *place.split(",")[1:]]))
+    path.write_text("\n".join(lines))
+    _, told = read(path, contact="apart")
+    assert any("crack" in one for one in told), told
+
+
+@pytest.mark.parametrize("gap", [2.0, 0.0])
+def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap):
+    """A body that touches at an edge alone would turn about it."""
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (1, 1, 1), gap=gap)
+    if not gap:
+        text = path.read_text().replace("UPPER_LOW, LOWER_HIGH", "EDGE, LOWER_HIGH")
+        edge = "*SURFACE, NAME=EDGE, TYPE=NODE\n10001,\n10003,\n"
+        path.write_text(text.replace("*SURFACE INTERACTION", f"{edge}*SURFACE INTERACTION"))
+    with refused(None, "three nodes", PiecesError):
+        ao.read_model(path, unit="mm", contact="tied")
+
+
+def test_new_ties_the_pairs_of_a_deck_and_tells_it(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
+    found = inspect_part(path)
+    assert found.read == {"unit": "mm", "contact": "tied"}
+    assert found.mass == pytest.approx(7850 * 0.1 * 0.02 * 0.02, rel=1e-9)
+    assert sum("is tied" in note for note in found.notes) == 1
+    assert ("contact pairs", "[deck] contact") in [(a, c) for a, _, c in found.taken(False)]
+    scene, _ = write_scene(tmp_path / "a.toml", str(path), contact="apart")
+    assert 'contact = "apart"' in scene.read_text()
+    # apart, nothing joins them: one is read
+    assert inspect_part(path, contact="apart").read == {
+        "unit": "mm",
+        "contact": "apart",
+        "piece": 1,
+    }
+    path = cut_block(tmp_path / "b.inp", (4, 2, 1), (3, 1, 1), gap=2.0)
+    open_pair = inspect_part(path)  # nothing can be tied: the largest piece, as without a choice
+    assert open_pair.read == {"unit": "mm", "piece": 1}
+
+
+@pytest.mark.mpi
+def test_two_ranks_tie_as_one(tmp_path):
+    path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
+    program = f"""
+warnings.simplefilter("ignore")
+part = ao.read_model({str(path)!r}, unit="mm", contact="tied")
+model = ao.extract(part, ao.Site((0.03, 0.01, 0.02), (0, 0, -1), radius=4e-3), n=6)
+print(json.dumps([part.mass, model.k0, *map(float, model.omega)]))
+"""
+    one, two = one_and_several(START + program)
+    np.testing.assert_allclose(two, one, rtol=1e-7)
