@@ -19,6 +19,10 @@ def struck(family, size):
     if family == "shell":
         mesh, material = ao.box_mesh((0.3, 0.3), size=size), ao.Shell(**ALUMINIUM, thickness=1e-3)
         site = ao.Site((0.15, 0.15, 0.0), (0, 0, -1), radius=2e-3)
+    elif family == "plate in its plane":  # a mesh of two coordinates
+        n = round(0.3 / size)
+        mesh, material = parts.plate((n, n), (0.3, 0.3)), ao.Shell(**ALUMINIUM, thickness=1e-3)
+        site = ao.Site((0.15, 0.15, 0.0), (0, 0, -1), radius=2e-3)
     elif family == "beam":
         mesh = ao.box_mesh((1.0,), size=size)
         material = ao.Beam(**ALUMINIUM, section=ao.Section.rectangle(0.01, 0.01))
@@ -27,7 +31,7 @@ def struck(family, size):
         n = round(0.2 / size)
         mesh, material = parts.box((n, n, 1), (0.2, 0.2, 0.01)), ao.Solid(**ALUMINIUM)
         site = ao.Site((0.1, 0.1, 0.01), (0, 0, -1), radius=0.02)
-    ends = ("left", "right") if family == "solid" else ("-x", "+x")
+    ends = ("-x", "+x") if family in ("shell", "beam") else ("left", "right")
     part = ao.Structure(mesh, material, [ao.Support(end) for end in ends])
     return ao.extract(part, site, n=20), part, site
 
@@ -42,7 +46,12 @@ def sentences(run):
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize(
     ("family", "coarse", "fine", "thickness"),
-    [("shell", 0.06, 0.012, 1e-3), ("beam", 0.2, 0.03, 0.01), ("solid", 0.1, 0.03, 0.01)],
+    [
+        ("shell", 0.06, 0.012, 1e-3),
+        ("plate in its plane", 0.06, 0.012, 1e-3),
+        ("beam", 0.2, 0.03, 0.01),
+        ("solid", 0.1, 0.03, 0.01),
+    ],
 )
 def test_a_cell_larger_than_half_a_wave_is_told(family, coarse, fine, thickness):
     ball = ao.RigidMass(0.01, velocity=1.0)

@@ -333,7 +333,7 @@ def cell_and_waves(
     x = corners_at(mesh, nearest)
     edges = x[:, None] - x[None]
     size = float(np.linalg.norm(edges, axis=2).max())
-    if mesh.tdim == mesh.gdim:
+    if structure.kind.outside:
         thin = np.eye(3)[int(np.argmin(sides[: mesh.gdim]))]
         bending_share = abs(float(direction @ thin))
     else:  # how far it points out of the cell's tangents
