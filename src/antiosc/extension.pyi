@@ -141,6 +141,7 @@ from antiosc.impact.histories.verdict import (
     weaker_side as weaker_side,
     yield_share as yield_share,
 )
+from antiosc.impact.law_error import enough_radius as enough_radius
 from antiosc.impact.reference import (
     FIRST_STEPS as FIRST_STEPS,
     Settings as Settings,

@@ -1,7 +1,7 @@
 """An impact whose patch and duration nobody gave.
 
-It is repeated with a larger patch until that carries the force, and longer until the bodies have
-parted and the largest deflection is past.
+It is repeated with a larger patch until that carries the force, by the lowest yield strength too,
+and longer until the bodies have parted and the largest deflection is past.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 from antiosc import History
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering
-from antiosc.extension import out_of_reach
+from antiosc.extension import enough_radius, out_of_reach
 
 T = TypeVar("T")
 #: First duration of an impact [s].
@@ -72,7 +72,12 @@ def until_parted(
                 raise
             choice = choice._replace(radius=rounded_up(error.radius))
             continue
-        enough = _enough(hit_of(result), is_sheet)
+        hit = hit_of(result)
+        radius = None if choice.keeps_radius else enough_radius(hit)
+        if radius is not None and number < MOST_RUNS - 1:
+            choice = choice._replace(radius=rounded_up(radius))
+            continue
+        enough = _enough(hit, is_sheet)
         if choice.keeps_duration or choice.duration >= min(enough, longest):
             break
         choice = choice._replace(duration=min(rounded_up(enough), longest))

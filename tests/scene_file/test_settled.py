@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,27 @@ def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path)
     faster.data["sites"]["tip"]["radius"] = small  # a number is kept
     with pytest.raises(ao.AccuracyError, match="radius"):
         hit_of(faster)
+
+
+@pytest.mark.fem
+def test_a_patch_that_nobody_gave_carries_the_lowest_yield_strength_too(tmp_path):
+    """Else the error of the law is that of a patch that does not carry it."""
+    steel = "yield_strength = 400e6\nyield_range = [200e6, 450e6]"
+    path = scene(tmp_path, duration="2e-4")
+    text = path.read_text().replace("velocity = 1.0", "velocity = 10.0")
+    text = text.replace(
+        'name = "ABS"', f'kind = "Solid"\nE = 210e9\nnu = 0.3\nrho = 7850.0\n{steel}'
+    )
+    text = text.replace("size = 4e-3", "size = 4e-3\nrefine = [[[0.04, 0.02, 0.006], 0.7e-3]]")
+    path.write_text(text)
+    data, hit = hit_of(read(path))
+    softest = replace(hit.law, yield_strength=200e6)
+    ao.simulate(hit.model, hit.impactor, softest, 2e-4)  # its patch carries it
+    smaller = read(path)
+    smaller.data["sites"]["tip"]["radius"] = 0.75 * data["sites"]["tip"]["radius"]
+    _, other = hit_of(smaller)  # carries the force of the strength alone
+    with pytest.raises(ao.AccuracyError, match="radius"):
+        ao.simulate(other.model, other.impactor, softest, 2e-4)
 
 
 @pytest.mark.fem
