@@ -128,7 +128,7 @@ def foreign_part(
     with finite_element_packages():
         importlib.import_module("antiosc.fem.mesh")
     limit: Read = {} if timeout is None else {"timeout": timeout}
-    if path.suffix.lower() in DECK_ENDINGS and MODEL_CARD.search(path.read_bytes()):
+    if is_deck(path):
         options = limit | ({"free": True} if free else {}) | (alone or {})
         options |= {"contact": contact} if contact else {}
         return _of_deck(path, options, UNITS if unit is None else (unit,), size)
@@ -136,6 +136,21 @@ def foreign_part(
         raise InputError(f"{path.name} is no deck with contact: leave contact away.")
     with without_warnings():
         return _of_mesh(path, unit, limit, size, alone)
+
+
+def is_deck(path: Path) -> bool:
+    """Whether a file is a deck with materials."""
+    return path.suffix.lower() in DECK_ENDINGS and bool(MODEL_CARD.search(path.read_bytes()))
+
+
+def usual_size(length: float) -> float:
+    """Size [m] that is asked of the cells of a geometry of this length [m] if none is given."""
+    return float(f"{length / ELEMENTS:.1g}")
+
+
+def way_of(read: Read) -> Read:
+    """How a part was read, with its piece: another reading of it tries nothing else."""
+    return {key: read[key] for key in OF_PIECES if key in read}
 
 
 def way_of_piece(read: Read, piece: int) -> Read:
@@ -172,7 +187,7 @@ def _of_mesh(
             read["unit"] = unit_of_length(length, choices)
         factor = UnitSystem.of(read.get("unit", "m")).length
         file_outline.pieces = [piece.scaled(factor) for piece in file_outline.pieces]
-        size = given or float(f"{_longest(file_outline, factor * length, alone) / ELEMENTS:.1g}")
+        size = given or usual_size(_longest(file_outline, factor * length, alone))
         if suffix in GEOMETRIES:
             read["size"] = size
             ways = _of_solids(file_outline, notes)

@@ -32,7 +32,16 @@ from antiosc.base.process import free_memory, require
 from antiosc.base.texts import engineering
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
-from antiosc_app.foreign import DECK_ENDINGS, STEEL, Read, foreign_part, way_of_piece
+from antiosc_app.foreign import (
+    DECK_ENDINGS,
+    STEEL,
+    Read,
+    foreign_part,
+    is_deck,
+    usual_size,
+    way_of,
+    way_of_piece,
+)
 from antiosc_app.live import has_bars
 from antiosc_app.report import rendered
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -256,6 +265,7 @@ class Inspection:
     pieces : those of a part in several pieces, the largest first, joined or not.
     structure : that of a deck as it was read.
     inferred, modulus : as of a `ForeignPart`.
+    of_size : whether site and ball are chosen on cells of a size that was asked for.
     """
 
     family: str
@@ -296,6 +306,7 @@ class Inspection:
     divided: str = ""
     dofs: int = 0
     kinds: dict[str, int] = field(default_factory=dict)
+    of_size: bool = False
 
     @property
     def cells(self) -> str:
@@ -619,13 +630,17 @@ def inspect_part(
     options = free, unit, timeout, size, contact
     if piece is None:
         part = foreign_part(path, *options)
+    elif whole is None and is_deck(path):  # one reading of it lists all pieces
+        part = foreign_part(path, *options, {"piece": piece})
+        _require_piece(path, piece, part.pieces)
     else:
         first = whole or foreign_part(path, *options)
-        if not 0 < piece <= len(first.pieces):
-            raise InputError(f"{path.name} has {_pieces_text(first.pieces)}: no piece {piece}.")
+        _require_piece(path, piece, first.pieces)
         part = foreign_part(path, *options, way_of_piece(first.read, piece))
         part = replace(part, pieces=first.pieces)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure, part.meshed)
+    if size is not None:
+        inspection = _struck_as_usual(inspection, path, (free, unit, timeout), size)
     forecast = inspection.forecast()
     what = f"a model of {path.name} on {inspection.cells}, some {forecast.dofs:.2g} dofs,"
     require(forecast.bytes, what, TOO_LARGE, free_memory())
@@ -639,6 +654,39 @@ def inspect_part(
         kept=part.kept,
         divided=part.divided,
     )
+
+
+#: What a place and its ball are of an inspection.
+OF_SITE = ("point", "direction", "radius", "room", "others", "flat")
+
+
+def _struck_as_usual(
+    inspection: Inspection,
+    path: Path,
+    options: tuple[bool, str | None, float | None],
+    size: float,
+) -> Inspection:
+    """The inspection of a part in cells of a size [m], struck as in those of the usual size.
+
+    `of_size` where these are no fewer, or cannot be made, and of decks, which take long to read.
+    `options` of `foreign_part` before the size.
+    """
+    of_size = replace(inspection, of_size=True)
+    if inspection.of_deck or (inspection.meshed and size >= usual_size(inspection.length)):
+        return of_size
+    try:
+        with progress.doing(f"looking where to strike {path.name}"):
+            part = foreign_part(path, *options, None, way_of(inspection.read))
+        usual = _inspect_mesh(part.mesh, part.read, None, part.meshed)
+    except AntioscError:
+        return of_size
+    return replace(inspection, **{name: getattr(usual, name) for name in OF_SITE})
+
+
+def _require_piece(path: Path, piece: int, pieces: Sequence[Piece]) -> None:
+    """InputError unless a file has a piece of this rank."""
+    if not 0 < piece <= len(pieces):
+        raise InputError(f"{path.name} has {_pieces_text(pieces)}: no piece {piece}.")
 
 
 def _pieces_text(pieces: Sequence[Piece]) -> str:
@@ -1501,7 +1549,7 @@ def write_scene(
         _absent(target)
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    if size is not None and not drop:
+    if inspection.of_size and not drop:
         inspection = replace(inspection, notes=(*inspection.notes, _of_this_size(inspection)))
     sentences += inspection.sentences(source.name, drop)
     pictures: dict[str, tuple[str, Callable[[Path], object]]] = {
@@ -1516,7 +1564,9 @@ def write_scene(
 
 
 def _of_this_size(inspection: Inspection) -> str:
-    """Sentence on what depends on a size of the cells that was asked for."""
+    """Sentence on what depends on a size of the cells that was asked for, which is no smaller than
+    the usual one.
+    """
     section = "[deck]" if inspection.of_deck else "[geometry]"
     return (
         "its site and its striker are chosen on cells of this size (size), and differ with another"

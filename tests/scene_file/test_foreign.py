@@ -106,6 +106,23 @@ def test_a_deck_is_assembled_and_reduced_once(tmp_path, monkeypatch):
     assert counts == {"read_model": 1, "extract": 1}
 
 
+def test_a_deck_of_pieces_is_assembled_once_for_one_of_them(tmp_path, monkeypatch):
+    path, read, counted = deck(tmp_path / "a.inp", "mm", pieces=2), ao.read_model, []
+
+    def counting(*args, **options):
+        counted.append(options.get("piece"))
+        return read(*args, **options)
+
+    monkeypatch.setattr(ao, "read_model", counting)
+    found = inspect_part(path, piece=2)
+    assert counted == [2]
+    assert (found.read["piece"], len(found.pieces)) == (2, 2)
+    first, second = (inspect_part(path, piece=piece).low for piece in (1, 2))
+    assert abs(first - second).max() == pytest.approx(0.5)  # they lie so far apart
+    with pytest.raises(ao.InputError, match="no piece 3"):
+        inspect_part(path, piece=3)
+
+
 def test_a_deck_without_density_gets_one_in_its_scene_that_is_told(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", rho=False)
     found = inspect_part(path)

@@ -71,12 +71,20 @@ def test_the_ball_has_at_most_ten_times_the_mass_of_the_part():
     assert low <= 10 < high
 
 
-def test_a_size_that_is_asked_for_says_what_else_it_changes(tmp_path):
-    mesh = tmp_path / "block.vtk"
-    write(mesh, BOX, ("hexahedron", np.array([[0, 1, 2, 3, 4, 5, 6, 7]])))
-    told = [" ".join(template.write_scene(tmp_path / f"{size}.toml", str(mesh), size=size)[1])
-            for size in (None, 0.1)]  # fmt: skip
-    assert ["change size in [geometry] of one scene" in one for one in told] == [False, True]
+def test_a_size_of_the_cells_changes_neither_site_nor_striker_or_says_so(tmp_path):
+    """Cells that are larger than the usual ones say so: to make those may take too long."""
+    path = tmp_path / "block.geo"
+    path.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 0.2, 0.08, 0.06};\n')
+    scenes, told = [], []
+    for size in (None, 0.008, 0.03):
+        target, sentences = template.write_scene(tmp_path / f"{size}.toml", str(path), size=size)
+        scenes.append(tomllib.loads(target.read_text()))
+        told.append("change size in [geometry] of one scene" in " ".join(sentences))
+    assert told == [False, False, True]
+    usual, finer, _ = scenes
+    assert [one["geometry"]["size"] for one in scenes] == [0.01, 0.008, 0.03]
+    for section in ("sites", "impactor"):
+        assert usual[section] == finer[section]
 
 
 def test_a_held_face_is_not_struck():
