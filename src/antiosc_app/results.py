@@ -1192,8 +1192,9 @@ def with_remedy(text: str, results: SceneResults) -> str:
         text = _with_cells_of(text, section, data[section], results.structure)
     material = {"deck": "[deck]", "geometry": "[material]"}.get(section or "", "")
     if material:
-        asked = f"give yield_strength in {material}, or a material of the striker"
-        text = text.replace(ASKED_STRENGTH, asked)
+        has_material = {"material", "name"} & data.get("impactor", {}).keys()
+        of_striker = "" if has_material else ", or a material of the striker"
+        text = text.replace(ASKED_STRENGTH, f"give yield_strength in {material}{of_striker}")
         text = text.replace(OWN_STRENGTH, f"yield_strength, yield_range in {material}")
     return in_scene(text)
 

@@ -100,6 +100,8 @@ ADVICE = " ".join(
         ({"geometry": {"source": "a.step"}}, "yield_strength, yield_range in [material]"),
         ({"geometry": {"source": "a.step"}, "strike": {}}, "(a smaller tol in [strike])"),
         ({"deck": {"source": "a.inp"}}, "yield_strength, yield_range in [deck]"),
+        ({"deck": {}, "impactor": {"material": "PA66"}}, "give yield_strength in [deck]."),
+        ({"deck": {}, "impactor": {"mass": 1.0}}, "in [deck], or a material of the striker."),
     ],
 )
 def test_advice_in_a_scene_names_its_own_sections_and_no_fields_of_the_page(sections, expected):
