@@ -631,12 +631,12 @@ def inspect_part(
     if piece is None:
         part = foreign_part(path, *options)
     elif whole is None and is_deck(path):  # one reading of it lists all pieces
-        part = foreign_part(path, *options, {"piece": piece})
+        part = foreign_part(path, *options, alone={"piece": piece})
         _require_piece(path, piece, part.pieces)
     else:
         first = whole or foreign_part(path, *options)
         _require_piece(path, piece, first.pieces)
-        part = foreign_part(path, *options, way_of_piece(first.read, piece))
+        part = foreign_part(path, *options, alone=way_of_piece(first.read, piece))
         part = replace(part, pieces=first.pieces)
     inspection = _inspect_mesh(part.mesh, part.read, part.structure, part.meshed)
     if size is not None:
@@ -676,7 +676,7 @@ def _struck_as_usual(
         return of_size
     try:
         with progress.doing(f"looking where to strike {path.name}"):
-            part = foreign_part(path, *options, None, way_of(inspection.read))
+            part = foreign_part(path, *options, alone=way_of(inspection.read))
         usual = _inspect_mesh(part.mesh, part.read, None, part.meshed)
     except AntioscError:
         return of_size
