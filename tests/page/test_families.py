@@ -78,7 +78,7 @@ def test_the_page_has_the_stress_of_peak_field(family):
     make, site = FAMILIES[family]
     part = make()
     hit = ao.simulate(ao.extract(part, site, n=2), ao.RigidMass(0.02, 1.0), ao.Hertz(1e7), 2e-3)
-    data = live_data.data_of_history(hit, part, {})["part"]
+    data = live_data.data_of_history(hit, part, None)["part"]
     count = len(data["points"])
     assert data["faces"].max() == count - 1
     assert data["faces"].shape[1] == 3
@@ -96,7 +96,7 @@ def test_the_page_has_the_membrane_stress_of_a_sheet_that_stretches():
     part = ao.Structure(parts.plate((8, 4), (0.2, 0.1)), sheet, [rim])
     model = ao.extract(part, ao.Site((0.1, 0.05, 0), (0, 0, 1), radius=0.01), n=10, stretch=4)
     hit = ao.simulate(model, ao.RigidMass(0.2, 2.0), ao.Hertz(1e7), 4e-3)
-    data = live_data.data_of_history(hit, part, {})["part"]
+    data = live_data.data_of_history(hit, part, None)["part"]
     peak = ao.peak_field(part, hit).largest(1)[0][0]
     assert largest_stress(data, hit) == pytest.approx(peak, rel=0.05)
     t = 1e-3
