@@ -39,12 +39,12 @@ from antiosc.base.errors import (
     weight,
     without_warnings,
 )
-from antiosc.base.process import free_memory, one_thread
+from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
-from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
+from antiosc.base.texts import SMALLER_CELLS, capitalised, count_text, engineering, percent, plain
 from antiosc.extension import halvings, stress_seconds, with_stresses
 from antiosc.models.auto_contact import AUTO
-from antiosc.models.body import info_of
+from antiosc.models.body import coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, new, report, results
 from antiosc_app.kept import FreeModeCache, ResultCache
@@ -704,7 +704,9 @@ class Opened:
         if set_up.striker.kind == FLOOR:
             dropped = self._dropped(set_up)
             return _told_of_fall(dropped, dropped.worst)
-        return _told(self._struck(set_up))
+        blow = self._struck(set_up)
+        told = _told(blow)
+        return {**told, "caution": _joined(told["caution"], self._coarse(blow))}
 
     def _fields(self, set_up: SetUp, _: Table) -> Data:
         """Motion and stress of the part for the picture."""
@@ -721,7 +723,8 @@ class Opened:
         force = live.force_bar(run.error_budget(blow.hit))
         judged = live.largest_stress(stresses, force)
         head = _headline(blow, stresses)
-        told: Data = {"verdict": head.sentences, "caution": head.caution}
+        caution = _joined(head.caution, self._coarse(blow))
+        told: Data = {"verdict": head.sentences, "caution": caution}
         if _taken(blow)["finer"] and _stressed_elsewhere(self._opened(), set_up, judged):
             told = {name: _in_words(text, AT_STRESS) for name, text in told.items()}
         return {**told, "judged": judged, "taken": _taken(blow)}
@@ -802,8 +805,9 @@ class Opened:
         }
 
     def _forecast(self, values: Table) -> Data:
-        """The cost of the cell size of a set-up, before its mesh is made, as a question, with a
-        size of one halving less; "" if the mesh is small, and all cells are halved once at most.
+        """The cost of the cell size of a set-up, before its mesh is made, as a question; "" if the
+        mesh is small, and all cells are halved once at most. `larger`: a size of one halving less
+        or, where a model does not fit into the free memory (not `fits`), the finest that does.
         """
         set_up = read(values.get("setup"))
         look = self._opened().look
@@ -811,15 +815,35 @@ class Opened:
         count = 0 if set_up.size is None or look.meshed else halvings(look.largest, set_up.size)
         if set_up.size is None or not (forecast.is_long or count > 1):
             return {"question": ""}
-        times = forecast.cells / look.n_cells
+        times = plain(forecast.cells / look.n_cells, 3)
         size = 1e3 * set_up.size
-        question = f"With a cell size of {size:.4g} mm the mesh has {forecast.cells:.0f} cells"
-        text = f"{question}, {times:.4g} times as many as at first, and {forecast.text()}."
+        cells = f"{count_text(forecast.cells)} cells, {times} times as many as at first"
+        text = f"With a cell size of {size:.4g} mm the mesh has {cells}, and {forecast.text()}."
+        if not forecast.fits:
+            finest = _finest_size(look, set_up.n)
+            told = {"question": f"{text} {_too_large(finest)}", "fits": False}
+            return told if finest is None else {**told, "larger": finest}
         if count > 1:
             longest = f"{1e3 * look.largest / 2**count:.3g} mm"
             text += f" All cells are halved {count} times, the longest is {longest} then."
             return {"question": text, "larger": _halved(look, count - 1)}
         return {"question": text}
+
+    def _coarse(self, blow: PageImpact) -> str:
+        """Sentences, after those on cells too large for the contact, where such smaller ones do not
+        fit into the free memory; else "".
+        """
+        look = self._opened().look
+        cell = coarse_at(blow.model, "", blow.hit.assembly.contact_time_estimate)
+        if cell is None or look.meshed or look.kept or self._given is not None:
+            return ""
+        n = blow.sections["extract"]["n"]
+        forecast = look.forecast(cell.allowed, n)
+        if forecast.fits:
+            return ""
+        size = engineering(cell.allowed, "m")
+        cost = f"On this page all cells become smaller, and with {size} a model takes"
+        return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
     def _names(self, _: Table) -> Data:
         """The names of the scene and the report that would be written, and their folder, to be
@@ -928,6 +952,43 @@ def _halved(look: new.Inspection, count: int) -> float:
     return rounded_up(look.largest / 2**count)
 
 
+#: Most sizes that are tried for the finest that fits, and each over the one before, of a geometry.
+MOST_TRIED, TRIED = 60, 0.9
+
+
+def _finest_size(look: new.Inspection, n: int | None) -> float | None:
+    """The finest cell size [m] whose model fits into the free memory; None where none does."""
+    finest = None
+    for k in range(1, MOST_TRIED):
+        size = rounded_up(look.size * TRIED**k) if look.meshed else _halved(look, k)
+        if not look.forecast(size, n).fits:
+            break
+        finest = size
+    return finest
+
+
+def _too_large(finest: float | None) -> str:
+    """Sentences that cells do not fit into the memory, and what does."""
+    unknown = "the error that they leave is not known"
+    if finest is None:
+        return (
+            "That does not fit, and no finer mesh than the present one does: the error of its cells"
+            " is not known; a machine with more memory, or a deck with smaller cells at the site"
+            " alone, has it."
+        )
+    return f"That does not fit: the finest cells that do are of {_in_mm(finest)}; {unknown}."
+
+
+def _joined(*sentences: str) -> str:
+    """The sentences that there are, as one text."""
+    return " ".join(filter(None, sentences))
+
+
+def _in_mm(size: float) -> str:
+    """A cell size in mm as the page shows it."""
+    return f"{1e3 * size:.4g} mm"
+
+
 def _finer_sizes(look: new.Inspection) -> list[tuple[float, str]]:
     """Smaller cell sizes [m] and what a model with them takes, as far as it has room."""
     steps = range(1, MOST_STEPS + 1)
@@ -936,8 +997,7 @@ def _finer_sizes(look: new.Inspection) -> list[tuple[float, str]]:
     else:
         sizes = [_halved(look, k) for k in steps]
     costs = {size: look.forecast(size) for size in sizes}
-    room = free_memory()
-    return [(size, cost.brief()) for size, cost in costs.items() if cost.bytes < room]
+    return [(size, cost.brief()) for size, cost in costs.items() if cost.fits]
 
 
 def _told_of_file(look: new.Inspection) -> str:

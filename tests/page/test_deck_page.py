@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import re
 import time
+from types import SimpleNamespace
 
 import pytest
 
 import antiosc as ao
 from abaqus_decks import plate_deck
+from antiosc.base import progress
+from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
 from antiosc.reduce.error import quadrilaterals
-from antiosc_app import conditions, live
+from antiosc_app import conditions, live, new, opened as page
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
 from webdriver import MISSING, Browser
@@ -50,12 +53,56 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
              for size in (None, 0.2, 0.004)}  # fmt: skip
     assert asked[None] == asked[0.2] == ""
     cells = 36 * 4**6  # the diagonals of 236 mm are halved 6 times to be below 4 mm
-    assert f"{cells} cells, 4096 times as many" in asked[0.004]
+    assert cells == pytest.approx(147_000, rel=0.005)
+    assert "147000 cells, 4100 times as many" in asked[0.004]
     assert re.search(r"about \d+ (s|min|h) and [\d.]+ GB", asked[0.004])
     finer = opened._opened().look.forecast(0.15)
+    assert finer.answer > 2 * finer.seconds  # mesh, bars, stresses and picture too
+    assert progress.seconds_text(max(finer.answer, 1.0)) in finer.brief()
     made = ao.read_model(deck, "m", size=0.15)
     assert finer.cells == 36 * 4
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
+
+
+def test_cells_that_do_not_fit_are_told_with_the_finest_that_do(opened, monkeypatch):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.02, "n": 10}
+    look = opened._opened().look
+
+    def asked(size):
+        return opened.calls["forecast"]({"setup": setup | {"size": size}})
+
+    room = 1.01 * look.forecast(look.largest / 4, 10).bytes  # of two halvings, not of three
+    monkeypatch.setattr(new, "free_memory", lambda: room)
+    told = asked(look.largest / 64)
+    assert told["fits"] is False
+    assert halvings(look.largest, told["larger"]) == 2
+    assert "the finest cells that do are of" in told["question"]
+    assert f"{1e3 * told['larger']:.4g} mm" in told["question"]
+    assert "e+" not in told["question"]
+    answer = {"setup": setup | {"size": told["larger"]}}
+    assert opened.calls["forecast"](answer).get("fits", True)
+    monkeypatch.setattr(new, "free_memory", lambda: 1.0)
+    alone = asked(look.largest / 64)
+    assert alone["fits"] is False
+    assert "larger" not in alone
+    assert "no finer mesh" in alone["question"]
+
+
+def test_coarse_cells_say_that_the_size_that_is_needed_does_not_fit(opened, monkeypatch):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.002, "n": 10}
+    values = {"tab": "a", "turn": 1, "setup": setup}
+    look = opened._opened().look
+    needed = SimpleNamespace(allowed=look.largest / 8)
+    monkeypatch.setattr(page, "coarse_at", lambda *_: needed)
+    first = opened.calls["settle"](values)["caution"]
+    room = 1.01 * look.forecast(look.largest / 2, 10).bytes
+    monkeypatch.setattr(new, "free_memory", lambda: room)
+    told = opened.calls["settle"](values)["caution"]
+    assert told.startswith(first)
+    assert "That does not fit: the finest cells that do are of" in told.removeprefix(first)
+    assert "the error that they leave is not known" in told
+    needed.allowed = look.largest / 2
+    assert opened.calls["settle"](values)["caution"] == first
 
 
 @pytest.mark.parametrize("fixed", ["rim, 1, 6", "rim, 3, 3", ""])
@@ -202,6 +249,18 @@ def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, mon
             assert (asked["asks"], asked["size"]) == (True, None)
             browser.run("document.getElementById('no').click()")
             assert browser.run(NOTICES)["size"] is None
+            look = opened._opened().look
+            room = 1.01 * look.forecast(look.largest / 2).bytes
+            monkeypatch.setattr(new, "free_memory", lambda: room)
+            browser.run("bench.resize(0.004)")
+            for _ in range(600):
+                if browser.run(NOTICES)["asks"]:
+                    break
+                time.sleep(0.1)
+            focused = "const one = document.activeElement; return [one.id, one.textContent]"
+            told = browser.run(focused)
+            assert told[0] == "other"  # not "Make it"
+            assert told[1].startswith("Rather ")
             assert browser.said() == []
     finally:
         page.close()

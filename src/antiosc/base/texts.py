@@ -332,6 +332,13 @@ def plain(value: float, digits: int = 2) -> str:
     return f"{float(f'{value:.{digits}g}'):.12g}" if isfinite(value) else "–"
 
 
+def count_text(number: float) -> str:
+    """A large number of things with three digits: "8250", "1.65 million"."""
+    if number < 999_500:
+        return plain(number, 3)
+    return f"{plain(number / 1e6, 3)} million"
+
+
 #: Share below which a text in per cent has no digit other than 0.
 LEAST_SHARE = 1e-5
 

@@ -472,7 +472,7 @@ class Bench {
     const button = (size, text, title) => made("button", row, text, { type: "button", title, onclick: () => this.resize(size) });
     row.replaceChildren();
     row.hidden = !this.facts.sizes.length;
-    made("small", row, "finer cells, and what a model with them takes:");
+    made("small", row, "finer cells, and what the whole answer with them takes:");
     for (const [size, takes] of this.facts.sizes.filter(([size]) => size < 0.99 * now).slice(0, 2)) {
       button(size, `${exact(size / SIZES.mm)} mm`, `a cell size of ${exact(size / SIZES.mm)} mm`);
       made("small", row, takes);
@@ -483,10 +483,11 @@ class Bench {
   // Another size of the cells; a mesh that takes long is made once the user has agreed.
   async resize(size, inputs = []) {
     try {
-      const { question, larger } = await this.call("forecast", { setup: { ...this.setup, size } });
+      const { question, larger, fits = true } = await this.call("forecast", { setup: { ...this.setup, size } });
       const make = () => this.change({ size }, true, inputs);
       const other = larger ? [`Rather ${exact(larger / SIZES.mm)} mm`, () => this.resize(larger, inputs)] : undefined;
-      if (question) this.ask(question, "Make it", make, () => this.show_fields(), other);
+      if (question) this.ask(question, fits ? "Make it" : "Make it all the same", make, () => this.show_fields(), other);
+      if (question && !fits) find(larger ? "other" : "no").focus();
       else make();
     } catch (error) {
       inputs.forEach((input) => mark(input, error.message));
