@@ -16,6 +16,7 @@ import math
 import os
 import platform
 import re
+import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -262,6 +263,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         with contextlib.suppress(OSError):  # the file may have gone since it was read
             source = _uncommented(path.read_text(encoding="utf-8"))
     script = "" if data is None else live.script()
+    place = f"/* {secrets.token_hex(16)} */"  # of the program, whose words stay: it is signed
     model, *parts = parts
     views = (picture for part_shown in (*parts, model) for picture in part_shown.pictures)
     pictures = list(
@@ -287,12 +289,12 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         program=program,
         source=source,
         style=live.style(),
-        script=script,
+        script=place,
         policy=live.policy(script),
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
-    return with_remedy(html, results)
+    return with_remedy(html, results).replace(place, script)
 
 
 def _untold(

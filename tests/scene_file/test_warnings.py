@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import re
 from dataclasses import replace
+from html import unescape
 
 import numpy as np
 import pytest
@@ -283,3 +286,18 @@ def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, mo
     monkeypatch.setattr(cli, "_run", warning)
     assert cli.main([]) == 0
     assert capsys.readouterr().err == "warning: The mesh is coarse.\n"
+
+
+@pytest.mark.fem
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_the_program_of_a_report_is_the_one_that_its_policy_permits(tmp_path):
+    """Words of the program are those of advice, too, which a scene has in its own keys."""
+    written(tmp_path, plate_deck(6), "plate.inp")
+    scene = written(tmp_path, SCENE.format(strength="").replace("[stress]\n", ""))
+    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
+    html = (tmp_path / "page.html").read_text(encoding="utf-8")
+    (program,) = re.findall(r"<script>(.+?)</script>", html, re.S)
+    assert live.ASKED_STRENGTH in program
+    digest = hashlib.sha256(program.encode()).digest()
+    assert f"'sha256-{base64.b64encode(digest).decode()}'" in unescape(html)
+    assert "give yield_strength in [deck]" in html
