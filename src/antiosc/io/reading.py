@@ -375,8 +375,9 @@ def read(
     if not (geometry or options.get("solid")):
         return read_attempt(0)
     unit_length = (unit or UnitSystem()).length
-    asked = Asked(path, options["size"], options["piece"], timeout, unit_length)
-    if geometry and not (is_cad and not options.get("fragments")):
+    together = bool(options.get("fragments"))
+    asked = Asked(path, options["size"], options["piece"], timeout, unit_length, together)
+    if geometry and not is_cad:
         return _meshed(read_attempt, asked)
     return _filled(read_attempt, asked)
 
@@ -394,6 +395,8 @@ class Asked(NamedTuple):
     timeout: float | None = None
     #: metres per unit of the file
     unit: float = 1.0
+    #: whether the solids of a CAD file are joined
+    together: bool = False
     #: whether it is the surface of a CAD file that is made anew
     anew: bool = False
 
@@ -413,7 +416,7 @@ class Asked(NamedTuple):
         time = 0
         with contextlib.suppress(OSError, ValueError):  # what is no file is told by its reader
             time = self.path.stat().st_mtime_ns
-        return self.path.absolute(), time, self.piece, self.anew
+        return self.path.absolute(), time, 0 if self.together else self.piece, self.anew
 
     def remedies(self) -> str:
         """What can be done if it cannot be meshed."""
@@ -437,7 +440,7 @@ _anew: dict[tuple[Path, int, int | None, bool], tuple[FileMesh, str]] = {}
 def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     """The mesh of a solid; if gmsh cannot fill its surface as it is, of that made anew."""
     state = asked.state
-    key = kept_surfaces.key_of(asked.path, asked.size, asked.piece)
+    key = kept_surfaces.key_of(asked.path, asked.size, 0 if asked.together else asked.piece)
     if state not in _anew:
         kept = kept_surfaces.load(key)
         if kept is None:
@@ -449,7 +452,7 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         _anew[state] = kept
     surface, reason = _anew[state]
     with remade.as_file(surface, asked.path.stem) as file:
-        again = partial(once, file=file, solid=True, piece=None)
+        again = partial(once, file=file, solid=True, piece=None, fragments=False)
         try:
             raw = _meshed(again, asked._replace(anew=True))
         except MeshError as error:
@@ -469,7 +472,7 @@ def _made_anew(asked: Asked, error: UnmeshableError) -> tuple[FileMesh, str]:
     """The surface of a file that gmsh cannot mesh, made anew, and the reason; else the error."""
     if not remade.installed():
         raise UnmeshableError(f"{str(error).rstrip('.')}; {remade.MISSING}.") from error
-    options = {"remade": True, "piece": asked.piece}
+    options = {"remade": True, "piece": asked.piece, "fragments": asked.together}
     try:
         with progress.doing(f"making the surface of {asked.name} anew, which takes minutes"):
             surface = read_apart(

@@ -2,13 +2,16 @@
 
 OpenCASCADE divides each face of a solid into triangles for pictures, also faces that gmsh cannot
 mesh; they need not fit together. gmsh writes them as X3D (only newer versions of it give them
-directly), and fTetWild makes a closed surface of them.
+directly), and fTetWild makes a closed surface of them: of several solids the one around all, which
+joins those that touch or overlap.
 """
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -43,14 +46,14 @@ def read(ask: Request) -> FileMesh:
     source = shutil.copyfile(ask.path, f"mesh{Path(ask.path).suffix.lower()}")
     scale = cad.opened(gmsh, str(source))
     solids = gmsh.model.getEntities(3)
-    if not solids or (len(solids) > 1 and ask.piece is None):
+    together = ask.fragments and len(solids) > 1
+    if not solids or (len(solids) > 1 and ask.piece is None and not together):
         raise UnmeshableError(f"{ask.name} is not one solid, whose surface could be made anew.")
     notes = cad.left_out(gmsh, ask)
-    names = cad.names_of(gmsh, ask, scale * ask.unit[0])
+    names = cad.names_of(gmsh, replace(ask, fragments=False), scale * ask.unit[0])
     faces, points, triangles = _triangles(gmsh)
     skin = FacetSkin(points, triangles, np.zeros(len(triangles), dtype=np.int64))
-    (solid,) = gmsh.model.getEntities(3)
-    anew = remade.made_anew(skin, ask.name, float(gmsh.model.occ.getMass(*solid)))
+    anew = remade.made_anew(skin, ask.name, _volume(gmsh), together)
     samples, of_triangle = _samples(points, triangles)
     corners = len(anew.points)
     cells = {
@@ -69,10 +72,22 @@ def read(ask: Request) -> FileMesh:
     return FileMesh(everything, cells, "vtk", groups, remarks=[*notes, *anew.remarks])
 
 
+def _volume(gmsh: ModuleType) -> float:
+    """Volume of the solids; what several have in common counts once."""
+    solids = gmsh.model.getEntities(3)
+    if len(solids) > 1:
+        with contextlib.suppress(Exception):  # gmsh raises nothing else
+            gmsh.model.occ.fragment(solids, [], removeObject=True, removeTool=True)
+            gmsh.model.occ.synchronize()
+    return float(sum(gmsh.model.occ.getMass(*solid) for solid in gmsh.model.getEntities(3)))
+
+
 def _triangles(gmsh: ModuleType) -> tuple[IntArray, Array, IntArray]:
     """OpenCASCADE's triangles (t, 3) of all faces, their corners, and the face of each."""
     faces = [tag for _, tag in gmsh.model.getEntities(2)]
     gmsh.model.removePhysicalGroups()
+    for tag in faces:  # X3D has these names in place of those of the groups
+        gmsh.model.removeEntityName(gmsh.model.getEntityName(2, tag))
     for tag in faces:  # X3D has one set for each physical group
         gmsh.model.addPhysicalGroup(2, [tag], tag)
     gmsh.option.setNumber("Print.X3dSurfaces", 2)

@@ -408,6 +408,37 @@ def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(
         assert sum(name.startswith("face ") for name in raw.groups) == 7
 
 
+@pytest.mark.slow
+def test_solids_that_gmsh_cannot_mesh_together_become_one_surface(tmp_path, monkeypatch):
+    """A box, one that stands on it, and a pin that pierces it, with names of their faces, as some
+    programs give them: one solid of the volume of their union.
+    """
+    pytest.importorskip("pytetwild")
+    monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
+    path = tmp_path / "pinned.step"
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 40, 20, 6)
+        gmsh.model.occ.addBox(0, 0, 6, 10, 20, 14)
+        gmsh.model.occ.addCylinder(25, 10, -4, 0, 0, 14, 3)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    path.write_text(path.read_text().replace("ADVANCED_FACE('',", "ADVANCED_FACE('side',"))
+    meshed = reading._meshed
+
+    def refused(once: object, asked: Asked) -> RawMesh:
+        if asked.is_cad:
+            raise UnmeshableError("PLC error; nor otherwise.")
+        return meshed(once, asked)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(reading, "_meshed", refused)
+    monkeypatch.setattr(reading, "_anew", {})
+    raw = reading.read(path, 5e-3, fragments=True)
+    assert int(reading.piece_of_cells(raw).max()) == 0
+    sides = raw.points[raw.cells[:, 1:4]] - raw.points[raw.cells[:, :1]]
+    volume = (40 * 20 * 6 + 10 * 20 * 14 + np.pi * 9 * 8) * 1e-9  # 8 mm of the pin are outside
+    assert np.abs(np.linalg.det(sides)).sum() / 6 == pytest.approx(volume, rel=0.01)
+
+
 @pytest.mark.parametrize("installed", [True, False])
 def test_later_attempts_take_less_time_where_the_surface_can_be_made_anew(monkeypatch, installed):
     monkeypatch.setattr(remade, "installed", lambda: installed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import meshio
@@ -470,6 +470,18 @@ def test_tetrahedra_that_touch_along_an_edge_alone_are_left_out():
     cells = np.array([[0, 1, 2, 3], [0, 1, 3, 4], [0, 1, 5, 6]])
     assert remade.without_pinches(points, cells).tolist() == cells[:2].tolist()
     assert remade.without_pinches(points, cells[:2]).tolist() == cells[:2].tolist()
+
+
+def test_surfaces_wind_around_what_several_solids_have_in_common_twice():
+    """Two cubes of side 1, the second shifted by half; tetrahedra count once in the union."""
+    corner = np.array(list(product((0.0, 1.0), repeat=3)))
+    sides = np.array(
+        [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    )
+    triangles = np.vstack([sides[:, [0, 1, 2]], sides[:, [0, 2, 3]]])
+    both = np.vstack([corner[triangles], corner[triangles] + (0.5, 0, 0)])
+    places = np.array([(0.1, 0.4, 0.3), (0.8, 0.6, 0.7), (1.4, 0.5, 0.5), (0.5, 0.5, 1.1)])
+    np.testing.assert_allclose(remade.winding(places, both), [1, 2, 1, 0], atol=1e-12)
 
 
 def test_facets_near_a_point_are_cut_to_its_size_and_keep_their_surface():
