@@ -29,12 +29,12 @@ from antiosc.io.reading import keys
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.beam_facts import beam_facts
 from antiosc.reduce.error.bisection import Pieces, gathered
-from antiosc.reduce.error.scheme import Estimate, MeshErrors, loads_of_shapes
+from antiosc.reduce.error.scheme import Estimate, PartErrors, loads_of_shapes
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.sites import located
 
 
-class HalvedBeams(MeshErrors):
+class HalvedBeams(PartErrors):
     """Estimator for structures of beams, on one rank."""
 
     def __init__(self, part: MeshedStructure) -> None:

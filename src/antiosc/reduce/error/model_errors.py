@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from antiosc.base.errors import InputError
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -11,12 +12,16 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.beam import HalvedBeams
+from antiosc.reduce.error.joined import JoinedSolids, all_solids
 from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_large
-from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
+from antiosc.reduce.error.scheme import MeshErrors, PartErrors, StrainErrors
 from antiosc.reduce.error.shell import ShellErrors
 from antiosc.reduce.error.shell_facts import shell_facts
 from antiosc.reduce.error.solid import SolidErrors
 from antiosc.reduce.site import Functional
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
 
 #: Message for matrices.
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
@@ -46,8 +51,11 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     return SolidErrors(matrices)
 
 
-def _of_part(part: MeshedStructure) -> MeshErrors:
-    """The estimator for the models of a part."""
+def _of_structure(structure: Structure) -> MeshErrors:
+    """The estimator for the models of a structure."""
+    if structure.matrices.assembled:
+        return JoinedSolids(cast("AssembledMatrices", structure.matrices))
+    part = on_mesh(structure, NO_MESH)
     if part.kind.name == "beam":
         return HalvedBeams(part)
     if divides(part):
@@ -59,21 +67,24 @@ def refusal(structure: Structure) -> str:
     """Why the mesh's error of a structure is not estimated; "" if it is."""
     if reason := _refusal(structure):
         return reason
-    return _skipped(on_mesh(structure, NO_MESH)) if structure.matrices.meshed else ""
+    return _skipped(structure)
 
 
 def _refusal(structure: Structure) -> str:
     """Why an assembly or trusses have no estimator; "" for others."""
     if structure.matrices.assembled:
-        return JOINTED
+        return "" if all_solids(cast("AssembledMatrices", structure.matrices)) else JOINTED
     if not structure.matrices.meshed:
         return ""
     part = on_mesh(structure, NO_MESH)
     return _refused(part) if part.kind.name == "truss" else ""
 
 
-def _skipped(part: MeshedStructure) -> str:
+def _skipped(structure: Structure) -> str:
     """Why a mesh is too large for its estimator; "" if it is not."""
+    if structure.matrices.assembled or not structure.matrices.meshed:
+        return ""
+    part = on_mesh(structure)
     if divides(part):
         return too_large(part.rows, part.mesh.name)
     return ""
@@ -104,10 +115,9 @@ class ModelErrors:
             )
         if reason := _refusal(structure):
             raise InputError(reason)
-        part = on_mesh(structure, NO_MESH)
-        self.skipped = _skipped(part)
+        self._errors = _of_structure(structure)
+        self.skipped = _skipped(structure)
         self._structure = structure
-        self._errors = _of_part(part)
         self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
@@ -116,10 +126,9 @@ class ModelErrors:
             return model  # its `info` has the reason
         start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
-        part = self._errors.part
         facts = dict(estimate.facts)
-        if part.kind.sheet:
-            facts["model"] = shell_facts(part, site)
+        if isinstance(self._errors, PartErrors) and self._errors.part.kind.sheet:
+            facts["model"] = shell_facts(self._errors.part, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
         not_included = self._errors.not_included or None
         info = replace(model.info, not_included=not_included, seconds=seconds, **facts)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from antiosc.base._types import Array
+from antiosc.fem.assembly import MeshedParts, with_parts
 from antiosc.fem.linalg.algebra import dot
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.meshed import Member
+from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import PatchData
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.doubts import WHOLE_PATCH
-from antiosc.reduce.site.sites import located
+from antiosc.reduce.site.sites import Sites, located
 
 #: The second radius over the first, and the ratio used instead if the larger patch leaves the face.
 RADII = (np.sqrt(2.0), np.sqrt(0.5))
@@ -34,13 +37,14 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
     """
     if site.radius is None:
         return None
-    assert site.point is not None
-    assert site.direction is not None  # where there is a patch
-    place = site.point[None, :], site.direction[None, :]
-    patch_sites = located(on_mesh(structure), *place, np.array([site.radius]))
+    matrices = with_parts(structure)
+    if matrices.assembled and site.part is None:  # that of a superelement
+        return None
+    member, *_ = matrices.members(site.part if matrices.assembled else None)
+    patch_sites = _on_part(matrices, member, site, site.radius)
     is_cut = bool(patch_sites.share[0] < WHOLE_PATCH)
     for factor in SMALLER if is_cut else RADII:
-        sites = located(on_mesh(structure), *place, np.array([factor * site.radius]))
+        sites = _on_part(matrices, member, site, factor * site.radius)
         facts: PatchData = {
             "faces": float((patch_sites if is_cut else sites).size[0]),
             "cut": float(is_cut),
@@ -55,9 +59,24 @@ def patch_of(structure: Structure, site: Functional) -> PatchData | None:
         or not sites.local[0]
     ):
         return facts
-    b = sites.loads[:, 0].toarray().ravel()
+    b = _on_q(matrices, member, sites)
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     solution = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, solution, b + site.b))
     change -= float(sites.local[0]) - site.local_compliance
     return {**facts, "radius": float(sites.radii[0]), "compliance": change}
+
+
+def _on_part(matrices: MeshedParts, member: Member, site: Functional, radius: float) -> Sites:
+    """The site with a patch of this radius on the part that has it."""
+    assert site.point is not None
+    assert site.direction is not None  # where there is a patch
+    point = member.at.own(site.point[None, :])
+    direction = (site.direction @ member.at.rotation)[None, :]
+    return matrices.decided(lambda: located(member.part, point, direction, np.array([radius])))
+
+
+def _on_q(matrices: MeshedParts, member: Member, sites: Sites) -> Array:
+    """The load vector of a site on this rank's rows of q."""
+    b = sites.loads[:, 0].toarray().ravel()
+    return matrices.own(matrices.joined(b, member.rows))

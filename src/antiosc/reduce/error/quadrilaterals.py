@@ -36,7 +36,7 @@ from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.bisection import gathered
-from antiosc.reduce.error.scheme import Estimate, MeshErrors, loads_of_shapes
+from antiosc.reduce.error.scheme import Estimate, PartErrors, loads_of_shapes
 from antiosc.reduce.site import Functional
 from antiosc.reduce.site.sites import located
 
@@ -78,7 +78,7 @@ def too_large(dofs: float, name: str) -> str:
     return ""
 
 
-class DividedShells(MeshErrors):
+class DividedShells(PartErrors):
     """Estimator for shells of quadrilaterals, on one rank."""
 
     def __init__(self, part: MeshedStructure) -> None:

@@ -34,7 +34,7 @@ class Estimate:
 
 
 class MeshErrors(ABC):
-    """Estimator of the errors of the mesh of a part.
+    """Estimator of the errors of the meshes of a structure.
 
     Attributes
     ----------
@@ -42,9 +42,6 @@ class MeshErrors(ABC):
     """
 
     not_included: str = ""
-
-    def __init__(self, part: MeshedStructure) -> None:
-        self.part = part
 
     @abstractmethod
     def prepare(self) -> None:
@@ -57,7 +54,14 @@ class MeshErrors(ABC):
         """The estimate for a model of the structure at a site."""
 
 
-class StrainErrors(MeshErrors):
+class PartErrors(MeshErrors):
+    """Estimator of the errors of the mesh of a part."""
+
+    def __init__(self, part: MeshedStructure) -> None:
+        self.part = part
+
+
+class StrainErrors(PartErrors):
     """Base of estimators that compare the strains of shapes with recovered strains."""
 
     @abstractmethod

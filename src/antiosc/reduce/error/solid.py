@@ -280,10 +280,16 @@ class SolidErrors(StrainErrors):
 
     def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:
         shapes = shapes_of(model)
-        energies, layer_energies = self.gram_and_layers(shapes, self._layers)
-        gaps = self._gaps(layer_energies, model.k0 == 0)
+        energies, gaps = self.of_shapes(shapes, model.k0 == 0)
         facts = {"patch": patch_of(structure, site), "geometry": gaps}
         return Estimate(energies + self.of_state(structure, shapes, energies), facts=facts)
+
+    def of_shapes(self, shapes: Array, rigid: bool) -> tuple[Array, FacetGaps | None]:
+        """Energies of the errors of shapes (rows, k), of which the first may be rigid, and the
+        record of the gaps between faces and surface.
+        """
+        energies, layer_energies = self.gram_and_layers(shapes, self._layers)
+        return energies, self._gaps(layer_energies, rigid)
 
     def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
         """Record of the energies `outside` the faces; a rigid first shape has none. None without

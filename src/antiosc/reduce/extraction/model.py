@@ -14,7 +14,6 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import ModelInfo
 from antiosc.models.motion import Inertia
-from antiosc.models.parameters import JOINTED
 from antiosc.reduce.extraction import SiteShapes
 from antiosc.reduce.extraction.mode_checks import checked_modes
 from antiosc.reduce.extraction.oscillators import ConstraintModes, OneSite, Selection
@@ -72,9 +71,7 @@ def _thickness_at(
 
 def _no_estimate(structure: Structure) -> str | None:
     """Why the mesh's error of a structure is not estimated; None if it is, or has no mesh."""
-    if structure.matrices.assembled:
-        return JOINTED
-    if not structure.matrices.meshed:
+    if not (structure.matrices.meshed or structure.matrices.assembled):
         return None
     from antiosc.reduce.error.model_errors import refusal  # needs dolfinx
 
