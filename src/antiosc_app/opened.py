@@ -46,7 +46,9 @@ from antiosc.extension import halvings, stress_seconds, with_stresses
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
-from antiosc_app import falls, live, live_data, new, report, results
+from antiosc_app import falls, live, live_data, report, results
+from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
+from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, Inspection
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
@@ -260,7 +262,7 @@ class Opened:
         self._first: Data = {}
         #: the part as its file was read first, the piece that was taken then, and the number of
         #: parts that were opened
-        self._whole: new.Inspection | None = None
+        self._whole: Inspection | None = None
         self._piece = piece
         self._contact = contact
         self._opening = 0
@@ -444,7 +446,7 @@ class Opened:
             "pieces": self._pieces(inspection),
             "piece": inspection.read.get("piece", JOINED),
             "contact": inspection.read.get("contact", ""),
-            "contacts": new.CONTACT_TEXTS if "contact" in inspection.read else {},
+            "contacts": CONTACT_TEXTS if "contact" in inspection.read else {},
             "told": _told_of_file(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "skin": shape,
@@ -473,12 +475,16 @@ class Opened:
         }
         return self._first
 
-    def _inspected(self) -> new.Inspection:
+    def _inspected(self) -> Inspection:
         """The inspected part, or the piece of it that was taken."""
         if self._given is not None:
-            return new.inspect_structure(self._given)
+            return inspect_structure(self._given)
         look = partial(
-            new.inspect_part, self._path, unit=self._unit, timeout=self._timeout, size=self._size
+            inspect_part,
+            self._path,
+            unit=self._unit,
+            timeout=self._timeout,
+            size=self._size,
         )
         with progress.doing(f"looking at {self._path.name}"):
             if self._whole is None:
@@ -492,7 +498,7 @@ class Opened:
         contact; the page then looks anew.
         """
         if "contact" in values:
-            contact = checks.choice("contact", values["contact"], tuple(new.CONTACT_TEXTS))
+            contact = checks.choice("contact", values["contact"], tuple(CONTACT_TEXTS))
             self._open_anew(None, contact, None)
             return {}
         piece = checks.whole("piece", values.get("piece"), least=JOINED)
@@ -501,9 +507,7 @@ class Opened:
         self._open_anew(piece, self._contact, self._whole)
         return {}
 
-    def _open_anew(
-        self, piece: int | None, contact: str | None, whole: new.Inspection | None
-    ) -> None:
+    def _open_anew(self, piece: int | None, contact: str | None, whole: Inspection | None) -> None:
         """Look at the part anew; if that fails, the one before stays."""
         before = self._piece, self._contact, self._whole, self._first, self._source
         self._piece, self._contact, self._whole, self._first = piece, contact, whole, {}
@@ -513,13 +517,13 @@ class Opened:
             self._piece, self._contact, self._whole, self._first, self._source = before
             raise
 
-    def _pieces(self, look: new.Inspection) -> list[tuple[int, str]]:
+    def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
         """The pieces of the part by their ranks, in words, with all joined if they were so."""
         joined = [] if self._whole is None or "piece" in self._whole.read else [(JOINED, ALL)]
         told = [(rank, _piece_text(rank, piece)) for rank, piece in enumerate(look.pieces, 1)]
         return [*joined, *told] if told else []
 
-    def _unheld(self, look: new.Inspection) -> str:
+    def _unheld(self, look: Inspection) -> str:
         """What is told where the page holds nothing."""
         if self._given is not None or not look.of_deck:
             return "free: no face is held"
@@ -662,7 +666,7 @@ class Opened:
             return source
         scene = self._compiled(scene_of(source, replace(set_up, finer=False), DURATION))
         mesh = self._structure(scene).mesh
-        return source._replace(look=new.of_mesh(source.look, mesh))
+        return source._replace(look=of_mesh(source.look, mesh))
 
     def _dropped(self, set_up: SetUp) -> Dropped:
         """The fall of a set-up."""
@@ -947,7 +951,7 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _halved(look: new.Inspection, count: int) -> float:
+def _halved(look: Inspection, count: int) -> float:
     """The cell size [m] that halves the cells of a finished mesh so many times."""
     return rounded_up(look.largest / 2**count)
 
@@ -956,7 +960,7 @@ def _halved(look: new.Inspection, count: int) -> float:
 MOST_TRIED, TRIED = 60, 0.9
 
 
-def _finest_size(look: new.Inspection, n: int | None) -> float | None:
+def _finest_size(look: Inspection, n: int | None) -> float | None:
     """The finest cell size [m] whose model fits into the free memory; None where none does."""
     finest = None
     for k in range(1, MOST_TRIED):
@@ -989,7 +993,7 @@ def _in_mm(size: float) -> str:
     return f"{1e3 * size:.4g} mm"
 
 
-def _finer_sizes(look: new.Inspection) -> list[tuple[float, str]]:
+def _finer_sizes(look: Inspection) -> list[tuple[float, str]]:
     """Smaller cell sizes [m] and what a model with them takes, as far as it has room."""
     steps = range(1, MOST_STEPS + 1)
     if look.meshed:
@@ -1000,7 +1004,7 @@ def _finer_sizes(look: new.Inspection) -> list[tuple[float, str]]:
     return [(size, cost.brief()) for size, cost in costs.items() if cost.fits]
 
 
-def _told_of_file(look: new.Inspection) -> str:
+def _told_of_file(look: Inspection) -> str:
     """Sentences on the part's size, and on the choices made while reading its file."""
     choices = ""
     if "unit" in look.read:
@@ -1015,13 +1019,13 @@ def _told_of_file(look: new.Inspection) -> str:
     return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, notes)])
 
 
-def _smaller_cells(look: new.Inspection, has_size: bool, finer: bool) -> str:
+def _smaller_cells(look: Inspection, has_size: bool, finer: bool) -> str:
     """What makes the cells of an opened part smaller, by the fields of its page that are left."""
     if look.meshed and finer:
         return "cell size"
     if look.meshed:
         return "Finer mesh here, or cell size"
-    return live.halved("cell size", new.DIMENSIONS[look.family] * (has_size and not look.kept))
+    return live.halved("cell size", DIMENSIONS[look.family] * (has_size and not look.kept))
 
 
 def _in_words(value: object, fields: Mapping[str, str]) -> object:
@@ -1043,7 +1047,7 @@ def _stressed_elsewhere(source: InspectedFile, set_up: SetUp, judged: Data) -> b
     return all(np.linalg.norm(np.subtract(one, place)) >= near for one in set_up.stressed)
 
 
-def _corner(look: new.Inspection) -> float:
+def _corner(look: Inspection) -> float:
     """Radius [m] that a fall takes for sharp corners."""
     sides = look.high - look.low
     return float(min(CORNER, sides[sides > 0].min() / 4))
@@ -1064,7 +1068,7 @@ def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
 
 
 def _with_less_error(
-    asked: SetUp, set_up: SetUp, blow: PageImpact, look: new.Inspection
+    asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspection
 ) -> tuple[SetUp, list[str]]:
     """(set-up with more anti-oscillators or smaller cells at the site, why these were taken); the
     set-up itself where they do not help, or were asked for.

@@ -12,17 +12,9 @@ from antiosc import IMPACTORS, Solid
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
 from antiosc.base.texts import piece_told
-from antiosc_app.new import (
-    BALL_MATERIAL,
-    FALL_HEIGHT,
-    FLOOR_MATERIAL,
-    FRICTION,
-    IMPACTS,
-    RESOLVED,
-    TILT,
-    Inspection,
-    facet_size_at,
-)
+from antiosc_app.guessed_sites import RESOLVED, facet_size_at
+from antiosc_app.inspection import BALL_MATERIAL, FALL_HEIGHT, TILT, Inspection
+from antiosc_app.new import FLOOR_MATERIAL, FRICTION, IMPACTS
 from antiosc_app.until_parted import rounded_up
 
 #: A table of a scene.

@@ -12,9 +12,11 @@ from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
 from antiosc.io.neutral import SIDES
+from antiosc_app.guessed_sites import sides_of
+from antiosc_app.guessed_supports import ON_PLANE
+from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.new import ON_PLANE, Inspection, sides_of
 
 #: What the sides along z are called besides.
 DOWNWARD = {"-z": ", below", "+z": ", on top"}

@@ -67,7 +67,7 @@ def test_a_ball_that_pierces_the_part_is_told(angle):
 
 
 def test_a_new_scene_has_a_ball_that_touches_its_site_alone(angle):
-    from antiosc_app.new import inspect_structure
+    from antiosc_app.inspecting import inspect_structure
 
     look = inspect_structure(angle)
     assert look.ball < look.room

@@ -16,7 +16,7 @@ from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
 from antiosc.reduce.error import quadrilaterals
-from antiosc_app import conditions, live, new, opened as page
+from antiosc_app import conditions, inspection, live, opened as page
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
 from webdriver import MISSING, Browser
@@ -72,7 +72,7 @@ def test_cells_that_do_not_fit_are_told_with_the_finest_that_do(opened, monkeypa
         return opened.calls["forecast"]({"setup": setup | {"size": size}})
 
     room = 1.01 * look.forecast(look.largest / 4, 10).bytes  # of two halvings, not of three
-    monkeypatch.setattr(new, "free_memory", lambda: room)
+    monkeypatch.setattr(inspection, "free_memory", lambda: room)
     told = asked(look.largest / 64)
     assert told["fits"] is False
     assert halvings(look.largest, told["larger"]) == 2
@@ -81,7 +81,7 @@ def test_cells_that_do_not_fit_are_told_with_the_finest_that_do(opened, monkeypa
     assert "e+" not in told["question"]
     answer = {"setup": setup | {"size": told["larger"]}}
     assert opened.calls["forecast"](answer).get("fits", True)
-    monkeypatch.setattr(new, "free_memory", lambda: 1.0)
+    monkeypatch.setattr(inspection, "free_memory", lambda: 1.0)
     alone = asked(look.largest / 64)
     assert alone["fits"] is False
     assert "larger" not in alone
@@ -96,7 +96,7 @@ def test_coarse_cells_say_that_the_size_that_is_needed_does_not_fit(opened, monk
     monkeypatch.setattr(page, "coarse_at", lambda *_: needed)
     first = opened.calls["settle"](values)["caution"]
     room = 1.01 * look.forecast(look.largest / 2, 10).bytes
-    monkeypatch.setattr(new, "free_memory", lambda: room)
+    monkeypatch.setattr(inspection, "free_memory", lambda: room)
     told = opened.calls["settle"](values)["caution"]
     assert told.startswith(first)
     assert "That does not fit: the finest cells that do are of" in told.removeprefix(first)
@@ -251,7 +251,7 @@ def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, mon
             assert browser.run(NOTICES)["size"] is None
             look = opened._opened().look
             room = 1.01 * look.forecast(look.largest / 2).bytes
-            monkeypatch.setattr(new, "free_memory", lambda: room)
+            monkeypatch.setattr(inspection, "free_memory", lambda: room)
             browser.run("bench.resize(0.004)")
             for _ in range(600):
                 if browser.run(NOTICES)["asks"]:

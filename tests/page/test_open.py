@@ -27,7 +27,15 @@ from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
-from antiosc_app import live, new, opened as opened_page, set_up, until_parted
+from antiosc_app import (
+    guessed_sites,
+    inspecting,
+    live,
+    new,
+    opened as opened_page,
+    set_up,
+    until_parted,
+)
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
@@ -233,13 +241,15 @@ def test_a_site_whose_patch_an_edge_cuts_comes_last():
     part = ao.Structure(parts.box((8, 6, 2), (0.08, 0.06, 0.02)), ao.material("ABS"), [])
     mesh, down = on_mesh(part).mesh, np.array([0.0, 0.0, -1.0])
     outer = Faces(mesh, False)
-    x, faces = mesh.dolfinx.geometry.x, new._around(outer)
+    x, faces = mesh.dolfinx.geometry.x, guessed_sites.nodes_around(outer)
     places = [np.array([a, 0.035, 0.02]) for a in (0.077, 0.045, 0.003, 0.035)]
-    sites = new._clear_of_edges(outer, x, faces, iter([(p, down, None) for p in places]), False)
+    sites = guessed_sites.clear_of_edges(
+        outer, x, faces, iter([(p, down, None) for p in places]), False
+    )
     order = [site[0][0] for site in sites]
     assert order == [0.045, 0.035, 0.077, 0.003]
     for a in order:
-        radius = new.RESOLVED * new.facet_size_at(x, faces, (a, 0.035, 0.02))
+        radius = guessed_sites.RESOLVED * guessed_sites.facet_size_at(x, faces, (a, 0.035, 0.02))
         place = np.array([[a, 0.035, 0.02]]), down[None], np.array([radius])
         assert (located(on_mesh(part), *place).share[0] < 0.9) == (a in (0.077, 0.003))
 
@@ -994,7 +1004,7 @@ def test_from_a_file_to_a_saved_scene_in_a_browser(command, step, width):
 def test_a_structure_is_struck_where_its_supports_leave_it_free():
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support("+z")])  # the preferred side
-    look = new.inspect_structure(part)
+    look = inspecting.inspect_structure(part)
     assert look.point[2] < 0.01
     assert look.radius is not None
 
@@ -1006,7 +1016,7 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     both = np.union1d(mesh.groups["-z"][2], mesh.groups["+z"][2]).astype(np.int32)
     one = replace(mesh, groups={"both": {2: both}})
     part = ao.Structure(one, ao.material("steel S235"), [])
-    assert skin(part, new._inspect_mesh(one, {}, None)).held == ["side -z of the box, below"]
+    assert skin(part, inspecting._inspect_mesh(one, {}, None)).held == ["side -z of the box, below"]
 
 
 def test_a_group_without_parts_is_no_face_to_be_held():
@@ -1016,7 +1026,7 @@ def test_a_group_without_parts_is_no_face_to_be_held():
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     with_gone = replace(mesh, groups={**mesh.groups, "gone": {}})
     part = ao.Structure(with_gone, ao.material("steel S235"), [])
-    faces = skin(part, new._inspect_mesh(with_gone, {}, None)).faces
+    faces = skin(part, inspecting._inspect_mesh(with_gone, {}, None)).faces
     assert {"-x", "+z"} <= {*faces}
     assert "gone" not in faces
 
@@ -1026,7 +1036,7 @@ def test_the_size_at_a_point_is_that_of_the_facets_under_its_patch():
     an edge do not count.
     """
     part = ao.Structure(parts.box((4, 3, 2), (0.08, 0.06, 0.1)), ao.Solid(**parts.STEEL))
-    look = new.inspect_structure(part)
+    look = inspecting.inspect_structure(part)
     source = set_up.InspectedFile("box", look, {})
     for x in ((0.03, 0.03, 0.1), (0.075, 0.05, 0.1), (0.01, 0.055, 0.1)):
         size = source.size_at(x)

@@ -14,7 +14,7 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.fem.mesh.halving import halvings
 from antiosc_app.cli import main
-from antiosc_app.new import inspect_part
+from antiosc_app.inspecting import inspect_part
 from antiosc_app.opened import ALL, ANOTHER, Opened
 from antiosc_app.set_up import read, scene_of, toml
 from antiosc_app.view import View

@@ -22,9 +22,9 @@ from antiosc.base.errors import RangeError, SiteError
 from antiosc.base.texts import engineering
 from antiosc.fem.mesh.surface import Faces
 from antiosc.io import cad
-from antiosc_app import new, opened, set_up, units
+from antiosc_app import guessed_sites, inspecting, new, opened, set_up, units
 from antiosc_app.foreign import foreign_part
-from antiosc_app.new import inspect_part
+from antiosc_app.inspecting import inspect_part
 from parts import gmsh_session
 from scene_files import antiosc
 
@@ -330,7 +330,10 @@ def test_a_groove_into_which_the_ball_fits_is_struck_last(tmp_path):
     down = np.array([0.0, 0.0, -1.0])
     hollow, flat = (np.array([0.02, 0.015, 0.012]), np.array([0.005, 0.015, 0.02]))
     sites = iter([(hollow, down, 1e-3), (flat, down, 1e-3)])
-    found = [x.tolist() for x, _, _ in new._outside_hollows(mesh, Faces(mesh, False), sites, 0.01)]
+    found = [
+        x.tolist()
+        for x, _, _ in guessed_sites.outside_hollows(mesh, Faces(mesh, False), sites, 0.01)
+    ]
     assert found == [flat.tolist(), hollow.tolist()]
 
 
@@ -350,7 +353,7 @@ def test_the_inside_of_a_closed_box_is_struck_last(tmp_path, lid):
     down = np.array([0.0, 0.0, -1.0])
     bottom, rim = (np.array([0.02, 0.015, 0.002]), np.array([0.001, 0.015, 0.02]))
     sites = iter([(bottom, down, 1e-3), (rim, down, 1e-3)])
-    found = [x.tolist() for x, _, _ in new._in_sight(corners, sites, 1e-5)]
+    found = [x.tolist() for x, _, _ in guessed_sites.in_sight(corners, sites, 1e-5)]
     expected = [rim, bottom] if lid else [bottom, rim]
     assert found == [point.tolist() for point in expected]
 
@@ -610,7 +613,7 @@ def test_a_timeout_is_that_of_every_reading_and_of_the_scene(tmp_path):
 def test_the_ball_grows_with_the_part():
     for length, radius in ((0.2, 0.01), (5.0, 0.1)):
         sides = (length, length / 2, length / 4)
-        look = new._inspect_mesh(ao.box_mesh(sides, size=length / 16), {}, None)
+        look = inspecting._inspect_mesh(ao.box_mesh(sides, size=length / 16), {}, None)
         assert look.ball == pytest.approx(radius)
         told = next(line for line in look.sentences("box") if "striker" in line)
         assert f"radius {1e3 * radius:g} mm" in told

@@ -22,8 +22,15 @@ from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional
-from antiosc_app import cli, new as template
-from antiosc_app.new import inspect_part
+from antiosc_app import (
+    cli,
+    guessed_sites,
+    guessed_supports,
+    inspecting,
+    new as template,
+)
+from antiosc_app.inspecting import inspect_part
+from antiosc_app.inspection import BALL_MATERIAL
 from mesh_files import write
 from parts import gmsh_session
 from paths import DEMOS, MESHES
@@ -42,7 +49,7 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     names = [f"face {i} of a body" for i in range(40)]
     groups = {name: mesh.groups["+z"] for name in names} | {"below": mesh.groups["-z"]}
-    look = template._inspect_mesh(replace(mesh, groups=groups), {}, None)
+    look = inspecting._inspect_mesh(replace(mesh, groups=groups), {}, None)
     text = template.text("scene.toml", "part.msh", look)
     assert all(f'"{name}"' in text for name in names)
     held = next(value for name, value, _ in look.taken(drop=False) if name == "held")
@@ -50,16 +57,16 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
 
 
 def test_a_plate_is_held_at_an_end_and_not_at_its_underside():
-    look = template._inspect_mesh(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
+    look = inspecting._inspect_mesh(ao.box_mesh((0.2, 0.1, 0.004), size=0.02), {}, None)
     assert np.ptp(look.points[look.held][:, 0]) == 0.0
     assert look.direction == [0.0, 0.0, -1.0]
 
 
 def test_the_ball_has_at_most_ten_times_the_mass_of_the_part():
     """A strip of 33 × 6.5 × 0.2 mm has 0.34 g; a thick block keeps the ball of its size."""
-    density = materials.record(template.BALL_MATERIAL).rho
-    strip = template._inspect_mesh(ao.box_mesh((0.033, 0.0065), size=1e-3, gdim=3), {}, None)
-    block = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    density = materials.record(BALL_MATERIAL).rho
+    strip = inspecting._inspect_mesh(ao.box_mesh((0.033, 0.0065), size=1e-3, gdim=3), {}, None)
+    block = inspecting._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
     light = replace(strip, room=np.inf, radius=None, measure=0.1 * strip.measure)
     for look, by in ((light, "mass"), (block, "size")):
         over = 4 / 3 * np.pi * density * look.ball**3 / look.mass
@@ -88,12 +95,12 @@ def test_a_size_of_the_cells_changes_neither_site_nor_striker_or_says_so(tmp_pat
 
 
 def test_a_held_face_is_not_struck():
-    look = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    look = inspecting._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
     outer = Faces(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), False)
     size = float(np.linalg.norm(look.high - look.low))
     none = np.zeros(0, dtype=int)
     for held in (look.held, np.ones(len(look.held), dtype=bool)):
-        sites = template._on_faces(look.points, look.faces, outer, held, none, size)
+        sites = guessed_sites.on_faces(look.points, look.faces, outer, held, none, size)
         free = ~held[look.faces].all(axis=1)
         assert len(list(sites)) == (free.sum() or len(look.faces))
 
@@ -108,7 +115,9 @@ def test_sites_clear_of_edges_come_first_then_those_whose_own_patch_is():
     )
     for meshed, expected in ((True, [middle, near, rim]), (False, [middle, rim, near])):
         sites = iter([rim, near, middle])
-        ranked = template._clear_of_edges(outer, x, template._around(outer), sites, meshed)
+        ranked = guessed_sites.clear_of_edges(
+            outer, x, guessed_sites.nodes_around(outer), sites, meshed
+        )
         assert [site[0].tolist() for site in ranked] == [site[0].tolist() for site in expected]
 
 
@@ -132,13 +141,13 @@ def test_a_part_is_not_held_at_a_small_foot_under_its_end(tmp_path):
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.005)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(path))
-    look = template._inspect_mesh(ao.read_mesh(path), {}, None)
+    look = inspecting._inspect_mesh(ao.read_mesh(path), {}, None)
     assert look.plane is not None
     assert look.plane[1] == [1.0, 0.0, 0.0]
     assert not look.foot
     low = np.zeros(3)
     on_foot = low, np.array([0.005, 0.005, 0.0])
-    overhang = template._overhang(np.array(on_foot), low, np.array([0.08, 0.015, 0.015]), 2)
+    overhang = guessed_supports._overhang(np.array(on_foot), low, np.array([0.08, 0.015, 0.015]), 2)
     assert overhang == pytest.approx(0.0775 / 0.0025)
 
 
@@ -146,10 +155,10 @@ def test_a_part_without_a_flat_side_is_held_at_the_holes_of_which_there_are_most
     mesh = ao.box_mesh((0.2, 0.1, 0.1), size=0.05)
     inclined = Rotation.from_euler("xyz", (0.3, 0.4, 0.5)).as_matrix()
     mesh.dolfinx.geometry.x[:] = mesh.dolfinx.geometry.x @ inclined.T
-    assert template._inspect_mesh(mesh, {}, None).held.sum() == 0
+    assert inspecting._inspect_mesh(mesh, {}, None).held.sum() == 0
     names = {"+z": "hole 8 mm (1)", "-x": "hole 6 mm (1)", "+x": "hole 6 mm (2)"}
     groups = {names.get(name, name): parts for name, parts in mesh.groups.items()}
-    look = template._inspect_mesh(replace(mesh, groups=groups), {}, None)
+    look = inspecting._inspect_mesh(replace(mesh, groups=groups), {}, None)
     assert look.where == ("hole 6 mm (1)", "hole 6 mm (2)")
     written = tomllib.loads(template.text("scene.toml", "part.step", look))
     assert [support["where"] for support in written["supports"]] == list(look.where)
@@ -161,8 +170,8 @@ def test_a_part_without_a_flat_side_is_held_at_the_holes_of_which_there_are_most
 def test_the_first_ball_is_small_enough_for_the_patch_to_carry_it(name):
     """A contact of 0.58 times the radius of the patch is the widest that a law with it takes."""
     mesh = ao.box_mesh((0.2, 0.2, 0.1), size=0.02)
-    look = replace(template._inspect_mesh(mesh, {}, None), material=name, radius=5e-4, room=1.0)
-    ball = ao.Sphere(look.ball, material=template.BALL_MATERIAL, velocity=1.0)
+    look = replace(inspecting._inspect_mesh(mesh, {}, None), material=name, radius=5e-4, room=1.0)
+    ball = ao.Sphere(look.ball, material=BALL_MATERIAL, velocity=1.0)
     part = materials.record(name)
     law = ball.hertz(part.E, part.nu)
     depth = (1.25 * ball.mass / law.stiffness) ** 0.4  # of a rigid half-space's energy
@@ -208,7 +217,7 @@ def test_a_structure_is_struck_away_from_what_holds_it():
     mesh = ao.box_mesh((0.1, 0.08, 0.01), size=0.01)
     below = [0.05, 0.04, 0.0]  # the middle of the face that is not struck
     part = ao.Structure(mesh, ao.material("steel S235"), [ao.Support(near=(below, 0.012))])
-    point = template.inspect_structure(part).point
+    point = inspecting.inspect_structure(part).point
     assert np.linalg.norm(np.subtract(point, below)) > 0.03
 
 
@@ -352,7 +361,7 @@ def test_a_geometry_of_more_than_three_units_is_taken_in_millimetres(side, unit,
 
 
 @pytest.mark.parametrize(
-    ("thickness", "count"), [(20.0, template.COUNTS["Solid"]), (1.0, template.COUNTS["Shell"])]
+    ("thickness", "count"), [(20.0, inspecting.COUNTS["Solid"]), (1.0, inspecting.COUNTS["Shell"])]
 )
 def test_a_solid_as_thin_as_a_plate_has_the_anti_oscillators_of_a_shell(thickness, count, tmp_path):
     """Mean thickness 2 V/A: of a plate a b t it is t/(1 + t/a + t/b)."""
@@ -362,9 +371,11 @@ def test_a_solid_as_thin_as_a_plate_has_the_anti_oscillators_of_a_shell(thicknes
     assert (found.family, found.count) == ("Solid", count)
     mesh = ao.read_mesh(script, unit="mm", size=0.02)
     outer = Faces(mesh, False)
-    corners = mesh.dolfinx.geometry.x[template._around(outer)]
+    corners = mesh.dolfinx.geometry.x[guessed_sites.nodes_around(outer)]
     mean = thickness / (1 + thickness / 100 + thickness / 80)
-    assert template._mean_thickness(corners, outer.normals) == pytest.approx(1e-3 * mean, rel=1e-9)
+    assert inspecting._mean_thickness(corners, outer.normals) == pytest.approx(
+        1e-3 * mean, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("given", [["{n}"], ["{n}.toml"], ["{n}.msh"], ["x.toml", "{n}.msh"]])
@@ -383,7 +394,7 @@ def test_a_sheet_whose_model_does_not_fit_is_refused_before_it_is_made(
     meshio.Mesh(points, [("triangle", np.array([[0, 1, 2], [0, 2, 3]]))]).write("sheet.stl")
     assert cli.main(["new", "a.toml", "sheet.stl", "--size", "0.05", "--unit", "m"]) == 0
     capsys.readouterr()
-    for module in (process, template):
+    for module in (process, inspecting):
         monkeypatch.setattr(module, "free_memory", lambda: 1e6)
     assert cli.main(["new", "b.toml", "sheet.stl", "--size", "0.05", "--unit", "m"]) == 1
     said = capsys.readouterr().err
@@ -403,8 +414,25 @@ def test_the_patch_of_a_new_scene_is_one_that_its_mesh_resolves():
     assert [str(one.message) for one in told] == []
 
 
-def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, capsys):
-    deck = Path(__file__).parents[1] / "decks/rigid_body.inp"
+def _sheet_with_a_rigid_edge(path: Path) -> None:
+    """A deck of a strip of 1 x 2 m, 0.1 m thick, whose end keeps its shape."""
+    across, along = 8, 16
+    numbers_of = np.arange(1, 1 + (across + 1) * (along + 1)).reshape(along + 1, across + 1)
+    nodes = [f"{n}, {i / across}, {2 * j / along}" for (j, i), n in np.ndenumerate(numbers_of)]
+    corners = numbers_of[:-1, :-1], numbers_of[:-1, 1:], numbers_of[1:, 1:], numbers_of[1:, :-1]
+    cells = np.column_stack([np.arange(1, 1 + across * along), *(c.ravel() for c in corners)])
+    rows = [", ".join(map(str, row)) for row in cells]
+    foot, end = (", ".join(map(str, numbers_of[k])) for k in (0, -1))
+    lines = ["*NODE", *nodes, "9999, 0.5, 2.0", "*ELEMENT, TYPE=S4, ELSET=ALL", *rows]
+    lines += ["*SHELL SECTION, ELSET=ALL, MATERIAL=M", ".1", "*MATERIAL, NAME=M"]
+    lines += ["*ELASTIC", "2.E11, .3", "*DENSITY", "7800.", "*NSET, NSET=FOOT", foot]
+    lines += ["*NSET, NSET=END", end, "*RIGID BODY, NSET=END, REF NODE=9999"]
+    path.write_text("\n".join([*lines, "*BOUNDARY", "FOOT, 1, 6", ""]))
+
+
+def test_a_deck_of_a_sheet_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, capsys):
+    deck = tmp_path / "sheet.inp"
+    _sheet_with_a_rigid_edge(deck)
     scene = tmp_path / "a.toml"
     assert cli.main(["new", str(scene), str(deck)]) == 0
     # a slower contact: the cells are not too large for its waves
@@ -417,6 +445,17 @@ def test_a_deck_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh(tmp_path, 
         assert told.index("lack the mesh") < told.index(reason) < told.index(number)
         assert "a finer deck" in told  # `size` is refused
         assert re.search(r"without the mesh.{1,6}s error ± \d", told)
+
+
+def test_a_deck_of_a_solid_with_a_rigid_body_has_a_bar_of_the_mesh(tmp_path, capsys):
+    deck = Path(__file__).parents[1] / "decks/rigid_body.inp"
+    scene = tmp_path / "a.toml"
+    assert cli.main(["new", str(scene), str(deck)]) == 0
+    scene.write_text(scene.read_text().replace("radius = 0.04 ", "radius = 0.2 "))
+    assert cli.main(["run", str(scene), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "lack the mesh" not in told
+    assert re.search(r"numerical ± \S+ %: mesh \d", told)
 
 
 def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path, capsys):
@@ -448,11 +487,11 @@ def test_the_dofs_of_a_slender_part_are_forecast_by_those_of_its_mesh(tmp_path):
 def test_the_dofs_of_a_part_that_is_built_are_forecast_as_counted():
     mesh = ao.box_mesh((0.2, 0.1, 0.004), size=0.02)
     solid = ao.Structure(mesh, ao.Solid(210e9, 0.3, 7850.0), [ao.Support("-x")])
-    assert template._inspect_mesh(mesh, {}, solid).forecast().dofs == pytest.approx(solid.dofs)
+    assert inspecting._inspect_mesh(mesh, {}, solid).forecast().dofs == pytest.approx(solid.dofs)
 
 
 def test_a_new_scene_says_that_its_law_is_a_choice_and_what_changes_it():
-    look = template._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    look = inspecting._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
     law, key = next(row[1:] for row in look.taken(drop=False) if row[0] == "contact")
     assert "ElasticPlastic" in law
     assert key == "[contact] kind"

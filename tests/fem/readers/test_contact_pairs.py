@@ -9,7 +9,8 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import PiecesError
-from antiosc_app.new import inspect_part, write_scene
+from antiosc_app.inspecting import inspect_part
+from antiosc_app.new import write_scene
 from assemblies import eigenfrequencies
 from contact_decks import cut_block, whole_block
 from marks import FREE_ON_PURPOSE

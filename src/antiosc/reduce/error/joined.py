@@ -11,7 +11,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import FacetGaps
 from antiosc.reduce.error.patch import patch_of
 from antiosc.reduce.error.scheme import Estimate, MeshErrors, shapes_of
-from antiosc.reduce.error.solid import SolidErrors
+from antiosc.reduce.error.solid import SolidErrors, refuse_one_cell
 from antiosc.reduce.site import Functional
 
 
@@ -31,6 +31,7 @@ class JoinedSolids(MeshErrors):
 
     def prepare(self) -> None:
         for errors in self._parts:
+            refuse_one_cell(errors.part)
             errors.prepare()
 
     def estimate(self, structure: Structure, model: AntiOscillators, site: Functional) -> Estimate:

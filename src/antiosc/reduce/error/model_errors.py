@@ -17,7 +17,7 @@ from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_larg
 from antiosc.reduce.error.scheme import MeshErrors, PartErrors, StrainErrors
 from antiosc.reduce.error.shell import ShellErrors
 from antiosc.reduce.error.shell_facts import shell_facts
-from antiosc.reduce.error.solid import SolidErrors
+from antiosc.reduce.error.solid import SolidErrors, refuse_one_cell
 from antiosc.reduce.site import Functional
 
 if TYPE_CHECKING:
@@ -41,11 +41,7 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
     """The estimator for a part."""
     if matrices.kind.name in WHY:
         raise InputError(_refused(matrices))
-    if matrices.mesh.n_cells < 2:
-        raise InputError(
-            "the error 'estimate' compares the strains of neighbouring cells, and the mesh has "
-            "one: give a smaller size."
-        )
+    refuse_one_cell(matrices)
     if matrices.kind.sheet:
         return ShellErrors(matrices)
     return SolidErrors(matrices)

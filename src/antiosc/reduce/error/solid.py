@@ -238,6 +238,15 @@ LOCKING = 0.4
 LOCKED = 0.48
 
 
+def refuse_one_cell(structure: MeshedStructure) -> None:
+    """InputError for a mesh of one cell, which has no neighbour."""
+    if structure.mesh.n_cells < 2:
+        raise InputError(
+            "the error 'estimate' compares the strains of neighbouring cells, and"
+            f" {structure.mesh.name} has one: give a smaller size."
+        )
+
+
 def refuse_locking(structure: MeshedStructure) -> None:
     """InputError for linear elements of a nearly incompressible solid; warned where locking begins.
 
@@ -317,23 +326,29 @@ class SolidErrors(StrainErrors):
         strains = self._strains(shapes)
         count = strains.count
         total = np.zeros((count, count))
+        energies = np.zeros((count, count))
         layer_energies = np.zeros(count)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))
+            total_here = np.zeros((count, count))
             for block, strains_here, weights in _scaled(strains, root, cells):
                 projection.add_loads(loads, block, strains_here)
                 strains_here *= np.sqrt(weights)[:, None]
                 flat = strains_here.reshape(-1, count)
-                total += flat.T @ flat
+                total_here += flat.T @ flat
             flat = projection.owned(loads.reshape(len(loads), -1))
             recovered = projection.solve(flat)
             corrected_loads = flat + projection.residual(flat, recovered)
             half = corrected_loads.reshape(-1, count).T @ recovered.reshape(-1, count)
-            total -= (half + half.T) / 2
+            energies += total_here
+            total += total_here - (half + half.T) / 2
             if self.part.comm.allreduce(len(layers)):
                 layer_energies += self._outside(projection, cells, recovered, layers, count)
-        return self.part.comm.allreduce(total), self.part.comm.allreduce(layer_energies)
+        total, energies, layer_energies = map(
+            self.part.comm.allreduce, (total, energies, layer_energies)
+        )
+        return _positive(total, energies), layer_energies
 
     def _outside(
         self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
@@ -377,6 +392,23 @@ class SolidErrors(StrainErrors):
         for root, groups in regions.values():
             cells = np.concatenate(groups)
             yield root, cells[cells < owned_cells]
+
+
+#: Largest share of errors in the energies of shapes that is rounding.
+ROUNDING = 1e-12
+
+
+def _positive(errors: Array, energies: Array) -> Array:
+    """Errors (k, k) whose negative eigenvalues over `energies` are zero where they are rounding:
+    a cell alone, or strains of degree one, leave nothing to recover.
+    """
+    scale = np.sqrt(np.diag(energies))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(errors / np.outer(scale, scale))
+    if not -ROUNDING < values.min() < 0:
+        return errors
+    vectors = scale[:, None] * vectors
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _scaled(
