@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple, TypeVar
 
-from antiosc.base._types import Array
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, quadrature
+from antiosc.fem.platform import compat
 
 #: Points of the surface at which the thickness is measured; each has the same share of its area.
 POINTS = 64
@@ -32,11 +37,11 @@ def wall_thickness(mesh: Mesh) -> float:
     points = quadrature(mesh, 2, faces.facets, 0)
     areas = np.zeros(len(faces.facets))
     np.add.at(areas, points.entity, points.weight)
-    centres, normals, areas = _gathered(faces, areas)
-    cumulated = np.cumsum(areas)
+    skin = _whole_skin(faces)
+    cumulated = np.cumsum(_everywhere(faces, areas))
     shares = (np.arange(POINTS) + 0.5) / POINTS
     chosen = np.unique(np.searchsorted(cumulated, shares * cumulated[-1]))
-    depths = [_depth(centres, normals, centres[k], normals[k]) for k in chosen]
+    depths = [skin.depth(skin.centres[k], int(k)) for k in chosen]
     thickness = float(np.quantile(depths, SHARE, method="higher"))
     return thickness if np.isfinite(thickness) else 0.0
 
@@ -46,25 +51,63 @@ def at_point(faces: Faces, point: Array) -> tuple[float, float]:
 
     The thickness is inf where nothing is opposite.
     """
-    centres, normals, sizes = _gathered(faces, faces.sizes)
-    k = int(np.argmin(np.linalg.norm(centres - point, axis=1)))
-    return _depth(centres, normals, point, normals[k]), float(sizes[k])
+    skin = _whole_skin(faces)
+    k = int(np.argmin(np.linalg.norm(skin.centres - point, axis=1)))
+    return skin.depth(point, k), float(_everywhere(faces, faces.sizes)[k])
 
 
-def _gathered(faces: Faces, values: Array) -> tuple[Array, Array, Array]:
-    """Centres (F, 3), normals (F, 3) and values (F,) of the faces of all ranks."""
-    gathered = faces.mesh.comm.allgather((faces.centres, faces.normals, values))
-    centres, normals, everywhere = (np.concatenate(rows) for rows in zip(*gathered, strict=True))
-    return centres, normals, everywhere
+class _Skin(NamedTuple):
+    """Centres (F, 3), normals (F, 3) and numbers of the bodies (F,) of the faces of all ranks."""
+
+    centres: Array
+    normals: Array
+    bodies: IntArray
+
+    def depth(self, point: Array, face: int) -> float:
+        """Distance [m] from a point of a face along its normal to the nearest opposite face of its
+        body; inf without one.
+        """
+        gap = self.centres - point
+        cosine = self.normals @ self.normals[face]
+        behind = gap @ self.normals[face] < -TOUCHING * np.abs(gap).max()
+        is_opposite = (cosine < OPPOSITE) & behind & (self.bodies == self.bodies[face])
+        if not is_opposite.any():
+            return np.inf
+        distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)
+        j = int(np.argmin(distance))
+        return float(-(gap[j] @ self.normals[j]) / cosine[j])
 
 
-def _depth(centres: Array, normals: Array, point: Array, normal: Array) -> float:
-    """Distance [m] from a point of the surface along its normal to the nearest opposite face."""
-    gap = centres - point
-    cosine = normals @ normal
-    is_opposite = (cosine < OPPOSITE) & (gap @ normal < -TOUCHING * np.abs(gap).max())
-    if not is_opposite.any():
-        return np.inf
-    distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)
-    j = int(np.argmin(distance))
-    return float(-(gap[j] @ normals[j]) / cosine[j])
+def _whole_skin(faces: Faces) -> _Skin:
+    """The faces of all ranks."""
+    centres, normals = (_everywhere(faces, values) for values in (faces.centres, faces.normals))
+    return _Skin(centres, normals, _everywhere(faces, _bodies(faces)))
+
+
+Values = TypeVar("Values", Array, IntArray)
+
+
+def _everywhere(faces: Faces, values: Values) -> Values:
+    """Values of the faces of all ranks."""
+    return np.concatenate(faces.mesh.comm.allgather(values))
+
+
+def _bodies(faces: Faces) -> IntArray:
+    """Number (F,) of the body of each face of this rank: cells that share nodes are one body.
+
+    In decks pieces in contact overlap where flat faces stand for a curved surface: a face of one is
+    no wall of the other.
+    """
+    mesh = faces.mesh
+    geometry = mesh.dolfinx.geometry
+    number = np.asarray(
+        geometry.index_map().local_to_global(np.arange(len(geometry.x), dtype=np.int32))
+    )
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned, : len(mesh.geometry.corners)]]
+    corners = np.concatenate(mesh.comm.allgather(corners))
+    rows = np.repeat(corners[:, 0], corners.shape[1] - 1)
+    count = int(geometry.index_map().size_global)
+    graph = coo_matrix((np.ones(len(rows)), (rows, corners[:, 1:].ravel())), shape=(count, count))
+    body = connected_components(graph, directed=False)[1]
+    return np.asarray(body[number[faces.vertices[:, 0]]])
