@@ -17,12 +17,14 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.mesh import soundness
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional, sites
-from antiosc.reduce.site.map_sites import surface
+from antiosc.reduce.site.map_sites import resolved_radius, surface
 from antiosc.reduce.site.sites import patches
+from assemblies import SOLID, box
 
 SIZE = np.array([0.04, 0.04, 0.02])
 TOP = (0.02, 0.02, 0.02)
@@ -296,3 +298,13 @@ def test_simplices_fill_their_cells():
                 b = np.linalg.solve((p[1:] - p[0]).T, point - p[0])
                 inside += bool(b.min() > 0 and b.sum() < 1)
             assert inside == 1
+
+
+def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surface():
+    """As one between the corners of a curved facet: it was struck at a point, without a patch."""
+    part = with_parts(ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.02), (10, 10, 2)), SOLID))
+    on, within = (
+        resolved_radius(part, ao.Site((0.052, 0.05, z), (0, 0, -1))) for z in (0.02, 0.0198)
+    )
+    assert on == pytest.approx(1.05 * 0.01, rel=1e-9)
+    assert within == on

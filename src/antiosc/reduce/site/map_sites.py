@@ -325,14 +325,23 @@ def resolved_radii(
     """Radii (P,) [m], at least `least`, of patches that all facets under them resolve; NaN of
     sheets.
 
-    They begin with those that the facets which touch the points resolve.
+    They begin with those that the facets which touch the points resolve, or the nearest ones: a
+    point between the corners of a curved facet lies within the solid.
     """
     if not structure.kind.outside:
         return np.full(len(points), np.nan)
     faces = structure.faces
-    reach = np.full(len(points), TOUCHING * structure.mesh.extent())
+    extent = structure.mesh.extent()
     labels = np.zeros(len(faces.facets), dtype=int)
-    largest = faces.contact(points, directions, reach, labels).largest
+    largest = faces.contact(
+        points, directions, np.full(len(points), TOUCHING * extent), labels
+    ).largest
+    within = np.flatnonzero(largest <= 0)
+    if within.size:
+        inner = points[within], directions[within]
+        depth = faces.contact(*inner, np.full(within.size, extent), labels).depth
+        reach = TOUCHING * extent + np.where(np.isfinite(depth), depth, 0.0)
+        largest[within] = faces.contact(*inner, reach, labels).largest
     radii = np.where(largest > 0, np.maximum(RESOLVED * largest, least), np.nan)
     left = np.flatnonzero(np.isfinite(radii))
     while left.size:
