@@ -37,6 +37,7 @@ from antiosc_app.units import (
     unit_of,
     unit_of_length,
 )
+from antiosc_app.until_parted import rounded_up
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -202,10 +203,10 @@ def _of_mesh(
     read |= options
     meshed = "size" in read
     if meshed and given is None and mesh.n_cells > MOST_CELLS:
-        larger = float(f"{read['size'] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim):.2g}")
+        larger = rounded_up(read["size"] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim))
         notes.append(
-            f"elements of {read['size']:g} m would be {mesh.n_cells} cells: larger ones "
-            "are taken (size)."
+            f"elements of {read['size']:g} m would be {mesh.n_cells} cells: those of {larger:g} m"
+            " are taken (size)."
         )
         read["size"] = larger
         told_again: list[str] = []

@@ -20,6 +20,7 @@ from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.outline import Outline
+from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
 from fmus import OK, Fmu
 from paths import MESHES
@@ -688,3 +689,9 @@ def test_a_scene_holds_a_side_of_a_geometry(tmp_path, capsys):
         assert antiosc("check", tmp_path / "a.toml") == 0
         assert antiosc("run", tmp_path / "a.toml", "--out", tmp_path / "o") == code
     assert "none lies at z = 0.05 m" in capsys.readouterr().err
+
+
+def test_whoever_waits_is_told_what_is_computed_and_no_name_of_the_code():
+    calls = (by_strengths, worst_by_strengths, lambda: None)
+    told = [Call(make, {}).doing for make in calls]
+    assert told == ["looking for the largest stress"] * 2 + ["computing"]

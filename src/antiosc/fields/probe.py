@@ -20,6 +20,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
+from antiosc.base.texts import percent
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.reach import Reach
@@ -187,9 +188,10 @@ def probe_error(
 
     The largest difference of its signal to that of the same impact with half of them, over the
     largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
-    has not converged, and the number is no bound: extract more (n), or judge an acceleration by its
-    shock spectrum (`srs`). The error of the force, which the values follow, is not in it
-    (`hit.error_budget["peak_force"]`; its truncation is), nor that of the mesh at the point.
+    has not converged, and the number is no bound, which a warning tells: extract more (n), or judge
+    an acceleration by its shock spectrum (`srs`). The error of the force, which the values follow,
+    is not in it (`hit.error_budget["peak_force"]`; its truncation is), nor that of the mesh at the
+    point.
 
     Parameters
     ----------
@@ -219,7 +221,26 @@ def probe_error(
         _by_component(probe(structure, hit, point, quantity, at_times, **options))
         for hit in (history, fewer)
     )
-    return error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
+    error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
+    if error >= NOT_CONVERGED:
+        on_root(structure.comm, partial(warn, _not_converged(quantity, error), AccuracyWarning))
+    return error
+
+
+#: Error by the number of anti-oscillators from which it is no bound: a peak acceleration of
+#: 26 km/s² with 40 of them, and a number of 0.89, was 64 km/s² with 160.
+NOT_CONVERGED = 0.1
+
+
+def _not_converged(quantity: str, error: float) -> str:
+    """Sentence on a largest value that has not converged."""
+    remedy = "extract more anti-oscillators (n)"
+    if quantity == "acceleration":
+        remedy += ", or judge it by its shock spectrum (srs)"
+    return (
+        f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
+        f" {percent(error)}, and this number is no bound; {remedy}."
+    )
 
 
 #: Least and largest time integration error of the repeated impact.

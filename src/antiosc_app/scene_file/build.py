@@ -65,6 +65,13 @@ DOING = {
     "stress": "looking for the largest stress",
     "worst": "looking for the largest stress",
 }
+#: The same of calls that no section of the scene describes, by the name of what is called.
+DOING_UNASKED = {
+    "by_strengths": DOING["stress"],
+    "worst_by_strengths": DOING["stress"],
+    "_stretching.<locals>.stretching": "computing the second-order forces",
+    "_model.<locals>.model_without_shapes": DOING["extract"],
+}
 #: Largest list of a scene file.
 LONGEST_LIST = 200_000
 
@@ -99,7 +106,7 @@ class Call:
     def doing(self) -> str:
         """What the call computes, in words for who waits."""
         if not self.place:
-            return self.name
+            return DOING_UNASKED.get(self.name, "computing")
         return DOING.get(str(self.place[0]), f"computing [{label(self.place)}]")
 
     def refused(self, error: Exception) -> tuple[Place, str]:

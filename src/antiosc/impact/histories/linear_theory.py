@@ -117,8 +117,10 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
             )
 
 
-#: Deflection over the thickness below which a thick part is not told that it does not stretch.
-NO_QUESTION = 1e-3
+#: Deflection over the thickness below which a thick part is not told that it does not stretch: its
+#: force changes by about the square. A sheet is told how much, down to `LEAST_TOLD`.
+NO_QUESTION = 0.02
+LEAST_TOLD = 1e-3
 
 
 def unstretched_text(history: RunHistory, is_sheet: bool = False) -> str:
@@ -135,7 +137,7 @@ def unstretched_text(history: RunHistory, is_sheet: bool = False) -> str:
     worst = max(ratios, default=np.inf)
     if worst > SLIGHT_DEFLECTION or not (is_sheet or worst >= NO_QUESTION):
         return ""
-    times = f"{worst:.2g}" if worst >= NO_QUESTION else f"less than {NO_QUESTION:g}"
+    times = f"{worst:.2g}" if worst >= LEAST_TOLD else f"less than {LEAST_TOLD:g}"
     return f"it deflects at the site by {times} times its thickness, too little to stretch"
 
 
