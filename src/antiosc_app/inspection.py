@@ -66,7 +66,7 @@ TILT: tuple[float, ...] = (10.0, 5.0, 0.0)
 #: What a deck says of the strength of its materials.
 NO_YIELD = "none is read of a deck: nothing is said of yield"
 #: What becomes of the contact of a deck.
-CONTACT_TEXTS = {"tied": "tied where they are closed at first", "apart": "left out"}
+CONTACT_TEXTS = {"tied": "tied where closed", "apart": "left out"}
 #: Lowest frequency of a plate of length L clamped at one end, over √(D/ρh)/L².
 LOWEST_FREQUENCY = 0.56
 #: Dimension of the cells of a family.

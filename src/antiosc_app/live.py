@@ -433,7 +433,7 @@ ASKED_STRENGTH = "give the yield strength or a material"
 #: The end of a sentence on a law whose yield strength has no range, one that is not the table's, or
 #: is that of the striker.
 NO_RANGE = (
-    "the yield strength is taken as exact, and its range, where it has one, comes on top"
+    "the yield strength is taken as exact: its range, where it has one, may widen this bar"
     f" ({OWN_STRENGTH})"
 )
 GIVEN_RANGE = (

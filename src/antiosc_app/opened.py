@@ -260,6 +260,8 @@ class Opened:
         self._sites: ResultCache[Site | None] = ResultCache(TABS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
+        #: the answer to `look`, of the opening that it names
+        self._seen: Data = {}
         #: the part as its file was read first, the piece that was taken then, and the number of
         #: parts that were opened
         self._whole: Inspection | None = None
@@ -289,7 +291,7 @@ class Opened:
         return {
             **answers,
             "stop": self._stop,
-            "look": lambda _: self._computed(self._look),
+            "look": self._looked,
             "take": lambda values: self._computed(partial(self._take, values)),
             "save": self._names,
             "forecast": self._forecast,
@@ -414,6 +416,14 @@ class Opened:
                 self._work.submit(self._search_modes)
 
     # -- the part
+
+    def _looked(self, _: Table) -> Data:
+        """The content of the file, at once where it is known: a page that is loaded again waits
+        for no computation.
+        """
+        if self._seen.get("opening") != self._opening:
+            self._seen = self._computed(self._look)
+        return self._seen
 
     def _look(self) -> Data:
         """The content of the file: the skin, its faces, and an initial set-up."""

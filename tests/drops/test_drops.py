@@ -98,7 +98,7 @@ def test_a_crushed_corner_is_compared_with_the_radius_that_was_given() -> None:
     fall = ao.drop(part, 2, floor=floor, until=1, modes=4, corner="+x-y-z", corner_radius=0.3e-3)
     (contact,) = point_contacts(fall.body, floor, fall.episodes)
     assert not 0.29e-3 < 1 / contact.curvature < 0.31e-3
-    assert ", more than the radius of 300 µm there: the corner is" in fall.contact_verdict
+    assert ", wider than twice the corner's radius of 300 µm: the corner is" in fall.contact_verdict
 
 
 RUBBER = "rubber NR 50"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import pytest
@@ -19,6 +21,7 @@ from antiosc.reduce.error import quadrilaterals
 from antiosc_app import conditions, inspection, live, opened as page
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
+from paths import MESHES
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -326,3 +329,15 @@ def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(tmp_path):
             assert browser.said() == []
     finally:
         page.close()
+
+
+def test_a_page_that_is_loaded_again_waits_for_no_computation():
+    opened = Opened(MESHES / "bracket.msh")
+    first = opened.calls["look"]({})
+    busy = threading.Event()
+    opened._work.submit(busy.wait)  # as a search of modes, which takes minutes
+    again = ThreadPoolExecutor(1).submit(opened.calls["look"], {})
+    try:
+        assert again.result(timeout=20) == first
+    finally:
+        busy.set()

@@ -461,7 +461,8 @@ def _crushed(contact: PointContact) -> str:
         return ""
     radius = engineering(contact.radius_of_surface, "m")
     return (
-        f", more than the radius of {radius} there: the corner is crushed, with what is behind it"
+        f", wider than twice the corner's radius of {radius}: the corner is crushed, with what is"
+        " behind it"
     )
 
 
