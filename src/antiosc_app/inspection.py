@@ -274,6 +274,11 @@ class Inspection:
             return inf
         return rounded_down(float(np.cbrt(heaviest / (4 / 3 * pi * _ball_density()))))
 
+    def heaviest_striker(self, mass: float) -> float:
+        """A mass [kg], or the largest one beside the part's, to two digits."""
+        heaviest = HEAVIEST * self.mass
+        return min(mass, rounded_down(heaviest)) if heaviest > 0 else mass
+
     @property
     def _ball_by_size(self) -> float:
         """Radius [m] of the ball by the sizes of the part and of the patch."""

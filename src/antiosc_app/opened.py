@@ -347,6 +347,9 @@ class Opened:
             fields = {SMALLER_CELLS: remedy, **PAGE_WORDS}
             if source is not None and source.look.kept:
                 fields[live.COMPARED] = live.COMPARED_DECKS
+                fields["on the page: cell size)"] = (
+                    "on the page: in the program that made the mesh)"
+                )
             if source is not None and source.look.of_deck:
                 fields[live.OWN_STRENGTH] = IN_PYTHON if self._given else OF_DECK
                 if self._given is None:
@@ -444,7 +447,7 @@ class Opened:
             direction=tuple(inspection.direction),
             material="" if inspection.of_deck else FIRST,
             thickness=thickness,
-            striker=Striker(radius=inspection.ball),
+            striker=Striker(radius=inspection.ball, mass=inspection.heaviest_striker(Striker.mass)),
             finer=True if inspection.plate and inspection.meshed else None,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))

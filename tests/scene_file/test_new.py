@@ -76,6 +76,8 @@ def test_the_ball_has_at_most_ten_times_the_mass_of_the_part():
     heaviest = light.ball * np.array([1.0, 1.1])  # it has two digits
     low, high = 4 / 3 * np.pi * density * heaviest**3 / light.mass
     assert low <= 10 < high
+    assert 9 * light.mass < light.heaviest_striker(0.5) <= 10 * light.mass
+    assert block.heaviest_striker(0.5) == 0.5
 
 
 def test_a_size_of_the_cells_changes_neither_site_nor_striker_or_says_so(tmp_path):

@@ -334,10 +334,10 @@ def test_what_stretches_is_told_and_a_striker_that_does_is_not_on_the_page():
     slight = ao.simulate(model(3, scale=1e-6), BALL, LAW, DURATION)
     assert "less than its error" in slight.stretch_texts[0]
     assert "stretch" not in linear.summary()
-    assert live.blow_of_history(hit, {})["body"]["stretch"] is not None
-    assert live.blow_of_history(linear, {})["body"]["stretch"] is None
+    assert live.blow_of_history(hit, None)["body"]["stretch"] is not None
+    assert live.blow_of_history(linear, None)["body"]["stretch"] is None
     rigid, struck = ao.RigidMass(0.3, velocity=0.0), ao.Impactor(model(3))
     other = ao.simulate(rigid, struck, LAW, DURATION, initial_velocity=1.0)
     assert other.assembly.stretched
-    assert live.blow_of_history(other, {}) is None
+    assert live.blow_of_history(other, None) is None
     assert set(live.REMEDIES) >= set(CAUSES)

@@ -316,8 +316,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
-        remedy = COMPARED_WITH if model.info.no_estimate else ESTIMATED_WITH
         missing = "The mesh is" if rough else "Mesh and truncation are"
+        reason = model.info.no_estimate
+        remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
         without_mesh = f"{missing}{NOT_ESTIMATED}{remedy}."
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])

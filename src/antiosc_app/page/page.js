@@ -223,7 +223,7 @@ class Page {
   with_bar(name, plain, bar) {
     const word = this.blow.bars ? this.blow.bars.word : "";
     const text = name === "restitution" ? (value) => engineering(value, "", 2) : percent;
-    return [`${plain}${word ? "," : ""}`, ...(word ? [word.trim()] : []), plus_minus(bar, text)];
+    return [`${plain}${word ? "," : ""}`, ...word.split(" ").filter(Boolean), plus_minus(bar, text)];
   }
 
   // The error below and above a number; that of the restitution is not relative.

@@ -98,7 +98,9 @@ def stretch_effect(history: RunHistory) -> str:
     """How much second-order forces change the largest force, as the end of a sentence."""
     change = history.assembly.stretch_effect
     if abs(change) <= history.error.get("peak", 0.0):
-        return "change the largest force by less than its error by the time steps"
+        return (
+            "matter little: they change the largest force by less than its error by the time steps"
+        )
     return f"make the largest force {percent(abs(change))} {'larger' if change > 0 else 'smaller'}"
 
 
