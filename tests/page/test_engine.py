@@ -42,7 +42,7 @@ Engine.load(fs.readFileSync(given.engine)).then((engine) => {
 
 def on_the_page(hit, sets, tol=1e-6, at=0.0):
     """The numbers of impacts on the page with other settings."""
-    case = assets.blow_of_history(hit, {})
+    case = assets.blow_of_history(hit, None)
     own = {name: case[name] for name in ("mass", "speed", "stiffness", "gap")}
     own["damping"] = case["ratio"] or 0.0
     data = {"blow": case, "tol": tol, "at": at, "engine": str(assets.FOLDER / "engine.wasm")}
@@ -115,7 +115,7 @@ def test_a_contact_whose_strength_is_unknown_is_not_said_to_stay_elastic(monkeyp
     assert on_the_page(hit, [{}])[0]["said"].startswith("The contact stays elastic")
     unknown = SimpleNamespace(unknown=NO_STRENGTH, soft=None, law=YIELDS)
     monkeypatch.setattr(verdict, "choice_at", lambda _: unknown)
-    assert assets.blow_of_history(hit, {})["law"]["yields"]["unknown"].startswith("unknown (give")
+    assert assets.blow_of_history(hit, None)["law"]["yields"]["unknown"].startswith("unknown (give")
     assert on_the_page(hit, [{}])[0]["said"] == hit.verdict
     assert hit.verdict.startswith("Whether the contact yields is not known")
 
@@ -204,9 +204,9 @@ def test_other_scenes_are_not_repeated():
     class Own(ao.Hertz):
         pass
 
-    assert assets.blow_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), {}) is None
+    assert assets.blow_of_history(ao.simulate(MODEL, STRIKER, Own(1e9), 3e-3), None) is None
     damped = replace(MODEL, damping=ao.DampingMatrix(5.0 * np.eye(1 + MODEL.n)))
-    assert assets.blow_of_history(ao.simulate(damped, STRIKER, ao.Hertz(1e9), 3e-3), {}) is None
+    assert assets.blow_of_history(ao.simulate(damped, STRIKER, ao.Hertz(1e9), 3e-3), None) is None
 
 
 CASES = [
