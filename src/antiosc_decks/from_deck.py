@@ -228,9 +228,9 @@ def read_model(
         if each of them is supported.
     contact
         Of the contact pairs of an Abaqus or CalculiX deck: "tied" joins those that are closed at
-        first, as *TIE does, "apart" leaves all contact out. A joint that stays pressed together is
-        nearer to the first, one that opens or slides is between both. Without it a deck with
-        contact is refused, unless one piece is read, whose contact is left out.
+        first, as the card TIE does, "apart" leaves all contact out. A joint that stays pressed
+        together is nearer to the first, one that opens or slides is between both. Without it a deck
+        with contact is refused, unless one piece is read, whose contact is left out.
     free
         Whether to leave out the supports of the deck, as for a fall or an impact in flight.
     elements

@@ -114,4 +114,4 @@ def test_a_shell_without_its_data_has_a_sentence_or_nothing():
     for model, notes in (("why", ["why"]), (None, [])):
         other = replace(body, info=ModelInfo(model=model))
         impact = RepeatedImpact(other, case.hit(other), case.hit, 1e-5)
-        assert model_errors(impact) == (dict.fromkeys(QUANTITIES, 0.0), notes)
+        assert model_errors(impact) == (dict.fromkeys([*QUANTITIES, "deflection"], 0.0), notes)
