@@ -17,7 +17,7 @@ import numpy as np
 from antiosc.base._types import Array, BoolArray
 from antiosc.io.by_gmsh import session
 from antiosc.io.deck import Block, IntArray
-from antiosc_decks.constraints import connected
+from antiosc.io.neutral import connected
 
 #: Boundary nodes are corners from this turn on.
 CORNER = np.radians(20.0)

@@ -19,7 +19,7 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.base.texts import piece_is_read
 from antiosc.io.deck import Block, Deck, DeckPlace, IntArray, listed
-from antiosc.io.neutral import Joints, Piece, Term, UnitSystem
+from antiosc.io.neutral import Joints, Piece, Term, UnitSystem, connected
 from antiosc_decks.properties import AXIS_COSINE, fixed_along_axes
 
 NO_NODES = np.zeros(0, dtype=np.int64)
@@ -440,18 +440,6 @@ def _motion(r: Array, motions: IntArray) -> Array:
     rotations = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero], *np.zeros((3, 3, len(r)))])
     rows[:, 3:] += rotations[motions, :, np.arange(len(r))]
     return rows
-
-
-def connected(tables: Iterable[IntArray], count: int) -> IntArray:
-    """Piece number of each of `count` nodes; a row of a table (n, k) joins nodes (< 0: none)."""
-    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
-    from scipy.sparse.csgraph import connected_components
-
-    links = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
-    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *links])
-    ends = ends[:, ends[1] >= 0]
-    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1])
 
 
 # --- Copies ---------------------------------------------------------------------------------------

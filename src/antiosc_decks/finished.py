@@ -20,9 +20,9 @@ from antiosc.base._types import BoolArray
 from antiosc.base.errors import MeshError
 from antiosc.io.conversion import kept_apart
 from antiosc.io.deck import Array, DeckPlace
-from antiosc.io.neutral import EDGES, Json, Model, Term
+from antiosc.io.neutral import EDGES, Json, Model, Term, connected
 from antiosc_decks.builder import MOTIONS, GroupSection, ModelBuilder
-from antiosc_decks.constraints import SPRINGS, connected, held_apart
+from antiosc_decks.constraints import SPRINGS, held_apart
 from antiosc_decks.sources import lines
 
 #: Components of a rod's direction below this share of the largest are rounding errors.

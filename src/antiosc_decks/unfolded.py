@@ -14,11 +14,11 @@ import numpy as np
 
 from antiosc.base.errors import MeshError
 from antiosc.io.deck import Array, Block, Deck, IntArray
+from antiosc.io.neutral import connected
 from antiosc_decks.abaqus_assembly import Whole
 from antiosc_decks.abaqus_cards import Card
 from antiosc_decks.abaqus_joints import READERS, surfaces_of
 from antiosc_decks.builder import ModelBuilder
-from antiosc_decks.constraints import connected
 
 #: Distance over that of neighbouring nodes of a side within which a turned node is one of them.
 SAME_NODE = 0.05

@@ -434,3 +434,15 @@ class UnitSystem:
     def density(self) -> float:
         """Unit of density, kg/m³."""
         return self.mass / self.length**3
+
+
+def connected(tables: Iterable[IntArray], count: int) -> IntArray:
+    """Piece number of each of `count` nodes; a row of a table (n, k) joins nodes (< 0: none)."""
+    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
+    from scipy.sparse.csgraph import connected_components
+
+    links = [np.stack([np.repeat(t[:, 0], t.shape[1]), t.ravel()]) for t in tables]
+    ends = np.hstack([np.zeros((2, 0), dtype=np.int64), *links])
+    ends = ends[:, ends[1] >= 0]
+    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])

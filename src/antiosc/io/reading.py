@@ -43,6 +43,7 @@ from antiosc.io.neutral import (
     RawMesh,
     Term,
     UnitSystem,
+    connected,
     kind_of,
     of_kind,
 )
@@ -619,10 +620,7 @@ def piece_of_cells(raw: RawMesh) -> IntArray:
 
     Piece 0 has the most cells; among pieces with equally many, it has the widest box.
     """
-    first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
-    ends = (first.ravel(), raw.cells[:, 1:].ravel())
-    graph = coo_matrix((np.ones(first.size, dtype=np.int8), ends), shape=(len(raw.points),) * 2)
-    label = connected_components(graph, directed=False)[1][raw.cells[:, 0]]
+    label = connected([raw.cells], len(raw.points))[raw.cells[:, 0]]
     _, piece_index, count = np.unique(label, return_inverse=True, return_counts=True)
     if len(count) == 1:
         return piece_index.ravel()

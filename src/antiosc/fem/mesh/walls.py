@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, quadrature
 from antiosc.fem.platform import compat
+from antiosc.io.neutral import connected
 
 #: Points of the surface at which the thickness is measured; each has the same share of its area.
 POINTS = 64
@@ -106,8 +105,5 @@ def _bodies(faces: Faces) -> IntArray:
     owned = compat.cell_map(mesh.dolfinx).size_local
     corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned, : len(mesh.geometry.corners)]]
     corners = np.concatenate(mesh.comm.allgather(corners))
-    rows = np.repeat(corners[:, 0], corners.shape[1] - 1)
-    count = int(geometry.index_map().size_global)
-    graph = coo_matrix((np.ones(len(rows)), (rows, corners[:, 1:].ravel())), shape=(count, count))
-    body = connected_components(graph, directed=False)[1]
-    return np.asarray(body[number[faces.vertices[:, 0]]])
+    body = connected([corners], int(geometry.index_map().size_global))
+    return body[number[faces.vertices[:, 0]]]
