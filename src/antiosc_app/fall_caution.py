@@ -32,11 +32,11 @@ def law_bar(impact: FallImpact) -> float:
 
 
 def caution_of_fall(fall: Fall) -> str:
-    """What must be read before the numbers: of the hardest impact, then of the others, that a bar
-    is missing or wide, and the remedy; of a part that lands flat first the range of the force over
-    small tilts.
+    """What must be read before the numbers: that the bar of the hardest impact is missing or wide,
+    and the remedy, and why bars of others are missing; of a part that lands flat first the range of
+    the force over small tilts.
     """
-    hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force, default=None)
+    hardest = fall.hardest
     if hardest is None:
         return ""
     over_tilt = ""
@@ -46,7 +46,7 @@ def caution_of_fall(fall: Fall) -> str:
         over_tilt = _over_tilt(fall) if hardest == 0 and is_flat(fall) else ""
         told.append(f"{start}{_narrows(fall, hardest)}.")
     others = [k for k in range(len(fall.impacts)) if k != hardest]
-    return over_tilt + " ".join([*told, *_without_bar(fall, others, reason), *_wide(fall, others)])
+    return over_tilt + " ".join([*told, *_without_bar(fall, others, reason)])
 
 
 def _without_bar(fall: Fall, impacts: Sequence[int], told: str) -> list[str]:
@@ -59,20 +59,6 @@ def _without_bar(fall: Fall, impacts: Sequence[int], told: str) -> list[str]:
         for reason, numbers in reasons.items()
         if reason not in ("", told)
     ]
-
-
-def _wide(fall: Fall, impacts: Sequence[int]) -> list[str]:
-    """Sentence on impacts with a wide bar, and what narrows that of the first of them; [] if there
-    are none.
-    """
-    wide = [k for k in impacts if rough_force(law_bar(fall.impacts[k]))]
-    if not wide:
-        return []
-    first, *others = wide
-    start = rough_force(law_bar(fall.impacts[first]), f" of {_impacts([first])}")
-    bars = (f"± {percent(law_bar(fall.impacts[k]))}" for k in others)
-    also = f" So is that of {_impacts(others)}, {' and '.join(bars)}." if others else ""
-    return [f"{start}{_narrows(fall, first)}.{also}"]
 
 
 def _impacts(numbers: Sequence[int]) -> str:

@@ -136,9 +136,9 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     height = engineering(fall.setting.height, "m")
     about = f"{part_text(fall)} falls from {height} onto {floor_text(fall)}."
     impacts = fall.impacts
-    if not impacts:
+    hardest = fall.hardest
+    if hardest is None:
         return Headline(about, [("impacts", "none")], [f"{fall.message}."])
-    hardest = max(range(len(impacts)), key=lambda k: impacts[k].peak_force)
     strongest = impacts[hardest]
     numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
     values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
@@ -150,13 +150,12 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     numbers += zip(labels, values, strict=True)
     numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
     caution = caution_of_fall(fall)
-    sentences = [*_verdict(fall, worst), how_it_ended(fall.message)]
+    sentences = [*_verdict(fall, worst, hardest), how_it_ended(fall.message)]
     return Headline(about, numbers, sentences, caution=caution)
 
 
-def _verdict(fall: Fall, worst: WorstField | None) -> list[str]:
+def _verdict(fall: Fall, worst: WorstField | None, hardest: int) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
-    hardest = max(range(len(fall.impacts)), key=lambda k: fall.impacts[k].peak_force)
     sentences = [contact := fall.contact_verdict, made_of(fall, hardest)]
     if worst is not None and worst.exposure is not None:
         sentences += stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))

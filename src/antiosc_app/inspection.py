@@ -59,6 +59,9 @@ CELLS_IN_CUBE = 7.5
 #: at most 40 000 times, 13 in a period. With 2 s for a sheet of 6 m the largest stress was 297 %
 #: off.
 LONGEST_RUN = 3000
+#: Floor of a fall of a new scene and of the page, and its coefficient of friction.
+FLOOR_MATERIAL = "concrete C30/37"
+FRICTION = 0.3
 #: Height [m] of a fall of a new scene and of the page.
 FALL_HEIGHT = 1.0
 #: Tilt [degree] of the part, so that not all vertices of a face touch at once.
@@ -436,7 +439,12 @@ class Inspection:
             rows.append(("contact pairs", told, "[deck] contact"))
         if drop:
             fall = f"from {FALL_HEIGHT:g} m, without supports, z up, tilted by {list(TILT)}°"
-            return [*rows, ("fall", fall, "[drop] height, tilt")]
+            floor = f"{FLOOR_MATERIAL}, coefficient of friction {FRICTION:g}"
+            return [
+                *rows,
+                ("fall", fall, "[drop] height, tilt"),
+                ("floor", floor, "[drop.floor] material, friction"),
+            ]
         rows.append(("held", self._held(), "[[supports]]"))
         site = f"{rounded_to(self.point)} m along {self.direction}"
         rows.append(("struck", site, "[sites.tip] point, direction"))

@@ -1129,14 +1129,14 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
 WIDE = 0.5
 
 
-def rough_force(bar: float | None, of_impact: str = "") -> str:
-    """Start of the sentence, before the numbers, on a force, as " of impact 2", with a wide bar; ""
-    if it is not wide. The sentence goes on with what narrows it.
+def rough_force(bar: float | None) -> str:
+    """Start of the sentence, before the numbers, on a force with a wide bar; "" if it is not wide.
+    The sentence goes on with what narrows it.
     """
     if bar is None or not exceeds(bar, WIDE, 2):
         return ""
     of_law = ", without the error of the contact's law" * isinstance(bar, Numerical)
-    return f"The force{of_impact} is a rough one, ± {percent(bar)}{of_law}: "
+    return f"The force is a rough one, ± {percent(bar)}{of_law}: "
 
 
 def rough(hit: History, budget: ErrorBudget | None) -> str:

@@ -26,6 +26,8 @@ from antiosc_app.inspecting import COUNTS, inspect_part
 from antiosc_app.inspection import (
     BALL_MATERIAL,
     FALL_HEIGHT,
+    FLOOR_MATERIAL,
+    FRICTION,
     LARGEST_BALL,
     MATERIAL,
     TILT,
@@ -50,9 +52,6 @@ MOST_NODES = 6000
 MOMENT, TO_PEAK, MOST_OSCILLATORS = 2e-4, 2e-3, 20
 #: Number of impacts of the fall.
 IMPACTS = 3
-#: Coefficient of friction of the floor.
-FRICTION = 0.3
-FLOOR_MATERIAL = "concrete C30/37"
 #: Views (elevation, azimuth) [degrees] from which a part is drawn: the first that sees the struck
 #: face well, by this least cosine, or the one that sees it best.
 VIEWS = [

@@ -13,8 +13,15 @@ from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
 from antiosc.base.texts import piece_told
 from antiosc_app.guessed_sites import RESOLVED, facet_size_at
-from antiosc_app.inspection import BALL_MATERIAL, FALL_HEIGHT, TILT, Inspection
-from antiosc_app.new import FLOOR_MATERIAL, FRICTION, IMPACTS
+from antiosc_app.inspection import (
+    BALL_MATERIAL,
+    FALL_HEIGHT,
+    FLOOR_MATERIAL,
+    FRICTION,
+    TILT,
+    Inspection,
+)
+from antiosc_app.new import IMPACTS
 from antiosc_app.until_parted import rounded_up
 
 #: A table of a scene.
@@ -109,6 +116,8 @@ class Striker:
     corner_radius: float | None = None
     #: material of the floor
     floor: str = FLOOR_MATERIAL
+    #: its coefficient of friction
+    friction: float = FRICTION
     #: name of a soft layer on it, which takes the place of the material
     layer: str = NO_LAYER
     #: thickness [m] and modulus [Pa] of the layer; None: the typical modulus with its range
@@ -124,6 +133,7 @@ class Striker:
         lengths = (("radius", "m"), ("height", "m"), ("layer_thickness", "m"))
         for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
             checks.positive(name, getattr(self, name), unit)
+        checks.nonnegative("friction", self.friction)
         for name in ("down", "tilt"):
             checks.floats(name, getattr(self, name), (3,))
         if self.finer:
@@ -399,7 +409,7 @@ def _striker(striker: Striker) -> Table:
 def _drop(set_up: SetUp) -> Table:
     """The section [drop]."""
     striker = set_up.striker
-    floor: Table = {"friction": FRICTION}
+    floor: Table = {"friction": striker.friction}
     if striker.layer != NO_LAYER:
         floor["layer"] = _layer(striker)
     elif striker.floor != RIGID_FLOOR:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +19,7 @@ from antiosc.base import progress
 from antiosc.base.texts import percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
+from antiosc_app import falls
 from antiosc_studies.drops import trajectory
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import tilted
@@ -27,7 +29,7 @@ from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotat
 from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.layer import with_layer_contact
-from antiosc_studies.drops.trajectory import initial_state, law_error, point_contacts
+from antiosc_studies.drops.trajectory import Impacts, initial_state, law_error, point_contacts
 from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
@@ -114,6 +116,39 @@ def test_the_table_of_impacts_has_the_bar_of_each_by_its_law() -> None:
         assert percent(error) in line
     assert "speed before" in lines[0]
     assert f"across, in the floor ({SOFT})" in alloy.contact_verdict
+
+
+def test_a_fall_tells_force_bar_and_dent_of_its_hardest_impact(monkeypatch) -> None:
+    """The dent of one impact stood beside the force and the bar of another one."""
+    fall = ao.drop(HARD, 0.5, floor=ao.Floor(SOFT), until=2)
+    dents = [episode.history.contact_histories[0].dent for episode in fall.episodes]
+    assert dents[0].depth > dents[1].depth
+    for hardest in (0, 1):
+        forces = [2e4 if k == hardest else 1e4 for k in range(2)]
+        pairs = zip(fall.impacts, forces, strict=True)
+        impacts = Impacts(replace(one, peak_force=force) for one, force in pairs)
+        monkeypatch.setitem(vars(fall), "impacts", impacts)
+        bar = percent(impacts[hardest].law_error)
+        told = f"in impact {hardest + 1}, the hardest, the contact yields: {dents[hardest].text}, "
+        assert fall.hardest == hardest
+        assert fall.contact_verdict.startswith(told)
+        assert f"that force may be off by {bar}" in fall.contact_verdict
+        text = fall.summary()
+        assert f"\nthe hardest is impact {hardest + 1}, 20.0 kN ± {bar}\n" in text
+        assert dents[1 - hardest].text not in text
+        head = falls.headline_of_fall(fall, None)
+        assert ("hardest", f"impact {hardest + 1}") in head.numbers
+        assert ("peak force", f"20.0 kN ± {bar}") in head.numbers
+        assert [one for one in head.sentences if dents[hardest].text in one]
+        assert not [one for one in head.sentences if dents[1 - hardest].text in one]
+
+
+def test_the_friction_of_the_floor_is_told() -> None:
+    for friction in (0.0, 0.25):
+        fall = ao.drop(BALL, 0.1, floor=ao.Floor(SOFT, friction=friction), until=1)
+        told = f"coefficient of friction of {friction:g} (friction)"
+        assert told in fall.summary()
+        assert told in " ".join(falls.headline_of_fall(fall, None).sentences)
 
 
 def test_a_floor_that_is_rigid_because_none_was_given_is_told() -> None:

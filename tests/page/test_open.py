@@ -203,6 +203,7 @@ def test_a_plastic_that_begins_as_steel_does_not_grow_as_steel(opened, plastic):
         ({"own": PRINTED | {"rho": -1}}, "density"),
         ({"striker": {"layer_thickness": 0}}, "layer thickness"),
         ({"striker": {"corner_radius": "x"}}, "corner radius"),
+        ({"striker": {"friction": -0.1}}, "friction"),
         ({"striker": {"down": [0, 0, "a"]}}, "what points down"),
         ({"n": 0}, "anti-oscillators"),
         ({"yield_strength": 0}, "yield strength"),
@@ -787,10 +788,13 @@ def test_a_soft_layer_takes_the_place_of_the_material_of_the_floor(opened):
     layer = ao.SoftLayer(**floor["layer"])
     assert layer.thickness == 0.03
     assert layer.range[0] < layer.E < layer.range[1]
+    assert floor["friction"] == set_up.Striker().friction > 0
+    setup["striker"]["friction"] = 0.6
     setup["striker"]["layer_modulus"] = 7e6  # one's own has no range
     floor = set_up.scene_of(opened._opened(), set_up.read(setup), 1e-3)["drop"]["floor"]
     assert ao.SoftLayer(**floor["layer"]).E == 7e6
     assert "range" not in floor["layer"]
+    assert floor["friction"] == 0.6
 
 
 @pytest.mark.slow

@@ -306,9 +306,13 @@ def test_the_mass_of_a_part_is_that_of_its_material(kind, corners, wanted, tmp_p
 def test_a_material_is_taken_by_name(given, tmp_path, capsys):
     part = MESHES / "bracket.step"
     assert antiosc("new", tmp_path / "a.toml", part, "--material", "6061", *given) == 0
-    assert "aluminium 6061-T6" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "aluminium 6061-T6" in said
     written = tomllib.loads((tmp_path / "a.toml").read_text())
     assert written["material"]["name"] == "aluminium 6061-T6"
+    floor = written["drop"]["floor"] if given else {}
+    told = f"{floor.get('material')}, coefficient of friction {floor.get('friction')} "
+    assert (told in said and "[drop.floor] material, friction" in said) == bool(given)
     assert ("refine" in written["geometry"]) == (not given)
 
 

@@ -6,6 +6,7 @@ const FIELDS = {
   striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
     ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]],
+    ["friction", "friction", "", 0, 1, ["floor"]],
     ["layer_thickness", "layer thickness", "mm", 1, 200, ["floor"]], ["layer_modulus", "layer modulus", "MPa", 0.05, 1000, ["floor"]]],
   "site-fields": [["radius", "patch radius", "mm", 0.1, 100], ["duration", "duration", "ms", 0.1, 100],
     ["n", "anti-oscillators", "", 5]],
@@ -19,10 +20,11 @@ const OWN = "own material", CONSTANTS = [["E", "Young's modulus", "GPa"], ["nu",
 const UNSTATED = ["density", "modulus"]; // of decks that do not state them
 const SIZES = { mm: 1e-3, ms: 1e-3, MPa: 1e6, GPa: 1e9 }; // of units of the fields that are not those of the set-up
 const WHOLE = ["n"]; // fields of whole numbers
-const OPTIONAL = { damping: "none", yield_strength: "unknown" }; // fields that are shown without a value, and what they say then
+const OPTIONAL = { damping: "none", friction: "none", yield_strength: "unknown" }; // fields that are shown without a value, and what they say then
 // What a number field takes, in its unit: the rule as it is told beside it, and whether a number keeps it.
 const ANY = ["a number", () => true], ABOVE_0 = ["a number above 0", (x) => x > 0];
-const RULES = { damping: ["a number of at least 0", (x) => x >= 0], nu: ["a number between -1 and 0.5", (x) => x > -1 && x < 0.5],
+const AT_LEAST_0 = ["a number of at least 0", (x) => x >= 0];
+const RULES = { damping: AT_LEAST_0, friction: AT_LEAST_0, nu: ["a number between -1 and 0.5", (x) => x > -1 && x < 0.5],
   n: ["a whole number of at least 1", (x) => Number.isInteger(x) && x >= 1] };
 const rule_of = (name) => RULES[name] || ABOVE_0;
 const SET = "set by you, at every site "; // beside a field that the page chooses otherwise

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain
 from math import pi, sqrt, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,7 +18,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
-from antiosc.base.texts import Result, exceeds, percent
+from antiosc.base.texts import Result, engineering, exceeds, percent
 from antiosc.engine.contact.cracking import cracks
 from antiosc.extension import Zones
 from antiosc_studies.drops.beside import share_beside
@@ -36,7 +35,6 @@ from antiosc_studies.drops.trajectory import (
     error_shares,
     initial_state,
     largest_contact,
-    law_error,
     strained,
     trajectory,
     unknown_error,
@@ -159,6 +157,12 @@ class Fall(Trajectory, Result):
     def peak_force(self) -> float:
         """Largest sum of the normal forces of all impacts [N]."""
         return float(max((impact.peak_force for impact in self.impacts), default=0.0))
+
+    @property
+    def hardest(self) -> int | None:
+        """Number of the impact with the largest force, from 0; None without impacts."""
+        forces = [impact.peak_force for impact in self.impacts]
+        return int(np.argmax(forces)) if forces else None
 
     @property
     def fastest_spin(self) -> float:
@@ -383,7 +387,7 @@ class Fall(Trajectory, Result):
 
     def _of_impacts(self, margin: Margin, numbers: Sequence[int]) -> Margin:
         """The margin of impacts with these numbers, from 0, with the error of the force of each."""
-        yields = margin.criterion == "yield" and bool(self._contact_yield(numbers))
+        yields = margin.criterion == "yield" and any(map(self._contact_yield, numbers))
         margin = replace(margin, contact=yields)
         if not margin.spans:
             return margin
@@ -403,25 +407,18 @@ class Fall(Trajectory, Result):
             "pressure"
         )
 
-    def _contact_yield(self, impacts: Iterable[int]) -> str:
-        """Sentence that the contact yields in one of the impacts, and in which one of several; ""
-        if not, or if unknown.
-        """
-        of_impact = {k: self._episodes(k) for k in impacts}
-        body, floor = self.body, self.setting.floor
-        sentence = contact_yield(body, floor, [*chain(*of_impact.values())])
-        if not sentence or len(of_impact) == 1:
-            return sentence
-        same = (k for k, own in of_impact.items() if contact_yield(body, floor, own) == sentence)
-        number = next(same, None)
-        return sentence if number is None else f"in impact {number + 1} {sentence}"
+    def _contact_yield(self, impact: int) -> str:
+        """Sentence that the contact yields in an impact, from 0; "" if not, or if unknown."""
+        return contact_yield(self.body, self.setting.floor, self._episodes(impact))
 
     @property
     def notes(self) -> list[str]:
         """Assumptions that were made, and a sentence if the contact yields."""
         rigid = "the floor is taken as rigid (floor)" if self.setting.floor.rigid else ""
+        friction = f"{self.setting.floor.friction:g}"
         sentences = (
             rigid,
+            f"the floor has a coefficient of friction of {friction} (friction)",
             self.contact_verdict,
             self._strained,
             self._cracks,
@@ -440,19 +437,25 @@ class Fall(Trajectory, Result):
 
     @property
     def contact_verdict(self) -> str:
-        """Sentence that the contact yields, with its permanent indentation; "" if not, or if
-        unknown.
+        """Sentence that the contact yields, with its permanent indentation, in the hardest impact
+        in which it does; "" if in none, or if unknown.
         """
-        return self._contact_yield(range(len(self.groups)))
+        by_force = sorted(range(len(self.groups)), key=lambda k: -self.impacts[k].peak_force)
+        for k in by_force:
+            if sentence := self._contact_yield(k):
+                of_all = ", the hardest," * (k == self.hardest)
+                several = len(by_force) > 1
+                return f"in impact {k + 1}{of_all} {sentence}" if several else sentence
+        return ""
 
-    @cached_property
+    @property
     def law_error(self) -> float | None:
-        """Relative error of the largest force at a point by its contact law.
+        """Relative error of the force of the hardest impact by its contact law.
 
         It contains the range of the yield strength and large strains; of a layer its edge, its
         strain and the range of its modulus. None: unknown (`no_bar`).
         """
-        return law_error(self.body, self.setting.floor, self.episodes)
+        return None if self.hardest is None else self.impacts[self.hardest].law_error
 
     def error_shares(self, impact: int = 0) -> dict[str, float]:
         """Relative errors of the force of an impact, from 0, by their causes; {} if not known.
@@ -467,11 +470,13 @@ class Fall(Trajectory, Result):
 
     @property
     def _strained(self) -> str:
-        """Sentence on the largest force if its elastic contact has large strains; else ""."""
-        largest = largest_contact(self.body, self.setting.floor, self.episodes)
-        if largest is None:
-            return ""
-        return strained(largest, self.body, self.setting.floor)
+        """Sentence on the force of the hardest impact if its elastic contact has large strains;
+        else "".
+        """
+        body, floor = self.body, self.setting.floor
+        hardest = [] if self.hardest is None else self._episodes(self.hardest)
+        largest = largest_contact(body, floor, hardest)
+        return "" if largest is None else strained(largest, body, floor, self.law_error)
 
     @property
     def _cracks(self) -> str:
@@ -567,9 +572,16 @@ class Fall(Trajectory, Result):
         return predictable
 
     def summary(self) -> str:
-        """The impacts as a table, and how the fall ended."""
-        notes = "".join(f"\n{note}" for note in self.notes)
-        return f"{self.impacts}\n{self.message} at {self.end.time:.4g} s{notes}"
+        """The impacts as a table, the hardest of them, and how the fall ended."""
+        ended = f"{self.message} at {self.end.time:.4g} s"
+        hardest = f"the hardest is {self._hardest_text}" if self.impacts else ""
+        return "\n".join(filter(None, [str(self.impacts), hardest, ended, *self.notes]))
+
+    @property
+    def _hardest_text(self) -> str:
+        """The hardest impact with its force and the bar of that."""
+        bar = f" ± {percent(self.law_error)}" if self.law_error else ""
+        return f"impact {(self.hardest or 0) + 1}, {engineering(self.peak_force, 'N')}{bar}"
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
         """The part at its first touch, its height, the energies and the forces of the impacts."""
@@ -584,9 +596,9 @@ class Fall(Trajectory, Result):
         return film(self, path, checks.positive("seconds", seconds, "s"))
 
     def _facts(self) -> list[tuple[str, str]]:
-        bar = f" ± {percent(self.law_error)}" if self.law_error else ""
+        hardest = f", the hardest {self._hardest_text}" if self.impacts else ""
         return [
-            ("impacts", f"{len(self.impacts)}, the strongest {self.peak_force:.4g} N{bar}"),
+            ("impacts", f"{len(self.impacts)}{hardest}"),
             ("end", f"{self.message} at {self.end.time:.4g} s"),
         ]
 

@@ -448,7 +448,9 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
         deepest = dents[worst]
         side = deepest.side(body, floor)
         text = f"the contact yields: {worst.text}, in {side}{_crushed(deepest)}"
-        return f"{text}; {_law_error(deepest, body, floor)}"
+        bar = law_error(body, floor, episodes)
+        note = unknown_error(body, floor, episodes) or _law_error(deepest, body, floor, bar)
+        return f"{text}; {note}"
     if pressures:
         return max(pressures, key=lambda current: current.share).warning()
     return ""
@@ -709,22 +711,27 @@ def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
     return "yield_strength"
 
 
-def strained(contact: PointContact, body: FreeBody, floor: Floor) -> str:
-    """Sentence on the force of an elastic contact with large strains; "" if it has none."""
+def strained(contact: PointContact, body: FreeBody, floor: Floor, bar: float | None) -> str:
+    """Sentence on the force of an elastic contact with large strains; "" if it has none.
+
+    `bar`: relative error of the force of its impact; None: unknown.
+    """
     if contact.dent is not None or contact.depth * contact.curvature < LEAST_STRAIN:
         return ""
-    note = _law_error(contact, body, floor)
+    note = _law_error(contact, body, floor, bar)
     return (
         f"the contact is pressed in by {contact.depth * contact.curvature:.2g} of its radius; "
         f"{note}"
     )
 
 
-def _law_error(contact: PointContact, body: FreeBody, floor: Floor) -> str:
-    """Sentence on the error of a force by its law."""
+def _law_error(
+    contact: PointContact, body: FreeBody, floor: Floor, bar: float | None = None
+) -> str:
+    """Sentence on the error of a force by its law: the bar of its impact where that is known."""
     if _unknown(body, floor, contact.which):
         return "the error of that force is not known: give part and floor a yield strength"
-    error = contact.error(body, floor)
+    error = contact.error(body, floor) if bar is None else bar
     if error is None:
         return (
             f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a larger corner "
