@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
@@ -43,6 +43,7 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.base.materials import growth_like
+from antiosc.base.texts import engineering
 from antiosc.extension import (
     Attachment,
     Family,
@@ -211,7 +212,7 @@ def read_model(
         Young's modulus in Pa of materials that state no elasticity, as those of thermal analyses;
         their Poisson's ratio is 0.3.
     yield_strength
-        Yield strength in Pa of the isotropic materials, which decks do not state; margins and
+        Yield strength in Pa of all isotropic materials, which decks do not state; margins and
         contacts that yield need it. It grows with the strain rate, in the error of the contact's
         law, as that of the material of the table with like E and density.
     yield_range
@@ -295,6 +296,8 @@ def read_model(
     if model["ignored"]:
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
+    if shared := _shared_strength(raws.values(), strengths):
+        warn(comm, f"{shared} {file.name}: {EACH_STRENGTH}.")
     structures = {
         name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
         for name, raw in raws.items()
@@ -560,6 +563,29 @@ def _strengths(
     if yield_range is not None:
         given["yield_range"] = strength_range(yield_range, yield_strength)
     return given
+
+
+#: What is told of a strength of several materials.
+EACH_STRENGTH = (
+    "what is said of yield, and contacts that yield, hold where this is the own strength of the"
+    " material; to give each its own, read the mesh alone (read_mesh; in a scene [geometry] source)"
+    " with a material for each group ([material.GROUP]), and the supports"
+)
+
+
+def _shared_strength(raws: Iterable[RawMesh], given: Mapping[str, object]) -> str:
+    """Start of a sentence, before the name of the deck, that several materials have the strength
+    that is given; "" of one material, or without a strength.
+    """
+    strength: Any = given.get("yield_strength")
+    families: list[Any] = [one for raw in raws for one in _families(raw, given).values()]
+    strong = (one for one in families if getattr(one, "yield_strength", None) == strength)
+    moduli = sorted({(one.E, one.nu, one.rho) for one in strong}) if strength else []
+    if len(moduli) < 2:
+        return ""
+    told = ", ".join(engineering(E, "Pa") for E, _, _ in moduli)
+    value = engineering(strength, "Pa")
+    return f"the yield strength {value} is taken for all {len(moduli)} materials (E = {told}) of"
 
 
 def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -246,6 +246,16 @@ def test_a_deformed_part_stays_in_its_box(whole: bool) -> None:
     np.testing.assert_array_equal(still.moved, points)
 
 
+def test_faces_of_a_mask_are_white_with_dark_edges() -> None:
+    corners = np.add([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]], [[[0.0, 0, k]] for k in range(3)])
+    figure, axes, _, _ = surfaces.axes_in_space(corners[0], shown=False)
+    scale, mask = surfaces.colour_scale(np.arange(3.0)), np.array([False, True, False])
+    surfaces.draw_faces(figure, axes, corners, np.arange(3.0), "", scale, outlined=mask)
+    (drawn,) = axes.collections
+    assert (drawn._facecolor3d[:, :3] == 1).all(axis=1).tolist() == mask.tolist()
+    assert (drawn._edgecolor3d[:, :3] == 0).all(axis=1).tolist() == mask.tolist()
+
+
 def test_faces_are_shaded_by_the_angle_to_the_light() -> None:
     """Faces across the axes: the colour of the value times what a light from LIGHT leaves."""
     flat = np.add([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [2.0, 5.0, 3.0])
@@ -263,6 +273,6 @@ def test_faces_are_shaded_by_the_angle_to_the_light() -> None:
     expected[:, :3] *= shade[:, None]
     np.testing.assert_allclose(drawn._facecolor3d, expected)
     np.testing.assert_allclose(drawn._edgecolor3d, expected)
-    assert np.all(drawn.get_linewidth() > 0)
+    assert np.min(drawn.get_linewidth()) > 0
     assert figure.axes[1].get_ylabel() == "what (N)"
     assert np.linalg.norm(surfaces.LIGHT) == pytest.approx(1, abs=0.02)

@@ -51,6 +51,20 @@ let dark = 0;
 for (let i = 0; i < read.length; i += 4) dark += read[i] < 250;
 return dark / (w * h);
 """
+#: Numbers of dark and of light pixels without a hue: the stripes of doubtful sites alone have them.
+HATCHED = """
+const gl = document.getElementById("view").getContext("webgl2");
+const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+const read = new Uint8Array(4 * w * h), count = [0, 0];
+gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, read);
+for (let i = 0; i < read.length; i += 4) {
+  const own = Array.from(read.subarray(i, i + 3)), most = Math.max(...own);
+  if (most - Math.min(...own) > 2) continue;
+  count[0] += most < 30;
+  count[1] += most > 150 && most < 255;
+}
+return count;
+"""
 #: What the legend of a map says: the quantity, and names of colours that are not on the scale.
 MAP_LEGEND = """
 page.picture();
@@ -329,7 +343,10 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     some = "const {exposure} = page.data.sites.quantities; exposure[0] = exposure[1] = NaN;"
     assert browser.run(some + MAP_LEGEND)[1:] == ["", "stress not sought"]
     first = "page.data.sites.doubtful[0] = true;"
+    plain = browser.run(HATCHED)
     assert browser.run(first + MAP_LEGEND)[1:] == ["doubtful", "stress not sought"]
+    assert plain == [0, 0]
+    assert min(browser.run(HATCHED)) > 3
     every = browser.run("page.data.sites.doubtful.fill(true);" + MAP_LEGEND)
     assert "all sites doubtful" in every[0]
     assert found.radius is not None  # a single blow counts what it hides
@@ -337,7 +354,7 @@ def test_a_click_on_a_map_strikes_the_model_there(browser, plate, tmp_path, widt
     of_force = f"page.kind = 'peak_force'; {MAP_LEGEND}"
     assert "hides" not in browser.run(of_force)[0]
     browser.run("page.kind = 'exposure'; page.picture()")
-    assert every[1] == ""  # none is grey
+    assert every[1] == ""  # none is hatched
     low, high = browser.run("return page.sites.range('exposure')")
     assert (low, high) == pytest.approx((found.exposure[2:].min(), found.exposure[2:].max()))
     colours = browser.run("return Array.from(page.sites.view.meshes.get('dots').values)")

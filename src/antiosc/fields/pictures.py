@@ -24,6 +24,7 @@ from antiosc.plot.surfaces import Deformed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
 
@@ -264,7 +265,8 @@ def plot_map(
     Parameters
     ----------
     impact_map : ImpactMap
-        Faces of which two corners or more are doubtful are grey.
+        Faces of which two corners or more are doubtful, and doubtful sites that are drawn as dots,
+        are white with dark edges.
     path : str or Path, optional
         As for `plot_history`.
     quantity : str
@@ -277,8 +279,8 @@ def plot_map(
         raise InputError(
             f"quantity must be one of {', '.join(quantities)}; got {checks.shown(quantity)}."
         )
-    grey = impact_map.doubtful & ~impact_map.doubtful.all()
-    value = np.where(grey, np.nan, quantities[quantity])
+    outlined = impact_map.doubtful & ~impact_map.doubtful.all()
+    value = np.where(outlined, np.nan, quantities[quantity])
     label, unit = MAP_QUANTITIES.get(quantity, (quantity, ""))
     label += f" ({unit})" if unit else ""
     triangles = len(impact_map.elements) > 0 and impact_map.elements.shape[1] == 3
@@ -290,18 +292,32 @@ def plot_map(
         values = _on_faces(value[faces])
         single_sites = impact_map.alone
         scale = surfaces.colour_scale(np.concatenate([values, value[single_sites]]))
-        surfaces.draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
-        if len(single_sites):
-            axes.scatter(
-                *x[single_sites].T, c=scale.to_rgba(value[single_sites]), s=30, depthshade=False
-            )
+        doubted = outlined[faces].sum(axis=1) > 1
+        surfaces.draw_faces(figure, axes, x[faces], values, label, scale, 0.85, doubted)
+        _dots(axes, x[single_sites], scale.to_rgba(value[single_sites]), outlined[single_sites])
     else:
         scale = surfaces.colour_scale(value)
-        axes.scatter(*x.T, c=scale.to_rgba(value), s=30, depthshade=False)
+        _dots(axes, x, scale.to_rgba(value), outlined)
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+    if outlined.any():
+        figure.legend(handles=[_doubtful_patch()], loc="lower left", frameon=False)
     surfaces.fit_limits(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return figure_or_path(figure, path)
+
+
+def _dots(axes: Axes3D, points: Array, colours: Array, outlined: BoolArray) -> None:
+    """Dots at points (n, 3), those of a mask white with dark edges."""
+    edges = colours.copy()
+    colours[outlined, :3], edges[outlined, :3] = 1.0, 0.0
+    axes.scatter(*points.T, c=colours, edgecolors=edges, s=30, depthshade=False)
+
+
+def _doubtful_patch() -> Patch:
+    """What the legend of a map has for doubtful sites."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor="white", edgecolor="black", label="doubtful sites")
 
 
 def _on_faces(value: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
+from antiosc.base.progress import counting
 from antiosc.engine import library
 from antiosc.models.body import LinearBody
 from antiosc.models.modal import ModalBody
@@ -36,9 +37,13 @@ def peak_deflections(
     """
     longest = checks.positive("duration", float(np.max(duration)), "s")
     durations = np.broadcast_to(duration, len(bodies)) if len(bodies) else np.array([longest])
-    spans = (slice(i, i + BODIES_AT_ONCE) for i in range(0, len(bodies), BODIES_AT_ONCE))
-    peaks = [_peaks(bodies[span], forces[span], durations[span]) for span in spans]
-    return np.concatenate([np.zeros(0), *peaks])
+    peaks = np.zeros(len(bodies))
+    with counting("largest deflections", len(bodies)) as ready:
+        for first in range(0, len(bodies), BODIES_AT_ONCE):
+            span = slice(first, first + BODIES_AT_ONCE)
+            peaks[span] = _peaks(bodies[span], forces[span], durations[span])
+            ready(min(span.stop, len(bodies)))
+    return peaks
 
 
 def _peaks(bodies: Sequence[LinearBody], forces: Sequence[Force], durations: Array) -> Array:

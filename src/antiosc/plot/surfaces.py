@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
@@ -49,9 +49,10 @@ def draw_faces(
     label: str,
     scale: ScalarMappable,
     dark: float = DARK,
+    outlined: BoolArray | None = None,
 ) -> None:
     """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale if it
-    has a label.
+    has a label; faces of the mask `outlined` (F,) are white with dark edges.
     """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
@@ -60,8 +61,12 @@ def draw_faces(
     colours = scale.to_rgba(value)
     colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
     # an edge of the face's own colour hides the background between two faces
+    edges = colours.copy()
+    widths = np.full(len(colours), 0.2)
+    if outlined is not None:
+        colours[outlined, :3], edges[outlined, :3], widths[outlined] = 1.0, 0.0, 0.5
     axes.add_collection3d(
-        Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
+        Poly3DCollection(corners, facecolors=colours, edgecolors=edges, linewidths=widths)
     )
     if label:
         figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)

@@ -37,17 +37,17 @@ class Sites {
   // Whether no site is free of doubts: then these have the colours.
   all_doubtful() { return this.data.doubtful.every(Boolean); }
 
-  // Which sites are grey.
-  grey() { return this.all_doubtful() ? this.data.doubtful.map(() => false) : this.data.doubtful; }
+  // Which sites are hatched.
+  hatched() { return this.all_doubtful() ? this.data.doubtful.map(() => false) : this.data.doubtful; }
 
-  // Whether sites that are not grey have no value, as where no stress was sought.
+  // Whether sites that are not hatched have no value, as where no stress was sought.
   lacks(kind) {
-    const grey = this.grey();
-    return Boolean(kind) && Array.from(this.quantity(kind)).some((v, i) => !grey[i] && !Number.isFinite(v));
+    const hatched = this.hatched();
+    return Boolean(kind) && Array.from(this.quantity(kind)).some((v, i) => !hatched[i] && !Number.isFinite(v));
   }
 
   range(kind) {
-    const grey = this.grey(), known = Array.from(this.quantity(kind)).filter((v, i) => Number.isFinite(v) && !grey[i]);
+    const hatched = this.hatched(), known = Array.from(this.quantity(kind)).filter((v, i) => Number.isFinite(v) && !hatched[i]);
     if (!known.length) return [0, 0];
     return [Math.min(...known), Math.max(...known)];
   }
@@ -59,9 +59,9 @@ class Sites {
   }
 
   show(kind, chosen) {
-    const { data, view } = this, grey = this.grey(), values = this.quantity(kind), scale = this.logarithmic(kind) ? Math.log : Number;
+    const { data, view } = this, hatched = this.hatched(), values = this.quantity(kind), scale = this.logarithmic(kind) ? Math.log : Number;
     const [low, high] = this.range(kind).map((end) => scale(end));
-    const shade = Float32Array.from(values, (v, i) => (grey[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
+    const shade = Float32Array.from(values, (v, i) => (hatched[i] ? DOUBTFUL : Number.isFinite(v) ? (scale(v) - low) / (high - low || 1) : PLAIN));
     if (data.faces.length) this.surface(shade);
     const dots = { points: [], faces: [], values: [] };
     this.bare(shade).forEach((i) => add(dots, ball(before(this.at(i), this.along(i), -0.012 * this.size), this.along(i), 0.012 * this.size), shade[i]));
@@ -82,7 +82,7 @@ class Sites {
     return [...shade.keys()].filter((i) => single.has(i) || shade[i] >= 0 && !shown.has(i));
   }
 
-  // The triangles between the sites, each with points of its own: one is grey where a site of it is.
+  // The triangles between the sites, each with points of its own: one is hatched where a site of it is.
   surface(shade) {
     const { faces, points } = this.data, values = new Float32Array(faces.length);
     this.corners ??= Float32Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);

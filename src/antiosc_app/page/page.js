@@ -376,7 +376,7 @@ class Page {
   picture() {
     find("legend").hidden = !this.kind;
     find("held").hidden = Boolean(this.kind) || Boolean(this.sites);
-    find("doubtful").hidden = !this.sites || !this.sites.grey().some(Boolean);
+    find("doubtful").hidden = !this.sites || !this.sites.hatched().some(Boolean);
     find("without").hidden = !this.sites || !this.sites.lacks(this.kind);
     find("lacking").textContent = NOT_SOUGHT[this.kind] || "no result";
     if (this.sites) this.sites.show(this.kind, this.site);

@@ -5,7 +5,7 @@ const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colour
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
 const ARROW = 0.5; // length of the arrow over half the size of the part
 const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
-const PLAIN = -1, DARK = -2, LINE = -2.4, BALL = -3, DOUBTFUL = -3, MARK = -4, FLOOR = -5; // colours of view.js
+const PLAIN = -1, DARK = -2, LINE = -2.4, BALL = -3, MARK = -4, FLOOR = -5, DOUBTFUL = -6; // colours of view.js
 const NAMES = { motion: ["displacement", "m"], stress: ["von Mises stress", "Pa"] };
 
 class Part {

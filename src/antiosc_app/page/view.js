@@ -15,8 +15,8 @@ vec3 viridis(float t) { // a polynomial of degree 6 through the colours of virid
 void main() {
   vec3 normal = normalize(cross(dFdx(seen), dFdy(seen)));
   float lit = .62 + .38 * abs(dot(normal, light));
-  // below 0 a plain colour: -1 the part, from -1.99 on held (-2 its faces, -2.4 its points and lines), -3 the striker, -4 arrow and marks, -5 the floor
-  vec3 own = shade < -4.5 ? vec3(.93, .93, .94) * plain : shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
+  // below 0 a plain colour: -1 the part, from -1.99 on held (-2 its faces, -2.4 its points and lines), -3 the striker, -4 arrow and marks, -5 the floor, -6 doubtful sites, hatched: grey ones were not seen on a grey part
+  vec3 own = shade < -5.5 ? vec3(mod(gl_FragCoord.x + gl_FragCoord.y, 9.) < 4. ? .1 : 1.) : shade < -4.5 ? vec3(.93, .93, .94) * plain : shade < -3.5 ? vec3(.85, .15, .12) : shade < -2.5 ? vec3(.55, .57, .6)
     : shade < -1.99 ? vec3(.13, .2, .33) : shade < -.05 ? vec3(.66, .74, .82) * plain
     : viridis(clamp(shade, 0., 1.));
   colour = vec4(own * lit, cover);

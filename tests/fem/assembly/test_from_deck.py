@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -171,7 +172,21 @@ def test_a_solid_deck_has_its_materials_and_supports():
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
 
 
+@pytest.mark.filterwarnings("ignore:of block.inp are not taken")
+def test_one_strength_of_several_materials_is_told():
+    """The block is of steel and aluminium; the other deck is of one material."""
+    told = r"yield strength 250 MPa is taken for all 2 materials \(E = 70.0 GPa, 210 GPa\) of block"
+    with pytest.warns(ao.AntioscWarning, match=told):
+        ao.read_model(DECKS / "block.inp", unit="mm", yield_strength=250e6)
+    with warnings.catch_warnings(record=True) as raised:
+        warnings.simplefilter("always")
+        ao.read_model(DECKS / "block.inp", unit="mm")
+        ao.read_model(DECKS / "c3d8.inp", yield_strength=250e6)
+    assert not any("is taken for all" in str(one.message) for one in raised)
+
+
 @pytest.mark.filterwarnings("ignore:of block.inp are not taken", "ignore:the facets at the site")
+@pytest.mark.filterwarnings("ignore:the yield strength 250 MPa is taken for all")
 def test_a_deck_with_a_yield_strength_knows_from_which_force_it_yields():
     """Hertz: F = (π p0)³ R²/(6 E*²), p0 from von Mises below a ball (Johnson, eq. 3.45)."""
     block = ao.read_model(DECKS / "block.inp", unit="mm", yield_strength=250e6)
