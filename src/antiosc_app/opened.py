@@ -1158,10 +1158,12 @@ def _said(head: live.Headline, settled: bool) -> list[str]:
 def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:
     """A fall as data for the page, with headline."""
     headline = falls.headline_of_fall(dropped.fall, worst)
+    numbers = dict(headline.numbers)
+    hardest = f"The hardest is {numbers.get('hardest')}, with {numbers.get('peak force')}."
     return {
         **falls.data_of_fall(dropped.fall, worst),
         "settled": worst is not None,
-        "about": headline.about,
+        "about": _joined(headline.about, hardest * bool(dropped.fall.impacts)),
         "caution": headline.caution,
         "verdict": headline.sentences,
     }

@@ -633,6 +633,8 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     stresses = told["fall"]["stresses"]
     assert [one["stress"] for one in stresses] == [span.stress for span in spans]
     assert max(one["stress"] for one in stresses) == pytest.approx(worst.margin().stress)
+    forces = [one["peak_force"] for one in impacts]
+    assert f"The hardest is impact {forces.index(max(forces)) + 1}, with " in told["about"]
     strongest = impacts[worst.margin().impact - 1]
     bar = live.bar_of_fall(opened._dropped(set_up.read(setup)).fall, worst)
     assert bar == strongest["bar"] > 0
