@@ -22,7 +22,7 @@ from antiosc.base.errors import AntioscError, InputError, RangeError, SiteError,
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS
-from antiosc_app.inspecting import COUNTS, inspect_part
+from antiosc_app.inspecting import inspect_part
 from antiosc_app.inspection import (
     BALL_MATERIAL,
     FALL_HEIGHT,
@@ -137,7 +137,6 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         look=inspection,
         read=dict.fromkeys((*keys, "free", "order")) | dict(inspection.read if inspection else {}),
         family="Solid" if inspection is None else inspection.family,
-        count=COUNTS["Solid"] if inspection is None else inspection.count,
         material=MATERIAL if inspection is None else inspection.material,
         point=[0.0, 0.0, 0.1] if inspection is None else inspection.point,
         direction=[0.0, 0.0, -1.0] if inspection is None else inspection.direction,

@@ -89,9 +89,11 @@ from antiosc_app.until_parted import (
     LONGER,
     Choice,
     duration_of_map,
+    next_count,
     rounded_up,
     tell_radius,
     until_parted,
+    why_more,
 )
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
@@ -137,11 +139,9 @@ MODELS = 12
 #: Number of browser tabs whose latest call is known.
 TABS = 100
 #: Largest number of improvements of an impact by its error bar.
-MOST_IMPROVED = 3
-#: Shares of the error of the force from which the page takes CHOSEN anti-oscillators, and smaller
-#: cells at the site. A printed bar of 13.6 × 5 × 100 mm in cells of 5 mm had truncation 40 % with
-#: 20 and 0.05 % with 80 of them, the patch 290 %, and 10 % in finer cells.
-MOST_TRUNCATION, CHOSEN = 0.1, 80
+MOST_IMPROVED = 5
+#: Share of the error of the force by mesh and patch from which the page takes smaller cells at the
+#: site. A printed bar of 13.6 × 5 × 100 mm in cells of 5 mm had 290 %, and 10 % in finer cells.
 MOST_OF_CELLS = 0.3
 #: Beside the first number where better ones follow by themselves.
 COARSE = "coarse mesh, refining …"
@@ -1092,10 +1092,10 @@ def _with_less_error(
     if bar is None:
         return set_up, reasons
     n = blow.sections["extract"]["n"]
-    if asked.n is None and bar.truncation > MOST_TRUNCATION and n < CHOSEN:
-        share = percent(bar.truncation)
-        reasons.append(f"{CHOSEN} anti-oscillators were taken: {n} leave {share} of error.")
-        set_up = replace(set_up, n=CHOSEN)
+    more = next_count(n, bar.truncation, blow.model) if asked.n is None else n
+    if more > n:
+        reasons.append(why_more(n, more, bar.truncation))
+        set_up = replace(set_up, n=more)
     of_cells = bar.mesh + (bar.patch or 0.0)
     if asked.finer is None and not set_up.finer and look.meshed and of_cells > MOST_OF_CELLS:
         reasons.append(

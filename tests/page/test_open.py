@@ -687,8 +687,11 @@ def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatc
     from antiosc_app import opened as page
     from antiosc_app.opened import Opened
 
-    wide = SimpleNamespace(truncation=0.4, mesh=0.2, patch=0.15, total=0.8)
-    monkeypatch.setattr(page.run, "error_budget", lambda hit: {"peak_force": wide})
+    def budget(hit):
+        few = 0.4 if hit.model.n < 100 else 0.01
+        return {"peak_force": SimpleNamespace(truncation=few, mesh=0.2, patch=0.15, total=0.8)}
+
+    monkeypatch.setattr(page.run, "error_budget", budget)
     opened = Opened(step)
     setup = asked(opened, size=0.02, duration=1e-4)
     assert setup["finer"] is None
@@ -696,14 +699,14 @@ def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatc
     assert (first.settled, first.refining) == (False, page.COARSE)
     assert page._taken(first) == {"n": 20, "finer": False}
     for given, told, taken in (
-        ({}, 2, {"n": 80, "finer": True}),
+        ({}, 2, {"n": 150, "finer": True}),
         ({"n": 8, "finer": False}, 0, {"n": 8, "finer": False}),
     ):
         messages = []
         with warnings_to(messages.append):
             blow = opened._struck(set_up.read({**setup, **given}))
         assert page._taken(blow) == taken
-        texts = [m for m in messages if m.startswith(("80 anti-oscillators", "The cells around"))]
+        texts = [m for m in messages if m.startswith(("150 anti-oscillators", "The cells around"))]
         assert len(texts) == told
         if told:
             assert "40 % of error" in texts[0]

@@ -1,16 +1,25 @@
-"""The radius of a patch and the duration that a scene leaves to its runs ("auto")."""
+"""Radius of the patch, anti-oscillators and duration that a scene leaves to its runs ("auto")."""
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.base.errors import ChoiceWarning
 from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import settled
-from antiosc_app.until_parted import DURATION, LONGER, Choice, duration_of_map, until_parted
+from antiosc_app.until_parted import (
+    DURATION,
+    LONGER,
+    Choice,
+    duration_of_map,
+    next_count,
+    until_parted,
+)
 
 #: A lid of 50 × 40 × 6 mm, held at one end.
 LID = """\
@@ -146,6 +155,48 @@ def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass
     lowest = SHEET.modal().omega[0]
     assert choice.duration >= hit.contacts[-1][1] + np.pi / lowest
     assert long.site_motion.largest <= max(hit.site_motion.largest, hit.site_motion.later)
+
+
+#: Masses that fall as those of a thin plate, which flees from a short contact.
+PLATE = ao.AntiOscillators(
+    m0=1e-4,
+    k0=1e5,
+    m=0.05 / np.arange(1.0, 501.0) ** 2,
+    omega=2 * np.pi * 300 * np.arange(1, 501),
+)
+
+
+@pytest.mark.parametrize(("stiffness", "n"), [(1e8, 20), (1e9, 150), (1e10, 400)])
+def test_the_force_has_as_many_anti_oscillators_as_it_needs(stiffness, n):
+    ball = ao.RigidMass(0.02, 1.0)
+
+    def run(choice):
+        return ao.simulate(
+            PLATE.truncated(choice.n), ball, ao.Hertz(stiffness), choice.duration, tol=1e-4
+        )
+
+    with pytest.warns(ChoiceWarning) if n > 20 else contextlib.nullcontext():
+        hit, choice = until_parted(run, lambda one: one, Choice(None, n=20))
+    whole = ao.simulate(PLATE, ball, ao.Hertz(stiffness), choice.duration, tol=1e-4)
+    assert hit.model.n == choice.n == n
+    assert hit.peak_force == pytest.approx(whole.peak_force, rel=0.1)
+
+
+def test_more_anti_oscillators_than_a_large_part_can_have_soon_are_not_taken():
+    large = replace(PLATE, info=replace(PLATE.info, dofs=600_000))
+    assert next_count(20, 0.5, large) == 20
+    assert next_count(20, 0.5, PLATE) == 150
+    assert next_count(20, 0.01, PLATE) == 20
+    assert next_count(400, 0.5, PLATE) == 400
+
+
+def test_a_scene_with_auto_has_the_number_that_its_force_needs(tmp_path):
+    document = read(scene(tmp_path, "5e-3", "4e-4"))
+    document.data["extract"]["n"] = "auto"
+    data, hit = hit_of(document)
+    assert data["extract"]["n"] == hit.model.n == 20
+    document.data["extract"]["n"] = 20
+    assert hit_of(document)[1].peak_force == hit.peak_force
 
 
 def test_a_slow_contact_is_run_to_its_end(tmp_path):

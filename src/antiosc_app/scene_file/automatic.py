@@ -1,4 +1,4 @@
-"""Values of a scene that are "auto": the radius of its patch, and its duration."""
+"""Values of a scene that are "auto": radius of the patch, number of anti-oscillators, duration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.document import Document, Table
-from antiosc_app.until_parted import Choice
+from antiosc_app.until_parted import OSCILLATORS, Choice
 
 #: Sections of an impact at one site; `strike` gives the patch of a solid a radius by itself.
 STRUCK = ("simulate", "strike")
@@ -33,6 +33,9 @@ def with_values(document: Document, choice: Choice) -> Document:
     simulate = data.get("simulate")
     if isinstance(simulate, dict) and simulate.get("duration") == AUTO:
         data["simulate"] = {**simulate, "duration": choice.duration}
+    extract = data.get("extract")
+    if isinstance(extract, dict) and extract.get("n") == AUTO:
+        data["extract"] = {**extract, "n": choice.n or OSCILLATORS[0]}
     if data == document.data:
         return document
     return replace(document, data=data)

@@ -46,8 +46,8 @@ from antiosc_app.scene_file.schema import (
 
 #: End of the sentence on "auto" in place of a number where none is chosen.
 AUTOMATIC_HINT = (
-    '; "auto" stands for the duration of [simulate], and for the radius of the only site of it or'
-    " of [strike]."
+    '; "auto" stands for the duration of [simulate], for n of [extract] beside it, and for the'
+    " radius of the only site of it or of [strike]."
 )
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)

@@ -569,7 +569,7 @@ def _section(name: str, section: SceneSection) -> dict[str, object]:
 #: A material by its name.
 _NAME = {"type": "string"}
 #: Function and parameter of the numbers that a scene may leave to its runs.
-AUTOMATIC = ("Site.radius", "simulate.duration")
+AUTOMATIC = ("Site.radius", "extract.n", "simulate.duration")
 
 
 def _one_of(

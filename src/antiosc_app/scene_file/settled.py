@@ -1,4 +1,4 @@
-"""Values of a scene that are "auto": the radius of its patch and its duration.
+"""Values of a scene that are "auto": the radius of its patch, its anti-oscillators, its duration.
 
 Runs of the scene choose them, as those of `antiosc open` do; all commands take the scene with the
 chosen values.
@@ -17,7 +17,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.run import has_sheets
 from antiosc_app.scene_file.scene import MESHED, CompiledScene
-from antiosc_app.until_parted import Choice, rounded_up, tell_radius, until_parted
+from antiosc_app.until_parted import OSCILLATORS, Choice, rounded_up, tell_radius, until_parted
 
 if TYPE_CHECKING:
     from antiosc import History, Structure
@@ -37,8 +37,8 @@ class Known:
 
     def __init__(self, structure: Structure | None) -> None:
         self.structure = structure
-        #: radius, model and the warnings of its extraction
-        self._model: tuple[float | None, object, list[str]] | None = None
+        #: radius and number of anti-oscillators, model and the warnings of its extraction
+        self._model: tuple[tuple[float | None, int | None], object, list[str]] | None = None
 
     def scene(self, document: Document, choice: Choice) -> Settled:
         """A document with the values; the model is that of this radius."""
@@ -48,11 +48,12 @@ class Known:
             evaluate.register(scene.structure, self.structure)
         if scene.model is None:  # [strike] makes it
             return Settled(scene, evaluate)
-        if self._model is None or self._model[0] != choice.radius:
+        values = choice.radius, choice.n
+        if self._model is None or self._model[0] != values:
             messages: list[str] = []
             with warnings_to(messages.append):
                 model = evaluate(scene.model)
-            self._model = choice.radius, model, messages
+            self._model = values, model, messages
         for message in self._model[2]:
             warn(message)
         evaluate.register(scene.model, self._model[1])
@@ -79,6 +80,8 @@ def settled(document: Document) -> Settled:
         first = first._replace(keeps_duration=True)
     elif duration != AUTO:
         first = first._replace(duration=duration, keeps_duration=True)
+    if document.data.get("extract", {}).get("n") == AUTO:
+        first = first._replace(n=OSCILLATORS[0])
     known = Known(structure)
     hardest = _hardest(document)
 
