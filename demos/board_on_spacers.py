@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import plotting
-from antiosc_studies.drops.fall import cfc_filter
 
 ROOT = Path(__file__).resolve().parent.parent
 ABS = ao.material("ABS", thickness=3e-3)
@@ -47,10 +46,9 @@ def main(
         model = ao.extract(part, ao.Site(STRUCK, (0, 0, -1), part="box"), n=n)
         hit = ao.simulate(model, ball, duration=duration)
         numbers[name] = compared.numbers(part, model, hit, ball.mass, ball.velocity)
-        for key, quantity in (("moved", "displacement"), ("chip", "acceleration")):
-            signal = ao.probe(part, hit, CHIP, quantity, times, part="board")
-            numbers[name][key] = float(np.abs(signal).max())
-        felt = cfc_filter(times[1], signal, "CFC1000")  # without it n decides
+        chip = partial(ao.probe, part, hit, CHIP, times=times, part="board")
+        felt = chip("acceleration", filter="CFC1000")  # without it n decides
+        numbers[name]["moved"] = float(np.abs(chip("displacement")).max())
         numbers[name]["chip"], lines[name] = float(np.abs(felt).max()), felt[:, 2] / 9.80665
     out.mkdir(parents=True, exist_ok=True)
     compared.print_table("spacers", numbers, {"chip g": ("chip", 1 / 9.80665, ".1f")})

@@ -7,6 +7,9 @@ from antiosc import (
     laws as laws,
     results as results,
 )
+from antiosc.base.cfc import (
+    cfc_filter as cfc_filter,
+)
 from antiosc.base.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,
@@ -293,7 +296,6 @@ from antiosc_studies.drops.drop import (
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
-    cfc_filter as cfc_filter,
 )
 from antiosc_studies.drops.floor import (
     Floor as Floor,

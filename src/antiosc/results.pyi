@@ -1,5 +1,8 @@
 # Names of this module, for type checkers and for the module itself.
 
+from antiosc.base.cfc import (
+    cfc_filter as cfc_filter,
+)
 from antiosc.base.stresses import (
     delamination_load as delamination_load,
     principal as principal,
@@ -84,7 +87,6 @@ from antiosc_studies.drops.drop import (
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
-    cfc_filter as cfc_filter,
 )
 from antiosc_studies.drops.trajectory import (
     Peak as Peak,

@@ -20,6 +20,7 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
+from antiosc.base.cfc import CLASSES, PASSED
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
@@ -418,13 +419,11 @@ def _impact(results: SceneResults) -> Presentation:
     hit = results.history
     peaks = results.stresses or {}
     probes = [Probe(results, name) for name in results.probes or ()]
-    fewer = _probes_of_fewer(results, probes)
-    for probe in probes:
-        probe.fewer = fewer.get(probe.name)
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
         probe.force = _rest_of_force(budget)
+    _compare_with_fewer(results, probes)
     probe_rows = _probe_rows(probes, left_out=budget is not None and bool(budget.law))
     stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
@@ -565,22 +564,32 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool = False) -> Rows:
     rows = []
     for probe in probes:
         p = probe.peak()
-        label = f"{_spaced(p['quantity'])} {p['component']}".rstrip()
-        value = engineering(p["value"], p["unit"], 4)
-        time = engineering(p["time"], "s")
-        g = f" ({p['g']:.4g} g)" if "g" in p else ""
-        share = p["truncation"]
-        bar = _bar_of_probe(p)
-        rows.append((f"probe {probe.name}", f"{label}: largest {value}{bar}{g} at {time}"))
-        if share is not None and share > UNSETTLED:
-            further = OF_ACCELERATIONS if "g" in p else ""
+        rows.append((f"probe {probe.name}", _peak_text(p)))
+        if probe.is_unsettled:
+            further = OF_ACCELERATIONS if "filtered" in p else ""
             rows.append(("", f"{NOT_CONVERGED}{further}"))
+        if probe.settled:
+            seen = _peak_text(probe.settled.peak())
+            rows.append(("", BY_FILTER.format(seen, probe.settled.filter, probe.name)))
+        elif "filtered" in p:
+            rows.append(("", NO_FILTER))
     barred = [probe for probe in probes if probe.fewer is not None]
     if barred:
         without_law = " without the contact's law" if left_out else ""
         known = all(probe.force is not None for probe in barred)
         rows.append(("", PROBE_BARS.format(without_law) if known else WITHOUT_FORCE))
     return rows
+
+
+def _peak_text(peak: Columns) -> str:
+    """The largest value of a probe with its bar and time."""
+    label = f"{_spaced(peak['quantity'])} {peak['component']}".rstrip()
+    if peak["filter"]:
+        passed = engineering(PASSED * CLASSES[peak["filter"]], "Hz")
+        label += f" through {peak['filter']} (to {passed})"
+    value = engineering(peak["value"], peak["unit"], 4)
+    g = f" ({peak['g']:.4g} g)" if "g" in peak else ""
+    return f"{label}: largest {value}{_bar_of_probe(peak)}{g} at {engineering(peak['time'], 's')}"
 
 
 #: Error of a largest value by truncation from which it is said not to have converged.
@@ -590,29 +599,57 @@ NOT_CONVERGED = (
 )
 OF_ACCELERATIONS = (
     "; that of an acceleration consists of the highest frequencies of the mesh and may never"
-    " converge: judge its shock spectrum (srs of the velocity), or filter it (cfc_filter)"
+    " converge: judge it by its shock spectrum (srs of the velocity), or through a filter"
+)
+BY_FILTER = '{}; filter = "{}" in [probes.{}] writes this signal'
+NO_FILTER = (
+    f"through the filters {', '.join(reversed(CLASSES))} it has not converged either:"
+    " take more anti-oscillators (n in [extract])"
 )
 
 
-def _probes_of_fewer(results: SceneResults, probes: Sequence[Probe]) -> dict[str, Probe]:
-    """Probes of the same impact with half the anti-oscillators; {} if it cannot be repeated."""
+def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:
+    """Compare probes with those of the same impact with half the anti-oscillators, if it can be
+    repeated, and find what accelerations are through a filter where they depend on this number.
+    """
     model, scene = results.model, results.compiled
     if not probes or not isinstance(model, AntiOscillators) or model.n < 2 or scene.model is None:
-        return {}
-    evaluate = Evaluation(scene.document)
-    try:
-        with without_warnings():
-            evaluate.register(scene.structure, results.structure)
-            evaluate.register(scene.model, model.truncated(model.n // 2))
-            signals = {}
-            for probe in probes:
-                call = scene.probes[probe.name]
-                at_its_times = replace(call, arguments=call.arguments | {"times": probe.times})
-                signals[probe.name] = evaluate(at_its_times)
-    except AntioscError:
-        return {}
-    halved = replace(results, probes=signals)
-    return {probe.name: Probe(halved, probe.name) for probe in probes}
+        return
+    own, of_fewer = Evaluation(scene.document), Evaluation(scene.document)
+    for evaluate, its_model in ((own, model), (of_fewer, model.truncated(model.n // 2))):
+        evaluate.register(scene.structure, results.structure)
+        evaluate.register(scene.model, its_model)
+    own.register(scene.history, results.history)
+    with suppress(AntioscError), without_warnings():
+        for probe in probes:
+            probe.fewer = _evaluated(of_fewer, results, probe, probe.filter)
+        for probe in probes:
+            if "filtered" in probe.peak():
+                probe.settled = _settled((own, of_fewer), results, probe)
+
+
+def _evaluated(
+    evaluate: Evaluation, results: SceneResults, probe: Probe, filter: str | None
+) -> Probe:
+    """A probe at its times, in a scene that has been made in part, through a filter."""
+    call = results.compiled.probes[probe.name]
+    arguments = call.arguments | {"times": probe.times, "filter": filter}
+    signal = evaluate(replace(call, arguments=arguments))
+    evaluated = Probe(replace(results, probes={probe.name: signal}), probe.name)
+    evaluated.filter = filter
+    return evaluated
+
+
+def _settled(
+    evaluations: tuple[Evaluation, Evaluation], results: SceneResults, probe: Probe
+) -> Probe | None:
+    """A probe through the widest filter through which it has converged; None without one."""
+    for name in reversed(CLASSES):
+        seen, fewer = (_evaluated(one, results, probe, name) for one in evaluations)
+        seen.fewer, seen.force = fewer, probe.force
+        if not seen.is_unsettled:
+            return seen
+    return None
 
 
 def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
@@ -762,17 +799,22 @@ def _contacts(history: History) -> dict[tuple[str, str], Any]:
 class Probe:
     """One probe: its quantity, times [s], and values (n, c) by component.
 
+    `filter` : the channel frequency class of its filter, or None.
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
     `force` : relative error of the force beside that by their number; None if it is not known.
+    `settled` : the probe through the widest filter through which it has converged, if it has not
+        without one.
     """
 
     fewer: Probe | None = None
     force: float | None = None
+    settled: Probe | None = None
 
     def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments
         self.name = name
         self.quantity: str = arguments.get("quantity", "displacement")
+        self.filter: str | None = arguments.get("filter")
         times = arguments.get("times", results.history.time)
         times_given = probe_times(results.history) if isinstance(times, Call) else times
         self.times = np.reshape(times_given, -1).astype(float)
@@ -799,22 +841,23 @@ class Probe:
 
     def table(self) -> Columns:
         """The components as columns of a file."""
-        headings = [
-            f"{self.name} {c}".rstrip() + (f" ({unit})" if unit else "")
-            for c, unit in self.units().items()
-        ]
+        headings = []
+        for component, unit in self.units().items():
+            told = ", ".join(one for one in (unit, self.filter) if one)
+            headings.append(f"{self.name} {component}".rstrip() + (f" ({told})" if told else ""))
         return dict(zip(headings, self.values.T, strict=True))
 
     def peak(self) -> Columns:
         """The largest value: for a vector its magnitude, for other quantities that of one
         component.
 
-        Keys: quantity, component ("magnitude"; "" for a scalar), value, unit, time, g for
+        Keys: quantity, filter, component ("magnitude"; "" for a scalar), value, unit, time, g for
         accelerations, truncation: the largest difference of this signal to that of half the
         anti-oscillators, over the value; force: what the error of the force adds; error: both; None
         if unknown. (On the bracket, at 8 points with n = 20,
         40 and 80, it was above the error of the largest velocity, against n = 160, in 24 of 24
         cases, and of the largest acceleration in 22; the differences of the peaks in 14 and 17.)
+        Of an acceleration that has not converged also filtered: that of `settled`, or None.
         """
         values = self.values
         units = self.units()
@@ -825,21 +868,32 @@ class Probe:
         component, unit = list(units.items())[k]
         value = float(values[row, k])
         time = float(self.times[row])
-        peak: Columns = {"quantity": self.quantity, "component": component, "value": value}
+        peak: Columns = {"quantity": self.quantity, "filter": self.filter}
+        peak |= {"component": component, "value": value}
         peak |= {"truncation": None, "force": self.force, "error": None}
         if self.fewer is not None:
             signals = self.values, self.fewer.values
             share = error_of_largest(*signals, component == "magnitude")
             peak["truncation"] = share
             peak["error"] = None if share is None else share + (self.force or 0.0)
-        g = {"g": value / GRAVITY} if self.quantity == "acceleration" else {}
-        return peak | {"unit": unit, "time": time} | g
+        peak |= {"unit": unit, "time": time}
+        if self.quantity == "acceleration":
+            peak["g"] = value / GRAVITY
+            if not self.filter and (peak["truncation"] or 0.0) > UNSETTLED:
+                peak["filtered"] = self.settled and self.settled.peak()
+        return peak
+
+    @property
+    def is_unsettled(self) -> bool:
+        """Whether its largest value depends on the number of anti-oscillators."""
+        return (self.peak()["truncation"] or 0.0) > UNSETTLED
 
     def signal(self) -> tuple[str, Array, Array, str]:
         """(name, times, values, unit) of the component with the largest value."""
         k = int(np.argmax(np.abs(self.values).max(axis=0)))
         component, unit = list(self.units().items())[k]
-        return f"{self.name} {component}".rstrip(), self.times, self.values[:, k], unit
+        name = " ".join(filter(None, (self.name, component, self.filter)))
+        return name, self.times, self.values[:, k], unit
 
 
 def _signals(probes: Sequence[Probe], ax: Axes) -> None:

@@ -26,6 +26,7 @@ from antiosc.fem.platform import collective, on_root
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
+from antiosc.fields.filtered import filtered, long_enough
 from antiosc.fields.second_order import with_pairs
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
@@ -69,6 +70,7 @@ def probe(
     axes: str = "global",
     stiffener: str | None = None,
     snap: float | None = None,
+    filter: str | None = None,
 ) -> Array:
     """One quantity at one point of the structure at `times`.
 
@@ -122,6 +124,12 @@ def probe(
     snap : float, optional
         Largest distance in m of the point from the structure; default: 2 % of the part's size, or
         one element.
+    filter : "CFC60", "CFC180", "CFC600" or "CFC1000", optional
+        Channel frequency class of SAE J211-1, through which the signal of any quantity is seen; of
+        "von_mises" the stresses, of which it is then made. Values depend on the motion up to two
+        periods of the class before and after them (CFC1000: 2 ms). For what follows its end the run
+        is repeated for longer; before its start accelerations are 0, and other quantities as at
+        the start.
 
     Notes
     -----
@@ -140,7 +148,12 @@ def probe(
     InputError
         A model without shapes, or extracted from another structure; a quantity that the element
         family does not have; a layer, a part or a group that does not exist; a point that lies
-        too far from the structure.
+        too far from the structure; an unknown filter, or one for a BodyHistory.
+
+    Warns
+    -----
+    AccuracyWarning
+        If the run cannot be repeated for as long as the filter needs.
     """
     if not isinstance(quantity, str):  # times as the fourth argument
         if times is not None and quantity is not None:
@@ -167,13 +180,27 @@ def probe(
         ]
     else:
         columns = [motions_without_mesh(structure, shapes, str(point), end, quantity)]
-    if quantity in ("stress", "von_mises", "section_forces"):
-        factors = stress_amplitudes(structure, history, sample_times, body)
+
+    # a filtered acceleration is the rate of the filtered velocity, of which no sample misses a peak
+    is_rate = filter is not None and quantity == "acceleration"
+    derivative = DERIVATIVES.get(quantity, 0) - is_rate
+
+    def signal(run: AnyHistory, at_times: Array) -> Array:
+        """The quantity (n, places, …) of a run at times, or what it is the rate of."""
+        if quantity in ("stress", "von_mises", "section_forces"):
+            factors = stress_amplitudes(structure, run, at_times, body)
+        else:
+            factors = amplitudes(run, at_times, body, derivative)
+        return np.stack([_over_time(tensors, factors) for tensors in columns], axis=1)
+
+    if filter is None:
+        values = signal(history, sample_times)
     else:
-        factors = amplitudes(history, sample_times, body, DERIVATIVES.get(quantity, 0))
+        run = long_enough(history, sample_times, filter, structure.comm)
+        values = filtered(run, body, sample_times, filter, signal, int(is_rate))
     if quantity == "von_mises":
-        return np.max([von_mises(_over_time(tensors, factors)) for tensors in columns], axis=0)
-    return _over_time(columns[0], factors)
+        return np.asarray(von_mises(values).max(axis=1))
+    return values[:, 0]
 
 
 def probe_error(
@@ -188,8 +215,8 @@ def probe_error(
 
     The largest difference of its signal to that of the same impact with half of them, over the
     largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
-    has not converged, and the number is no bound, which a warning tells: extract more (n), or judge
-    an acceleration by its shock spectrum (`srs`). The error of the force, which the values follow,
+    has not converged, and the number is no bound, which a warning tells: extract more (n), see an
+    acceleration through a `filter`, or judge it by its shock spectrum (`srs`). The error of the force, which the values follow,
     is not in it (`hit.error_budget["peak_force"]`; its truncation is), nor that of the mesh at the
     point.
 
@@ -236,7 +263,7 @@ def _not_converged(quantity: str, error: float) -> str:
     """Sentence on a largest value that has not converged."""
     remedy = "extract more anti-oscillators (n)"
     if quantity == "acceleration":
-        remedy += ", or judge it by its shock spectrum (srs)"
+        remedy += ', filter it (filter="CFC1000"), or judge it by its shock spectrum (srs)'
     return (
         f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
         f" {percent(error)}, and this number is no bound; {remedy}."

@@ -144,10 +144,8 @@ class Scene(SceneParts):
         blows = [plausible.impact_doubt(body, bodies, *motions) for body in bodies]
         stored = [sentence for body in bodies for sentence in info_of(body).doubts or ()]
         doubts = [*stored, *plausible.warn_each(blows)]
-        assembly = assemble_scene(self, duration, stretch=True)
-        set_initial_forces(assembly)
-        history, check = integrate(SceneHistory, assembly, duration, settings)
-        for sentence in misplaced_ends(self.contacts, assembly.bodies):
+        history, check = _run_scene(self, settings, duration)
+        for sentence in misplaced_ends(self.contacts, history.assembly.bodies):
             history = with_warning(history, sentence)
         warn_large_rotation(*history.largest_rotation())
         check.warn()
@@ -155,6 +153,21 @@ class Scene(SceneParts):
         _warn_truncation(self, history)
         check_range(history, doubts)
         return history
+
+
+def _run_scene(
+    scene: Scene, settings: Settings, duration: float
+) -> tuple[SceneHistory, CheckResult]:
+    """Integrate a scene; returns its history and the result of its check before warnings."""
+    assembly = assemble_scene(scene, duration, stretch=True)
+    set_initial_forces(assembly)
+    kind = partial(SceneHistory, longer=partial(_longer_scene, scene, settings))
+    return integrate(kind, assembly, duration, settings)
+
+
+def _longer_scene(scene: Scene, settings: Settings, duration: float) -> SceneHistory:
+    """Run the same scene for another duration [s]."""
+    return _run_scene(scene, settings, duration)[0]
 
 
 def with_warning(history: H, sentence: str) -> H:
@@ -454,7 +467,9 @@ def simulate_impact(
 
     def integrated(model: LinearBody, settings: Settings) -> tuple[History, CheckResult]:
         assembly = assemble_pair(scene._replace(model=model), stretch=True)
-        return integrate(partial(History, budget=budget), assembly, scene.duration, settings)
+        longer = partial(_longer, scene._replace(model=model), settings)
+        kind = partial(History, budget=budget, longer=longer)
+        return integrate(kind, assembly, scene.duration, settings)
 
     def rerun(model: AntiOscillators, tol: float) -> History:
         # a model with all its mass in anti-oscillators leaves the others to the exact method
@@ -472,6 +487,11 @@ def simulate_impact(
         message = f"{history.message} {shortage}"
         history = replace(history, status=check.status, message=message)
     return history, check
+
+
+def _longer(scene: Impact, settings: Settings, duration: float) -> History:
+    """Simulate the same impact for another duration [s]."""
+    return simulate_impact(scene._replace(duration=duration), settings)[0]
 
 
 def _rerun(scene: Impact, settings: Settings, model: LinearBody, tol: float) -> History:

@@ -301,7 +301,7 @@ CHECKS: dict[str, Check] = {
     "band": _in_unit("Hz"),
     "damping": lambda _, value: as_damping(value),
     "density": _in_unit("kg/m³"),
-    "filter": _choice_check("antiosc_studies.drops.fall:CLASSES"),
+    "filter": _choice_check("antiosc.base.cfc:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
     "method": _choice_check("antiosc.impact.reference:METHODS"),
     "n": lambda name, value: value if value == "auto" else checks.whole(name, value, least=0),

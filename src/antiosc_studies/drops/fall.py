@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import pi, sqrt, tan
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from antiosc import Margin, PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
+from antiosc.base.cfc import CLASSES, cfc_filter, memory_of, sampled
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent
@@ -43,44 +44,6 @@ from antiosc_studies.drops.trajectory import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-#: Name of a channel frequency class -> its frequency [Hz].
-CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
-#: Corner frequency of one pass of a filter over its class (SAE J211-1).
-CORNER = 2.0775
-#: Least sampling rate over the class (SAE J211-1).
-LEAST_RATE = 10.0
-#: Memory of a filter in periods of its class.
-MEMORY = 2.0
-
-
-def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
-    """A signal (n,) or (n, k), sampled at equal steps [s], filtered by a channel frequency class.
-
-    Raises
-    ------
-    InputError
-        An unknown class, or a rate below ten times the class.
-    """
-    step = checks.positive("step", step, "s")
-    checks.choice("filter", name, tuple(CLASSES))
-    x = checks.floats("signal", signal, None)
-    cfc = CLASSES[name]
-    if x.ndim not in (1, 2):
-        raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
-    if step * cfc * LEAST_RATE > 1:
-        raise InputError(
-            f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."
-        )
-    from scipy.signal import lfilter  # which takes long to load
-
-    wa = tan(pi * CORNER * cfc * step)
-    denominator = 1 + sqrt(2) * wa + wa * wa
-    b = np.array([1.0, 2.0, 1.0]) * wa * wa / denominator
-    a = np.array([1.0, 2 * (wa * wa - 1) / denominator, (1 - sqrt(2) * wa + wa * wa) / denominator])
-    forward = lfilter(b, a, x, axis=0)
-    return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
 
 
 #: Samples of a signal in a period of the highest mode: they miss its peak by at most 3.4 %.
@@ -203,9 +166,8 @@ class Fall(Trajectory, Result):
         memory = 0.0
         steps = [np.inf]
         if filter is not None:
-            checks.choice("filter", filter, tuple(CLASSES))
-            memory = MEMORY / CLASSES[filter]
-            steps = [1 / (2 * LEAST_RATE * CLASSES[filter])]
+            memory = memory_of(filter)
+            steps = [sampled(filter)]
         begin = episodes[0].start.time - max(checks.nonnegative("before", before, "s"), memory)
         end = episodes[-1].end.time + max(checks.nonnegative("after", after, "s"), memory)
         begin = max(begin, 0.0)
@@ -244,7 +206,7 @@ class Fall(Trajectory, Result):
         """Time [s] up to which the motion is computed: the end of the fall plus the memory of the
         filters.
         """
-        return self.end.time + MEMORY / min(CLASSES.values())
+        return self.end.time + max(map(memory_of, CLASSES))
 
     def _point(self, at: At) -> tuple[Array, Array]:
         """Arm (3,) of a point from the centre of mass, and mode shapes (3, J) there."""

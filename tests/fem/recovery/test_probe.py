@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,59 @@ def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet)
         assert bars[24, quantity] < min(0.05, 0.5 * bars[6, quantity]), bars
     with pytest.raises(ao.InputError, match="half"):
         ao.probe_error(part, ao.simulate(ao.extract(part, SITE, 1), BALL, LAW, 1e-4), point)
+
+
+def gain(omega, cfc):
+    """Of a second-order Butterworth filter forward and backward, at omega [rad/s]."""
+    return 1 / (1 + (omega / (2 * np.pi * 2.0775 * cfc)) ** 4)
+
+
+@pytest.mark.parametrize("kind", ["history", "scene"])
+@pytest.mark.parametrize("quantity", ["displacement", "acceleration", "stress"])
+def test_a_filtered_vibration_has_the_gains_of_the_filter(sheet, kind, quantity):
+    """After the contact every mode is a sine, to the end of the run and beyond it."""
+    part = sheet[0]
+    if kind == "history":
+        hit = ao.simulate(ao.extract(part, SITE, 2), BALL, LAW, 8e-3)
+    else:
+        model = ao.extract(part, {"tip": SITE}, 2)
+        contact = ao.Contact("part:tip", "ball", LAW)
+        hit = ao.Scene({"part": model, "ball": BALL}, [contact]).run(8e-3)
+    ends = [end for one in hit.contact_histories for _, end in one.contacts]
+    assert max(ends) < 3e-3
+    of_body = {"body": "structure" if kind == "history" else "part"}
+    times = np.linspace(5e-3, 8e-3, 400)  # from 2 ms after the contact
+    signal, seen = (
+        ao.probe(part, hit, POINTS[1], quantity, times, **of_body, **asked).reshape(400, -1)
+        for asked in ({}, {"filter": "CFC1000"})
+    )
+    omega = hit.of(of_body["body"])[1].omega
+    assert omega[0] < 1e4 < omega[1]
+    waves = np.hstack([np.cos(np.outer(times, omega)), np.sin(np.outer(times, omega))])
+    amplitudes, *_ = np.linalg.lstsq(waves, signal, rcond=None)
+    np.testing.assert_allclose(waves @ amplitudes, signal, atol=1e-6 * np.abs(signal).max())
+    expected = waves @ (np.tile(gain(omega, 1000), 2)[:, None] * amplitudes)
+    assert np.abs(expected).max() < 0.95 * np.abs(signal).max()
+    np.testing.assert_allclose(seen, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_a_filter_sees_the_motion_after_the_run(sheet):
+    """The same signal as in a run that has it, or a warning where it is not known."""
+    part = sheet[0]
+    model = ao.extract(part, SITE, 6)
+    short, long = (ao.simulate(model, BALL, LAW, duration) for duration in (1e-3, 4e-3))
+    times = np.linspace(0, 1e-3, 50)
+
+    def seen(hit, **options):
+        return ao.probe(part, hit, POINTS[1], "acceleration", times, filter="CFC1000", **options)
+
+    np.testing.assert_allclose(seen(short), seen(long), atol=2e-3 * np.abs(seen(long)).max())
+    with pytest.warns(ao.AccuracyWarning, match=r"known up to 1\.00 ms.*Simulate for 3\.00 ms"):
+        seen(replace(short, longer=None))
+    with pytest.raises(ao.InputError, match="filter must be 'CFC60'.*got 'CFC100'"):
+        ao.probe(part, short, POINTS[1], "acceleration", filter="CFC100")
+    with pytest.raises(ao.InputError, match="before and after the times"):
+        ao.probe(part, short.bodies["structure"], POINTS[1], filter="CFC1000")
 
 
 @pytest.mark.parametrize("kind", ["history", "scene"])

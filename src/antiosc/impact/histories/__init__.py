@@ -60,6 +60,7 @@ class History(RunHistory, Results):
     budget : computes the `error_budget` of a run of `simulate`.
     rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
     given : the step [s] that was given, or None.
+    longer : simulates the same impact for another duration [s]; of `simulate`, `strike` and scenes.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
     """
 

@@ -1,0 +1,63 @@
+"""Filters of channel frequency classes (SAE J211-1, ISO 6487): low-pass, without phase shift."""
+
+from __future__ import annotations
+
+from math import pi, sqrt, tan
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+
+#: Name of a channel frequency class -> its frequency [Hz].
+CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
+#: Corner frequency of one pass of a filter over its class (SAE J211-1).
+CORNER = 2.0775
+#: Frequency at which a filter leaves 0.707 of a sine, over its class: CORNER (√2 − 1)^(1/4).
+PASSED = 5 / 3
+#: Least sampling rate over the class (SAE J211-1).
+LEAST_RATE = 10.0
+#: Memory of a filter in periods of its class: its response falls to exp(−√2 π CORNER MEMORY),
+#: 1e-8.
+MEMORY = 2.0
+
+
+def memory_of(name: str) -> float:
+    """Time [s] before and after an instant on which the filtered value depends."""
+    checks.choice("filter", name, tuple(CLASSES))
+    return MEMORY / CLASSES[name]
+
+
+def sampled(name: str) -> float:
+    """Step [s] at which a signal is sampled for a filter: half of the largest that it takes."""
+    return 1 / (2 * LEAST_RATE * CLASSES[name])
+
+
+def cfc_filter(step: float, signal: ArrayLike, name: str) -> Array:
+    """A signal (n,) or (n, k), sampled at equal steps [s], filtered by a channel frequency class.
+
+    Raises
+    ------
+    InputError
+        An unknown class, or a rate below ten times the class.
+    """
+    step = checks.positive("step", step, "s")
+    checks.choice("filter", name, tuple(CLASSES))
+    x = checks.floats("signal", signal, None)
+    cfc = CLASSES[name]
+    if x.ndim not in (1, 2):
+        raise InputError(f"signal must have shape (n,) or (n, k); got {x.shape}.")
+    if step * cfc * LEAST_RATE > 1:
+        raise InputError(
+            f"{name} needs at least {LEAST_RATE * cfc:g} samples a second; got {1 / step:.4g}."
+        )
+    from scipy.signal import lfilter  # which takes long to load
+
+    wa = tan(pi * CORNER * cfc * step)
+    denominator = 1 + sqrt(2) * wa + wa * wa
+    b = np.array([1.0, 2.0, 1.0]) * wa * wa / denominator
+    a = np.array([1.0, 2 * (wa * wa - 1) / denominator, (1 - sqrt(2) * wa + wa * wa) / denominator])
+    forward = lfilter(b, a, x, axis=0)
+    return np.asarray(lfilter(b, a, forward[::-1], axis=0)[::-1])
