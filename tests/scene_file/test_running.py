@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.base.texts import percent
+from antiosc.base.cfc import CLASSES
+from antiosc.base.errors import without_warnings
+from antiosc.base.texts import engineering, percent
 from antiosc_app import live, results
 from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
@@ -75,6 +77,46 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     assert "anti-oscillators alone" in told
     assert told_of["error"] == told_of["truncation"]
     assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
+
+
+def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filter(tmp_path, capsys):
+    """Its value and its bar are those of `probe` and `probe_error`, wider ones being above 10 %."""
+    asked = PROBE + 'quantity = "acceleration"\n'
+    path = written(tmp_path, BEAM + asked)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    found = objects(path)
+    times = table(tmp_path / "out/probes.csv")["time (s)"]
+    given = (found.structure, found.history, (0.2, 0.0, 0.0), "acceleration", times)
+    whole = numbers(tmp_path / "out")["probes"]["quarter"]
+    with without_warnings():
+        bars = {name: ao.probe_error(*given, filter=name) for name in CLASSES}
+    widest = max((name for name in bars if bars[name] < 0.1), key=CLASSES.get)
+    peak = whole["filtered"]
+    assert whole["truncation"] > 0.1
+    assert (whole["filter"], peak["filter"]) == (None, widest)
+    signal = ao.probe(*given, filter=widest)
+    assert peak["value"] == pytest.approx(np.linalg.norm(signal, axis=1).max(), rel=1e-9)
+    assert peak["truncation"] == pytest.approx(bars[widest], rel=0.05)
+    value = engineering(peak["value"], "m/s²", 4)
+    shown = f"through {widest} (to {engineering(5 / 3 * CLASSES[widest], 'Hz')}): largest {value}"
+    assert f"{shown} ± {percent(peak['error'])}" in told
+    path = written(tmp_path, f'{BEAM}{asked}filter = "{widest}"\n')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    assert shown in capsys.readouterr().out
+    columns = table(tmp_path / "out/probes.csv")
+    np.testing.assert_allclose(columns[f"quarter z (m/s², {widest})"], signal[:, 2], rtol=1e-9)
+    own = numbers(tmp_path / "out")["probes"]["quarter"]
+    assert own["value"] == pytest.approx(peak["value"], rel=1e-9)
+    assert "filtered" not in own
+
+
+def test_an_acceleration_that_converges_through_no_filter_is_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(results, "UNSETTLED", 1e-9)
+    path = written(tmp_path, f'{BEAM}{PROBE}quantity = "acceleration"\n')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    assert "CFC1000, CFC600, CFC180, CFC60 it has not converged either" in capsys.readouterr().out
+    assert numbers(tmp_path / "out")["probes"]["quarter"]["filtered"] is None
 
 
 @pytest.mark.fem

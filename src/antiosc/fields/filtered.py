@@ -66,8 +66,8 @@ def long_enough(history: AnyHistory, times: Array, name: str, comm: Comm) -> Run
     """
     if not isinstance(history, RunHistory):
         raise InputError(
-            "a filter needs the signal before and after the times: probe the scene's history with"
-            " body=name."
+            "a filter needs the motion before and after the times: probe the history of the scene,"
+            " and name the body."
         )
     end = times.max() + memory_of(name)
     if history.time[-1] < end and history.longer is not None:
@@ -76,9 +76,9 @@ def long_enough(history: AnyHistory, times: Array, name: str, comm: Comm) -> Run
     run_end = history.time[-1]
     if run_end < end * (1 - 1e-9):
         sentence = (
-            f"The motion is known up to {engineering(run_end, 's')}. Values through {name} depend"
-            f" on {engineering(memory_of(name), 's')} after them: those near the end take the signal"
-            f" to stay as it is. Simulate for {engineering(end, 's')}."
+            f"The run ends at {engineering(run_end, 's')}, and values through {name} depend on the"
+            f" motion up to {engineering(memory_of(name), 's')} later: those near the end are not"
+            f" reliable. Simulate for {engineering(end, 's')}."
         )
         on_root(comm, partial(warn, sentence, AccuracyWarning))
     return history

@@ -216,9 +216,9 @@ def probe_error(
     The largest difference of its signal to that of the same impact with half of them, over the
     largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
     has not converged, and the number is no bound, which a warning tells: extract more (n), see an
-    acceleration through a `filter`, or judge it by its shock spectrum (`srs`). The error of the force, which the values follow,
-    is not in it (`hit.error_budget["peak_force"]`; its truncation is), nor that of the mesh at the
-    point.
+    acceleration through a `filter`, or judge it by its shock spectrum (`srs`). The error of the
+    force, which the values follow, is not in it (`hit.error_budget["peak_force"]`; its truncation
+    is), nor that of the mesh at the point.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def _not_converged(quantity: str, error: float) -> str:
     """Sentence on a largest value that has not converged."""
     remedy = "extract more anti-oscillators (n)"
     if quantity == "acceleration":
-        remedy += ', filter it (filter="CFC1000"), or judge it by its shock spectrum (srs)'
+        remedy += ", see it through a filter (CFC1000), or judge it by its shock spectrum (srs)"
     return (
         f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
         f" {percent(error)}, and this number is no bound; {remedy}."

@@ -156,9 +156,9 @@ def test_a_filter_sees_the_motion_after_the_run(sheet):
         return ao.probe(part, hit, POINTS[1], "acceleration", times, filter="CFC1000", **options)
 
     np.testing.assert_allclose(seen(short), seen(long), atol=2e-3 * np.abs(seen(long)).max())
-    with pytest.warns(ao.AccuracyWarning, match=r"known up to 1\.00 ms.*Simulate for 3\.00 ms"):
+    with pytest.warns(ao.AccuracyWarning, match=r"ends at 1\.00 ms.*Simulate for 3\.00 ms"):
         seen(replace(short, longer=None))
-    with pytest.raises(ao.InputError, match="filter must be 'CFC60'.*got 'CFC100'"):
+    with pytest.raises(ao.InputError, match=r"filter must be 'CFC60'.*got 'CFC100'"):
         ao.probe(part, short, POINTS[1], "acceleration", filter="CFC100")
     with pytest.raises(ao.InputError, match="before and after the times"):
         ao.probe(part, short.bodies["structure"], POINTS[1], filter="CFC1000")
