@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 #: On a bracket the peak acceleration through CFC1000 and CFC600 is within 6e-5 of that of 12
 #: samples in a period (n = 20, 40 and 160).
 OF_A_MODE, OF_A_CONTACT, MOST = 3, 50, 200_000
+#: Least number of samples, in a run of a few microseconds.
+FEW = 50
 
 
 def filtered(
@@ -46,13 +48,13 @@ def filtered(
     of_modes = OF_A_MODE * modes_of(history, body).omega.max(initial=0.0) / (2 * np.pi)
     of_contact = OF_A_CONTACT / history.assembly.contact_time_estimate
     rate = min(max(of_modes, of_contact), MOST / (end - begin))
-    step = 1 / max(rate, 1 / sampled(name))
-    t = np.arange(begin, end, step)
+    count = max(ceil(max(rate, 1 / sampled(name)) * (end - begin)), FEW)
+    t, step = np.linspace(begin, end, count, retstep=True)
     values = np.concatenate(
-        [signal(history, block) for block in np.array_split(t, ceil(len(t) / AT_ONCE))]
+        [signal(history, block) for block in np.array_split(t, ceil(count / AT_ONCE))]
     )
     margin = ceil(memory / step)
-    columns = np.pad(values.reshape(len(t), -1), ((margin, margin), (0, 0)), "edge")
+    columns = np.pad(values.reshape(count, -1), ((margin, margin), (0, 0)), "edge")
     smooth = cfc_filter(step, columns, name)[margin:-margin]
     from scipy.interpolate import CubicSpline  # which takes long to load
 
