@@ -146,7 +146,7 @@ def main(
     ----------
     cases : names of the parts
     counts : numbers of anti-oscillators; default: those of each part
-    duration : simulated time, s; default: that of each part
+    duration : simulated time, s, more than 2 ms for the filter; default: that of each part
     points : at which the quantities are compared
     out : folder of the table and the chart
     """
@@ -422,7 +422,9 @@ if __name__ == "__main__":
         "--counts", type=options.listed(options.count), default=(),
         help="numbers of anti-oscillators",
     )  # fmt: skip
-    parser.add_argument("--duration", type=options.positive, default=None, help="s")
+    parser.add_argument(
+        "--duration", type=options.positive, help="s, more than 2 ms for the filter"
+    )
     parser.add_argument(
         "--out", type=Path, default=ROOT / "benchmarks" / "speed", help="folder of table and chart"
     )
