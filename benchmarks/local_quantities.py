@@ -422,9 +422,7 @@ if __name__ == "__main__":
         "--counts", type=options.listed(options.count), default=(),
         help="numbers of anti-oscillators",
     )  # fmt: skip
-    parser.add_argument(
-        "--duration", type=options.positive, help="s, more than 2 ms for the filter"
-    )
+    parser.add_argument("--duration", type=options.positive, help="s, more than 2 ms (filter)")
     parser.add_argument(
         "--out", type=Path, default=ROOT / "benchmarks" / "speed", help="folder of table and chart"
     )
