@@ -59,21 +59,21 @@ def with_pairs(
         return linear + _state_strain(at, structure, shapes)
     pairs = forces.size * (forces.size + 1) // 2
     count = shapes.shape[1] - pairs
-    modes = shapes[:, :count] @ stretch_factors(history, body).T
+    modes = stretch_factors(history, body).T
     i, j = np.triu_indices(forces.size)
     sums = modes[:, i] + np.where(i == j, 0.0, modes[:, j])
-    linear = at(np.column_stack([shapes, sums]), False)
-    if linear.shape[-1] != shapes.shape[1] + pairs:
+    linear = at(shapes, False)
+    if linear.shape[-1] != shapes.shape[1]:
         raise InputError(
             "stresses of materials with branches (prony) are not recovered of a part that"
             " stretches: leave prony out, or extract it without stretch."
         )
-    square = at(sums, True) - linear[..., shapes.shape[1] :]  # η(s, s)/2 of each sum
+    square = at(shapes[:, :count] @ sums, True) - linear[..., :count] @ sums  # η(s, s)/2 of each
     squares = square[..., i == j]
     products = (square - squares[..., i] - squares[..., j]) / 2
-    columns = linear[..., : shapes.shape[1]] + _state_strain(at, structure, shapes)
-    columns[..., count:] += np.where(i == j, square, products)
-    return columns
+    linear += _state_strain(at, structure, shapes)
+    linear[..., count:] += np.where(i == j, square, products)
+    return linear
 
 
 def work_on(

@@ -7,7 +7,7 @@ neighbours may meet at a fold.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -39,7 +39,7 @@ from antiosc.recovery.place import (
     strength_of,
 )
 from antiosc.recovery.relaxation import shares_of, with_branches
-from antiosc.recovery.tensors import PointsInCells, evaluator
+from antiosc.recovery.tensors import PointsInCells, UnitDofs, dofs_of_cells, evaluator
 
 #: Points at which shapes are evaluated at once.
 AT_ONCE = 4096
@@ -82,25 +82,44 @@ def tensors_of_part(
     error = None
     for first in range(0, len(selected), step):
         cells = selected[first : first + step]
-        points = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
         try:
-            tensors = evaluate(points)
+            components = _at_nodes_of(cells, part, shapes, evaluate)
         except InputError as caught:  # on this rank perhaps alone
             error = caught
             break
         slot_rows = slot_of[first : first + step].ravel()
-        components = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1).reshape(
-            len(slot_rows), -1
-        )
         ones = np.ones(len(slot_rows))
         column = np.arange(len(slot_rows))
         at_slots = csr_matrix((ones, (slot_rows, column)), (len(slots), len(slot_rows)))
-        total += (at_slots @ components).reshape(total.shape)
+        total += (at_slots @ components.reshape(len(slot_rows), -1)).reshape(total.shape)
         count += np.bincount(slot_rows, minlength=len(slots))
     agree(mesh.comm, error)
     if solid:
         _join_ranks(part, slots, total, count)
     return node, kind, with_branches(total / count[:, None, None], shares, kind)
+
+
+def _at_nodes_of(
+    cells: IntArray,
+    part: MeshedStructure,
+    shapes: Array,
+    evaluate: Callable[[PointsInCells], Array],
+) -> Array:
+    """Components (cells · nodes, 6, columns) of tensors at the nodes of cells.
+
+    Tensors without second-order strains are linear in the dofs of a cell: where these are fewer
+    than the columns, those of unit dofs are evaluated and superposed.
+    """
+    X = part.mesh.geometry.reference_nodes
+    places = np.repeat(cells, len(X)), np.tile(X, (len(cells), 1))
+    dofs = dofs_of_cells(part, cells)
+    superposed = part.initial is None and dofs.shape[1] < shapes.shape[1]
+    points = UnitDofs(part, *places) if superposed else PointsInCells(part, shapes, *places)
+    tensors = evaluate(points)
+    components = np.stack([tensors[:, i, j] for i, j in PAIRS], axis=1)
+    if superposed:
+        components = components.reshape(len(cells), -1, dofs.shape[1]) @ shapes[dofs]
+    return components.reshape(len(places[0]), 6, -1)
 
 
 def jumps(
@@ -124,12 +143,10 @@ def jumps(
     step = max(1, AT_ONCE // len(X))
     for first in range(0, cells_of_rank, step):
         cells = np.arange(first, min(cells_of_rank, first + step))
-        points = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
-        columns = with_branches(evaluate(points), shares, material[points.cells])
-        jumps = np.einsum("pijk,pk->pij", columns, factors[nodes[cells].ravel()])
-        components[cells] = np.stack([jumps[:, i, j] for i, j in PAIRS], axis=1).reshape(
-            -1, len(X), 6
-        )
+        columns = _at_nodes_of(cells, part, shapes, evaluate)
+        columns = with_branches(columns, shares, np.repeat(material[cells], len(X)))
+        at_nodes = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
+        components[cells] = at_nodes.reshape(-1, len(X), 6)
     keys = nodes * len(part.parts) + material[:cells_of_rank, None]
     slots, slot_of = np.unique(keys, return_inverse=True)
     slot_of = slot_of.reshape(keys.shape)

@@ -55,8 +55,15 @@ class PointsInCells:
 
     def moved(self, X: Array) -> PointsInCells:
         """The same cells at other reference points X (P, tdim) or (tdim,)."""
-        reference_points = np.broadcast_to(X, self.X.shape)
-        return PointsInCells(self.part, self._shapes, self.cells, reference_points)
+        return self._at(self.cells, np.broadcast_to(X, self.X.shape))
+
+    def once(self, X: Array) -> tuple[PointsInCells, IntArray]:
+        """(the reference point X (tdim,) of each cell, the number (P,) of it for each point)."""
+        cells, number = np.unique(self.cells, return_inverse=True)
+        return self._at(cells, np.broadcast_to(X, (len(cells), len(X)))), number
+
+    def _at(self, cells: IntArray, X: Array) -> PointsInCells:
+        return PointsInCells(self.part, self._shapes, cells, X)
 
     def dofs(self, names: str | tuple[str, ...]) -> Array:
         """Dof values (P, functions, len(names), columns) of components; 0 for absent ones."""
@@ -101,6 +108,33 @@ class PointsInCells:
         count, functions, *of_dofs = dofs.shape
         slopes = np.swapaxes(along, 1, 2) @ dofs.reshape(count, functions, -1)
         return np.swapaxes(slopes.reshape(count, tdim, *of_dofs), 1, 2)
+
+
+class UnitDofs(PointsInCells):
+    """Points of cells; each column is the unit value of one dof of the cell, by `dofs_of_cells`."""
+
+    def __init__(self, part: MeshedStructure, cells: IntArray, X: Array) -> None:
+        super().__init__(part, np.zeros((0, 0)), cells, X)
+
+    def _at(self, cells: IntArray, X: Array) -> UnitDofs:
+        return UnitDofs(self.part, cells, X)
+
+    def dofs(self, names: str | tuple[str, ...]) -> Array:
+        """As of `PointsInCells`."""
+        components = list(self.part.form.components)
+        count = self.functions
+        unit = np.zeros((count, len(names), len(components), count))
+        for k, name in enumerate(names):
+            if name in components:
+                unit[:, k, components.index(name)] = np.eye(count)
+        unit = unit.reshape(count, len(names), -1)
+        return np.broadcast_to(unit, (len(self.cells), *unit.shape))
+
+
+def dofs_of_cells(part: MeshedStructure, cells: IntArray) -> IntArray:
+    """All dofs (cells, components · functions) of cells, one component after the other."""
+    paths = part.form.components.values()
+    return np.hstack([compat.cell_dofs(part.form.space, path, cells) for path in paths])
 
 
 def lagrange_1d(nodes: Array, x: Array) -> Array:
@@ -398,9 +432,10 @@ def middle_strains(at: PointsInCells, axes: SheetAxes) -> Strains:
     for i in (0, 1):
         for j in (0, 1):
             weight = (table[0][:, i] * table[1][:, j])[:, None, None]
-            corner_strains = _raw(at.moved(np.array([g[i], g[j]])), axes)
-            shear += weight * corner_strains.shear
-            membrane += weight * corner_strains.membrane
+            at_gauss, number = at.once(np.array([g[i], g[j]]))
+            corner_strains = _raw(at_gauss, axes)
+            shear += weight * corner_strains.shear[number]
+            membrane += weight * corner_strains.membrane[number]
     curved = at.part.mesh.order > 1
     return Strains(membrane if curved else strains.membrane, strains.bending, shear)
 

@@ -717,6 +717,25 @@ def test_rigid_motions_of_any_sheet_have_no_strain(cell, order):
     assert (weight > 0).all()
 
 
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
+@pytest.mark.parametrize("kind", ["tetrahedron", "beam", "triangle", "quadrilateral"])
+def test_superposed_stresses_are_those_of_the_motions(kind):
+    """Of more motions than a cell has dofs, as of each motion alone, which is not superposed."""
+    if kind == "tetrahedron":
+        part = ao.Structure(parts.box((2, 1, 1), cell=kind), ao.Solid(**parts.STEEL))
+    elif kind == "beam":
+        part = ao.Structure(parts.line(0.8, 3, (1, 2, -2)), BEAM)
+    else:
+        part = ao.Structure(mapped(2, lambda s, t: (s, t, s * t), kind, 2), skin("laminate"))
+    meshed = on_mesh(part)
+    motions = np.random.default_rng(4).standard_normal((compat.local_size(meshed.form.space), 150))
+    place = Place(fibre=(0.01, 0.004))
+    together = mesh_fields.tensors_of_part(meshed, motions, "stress", place, [0])[2]
+    for k in (0, 149):
+        alone = mesh_fields.tensors_of_part(meshed, motions[:, [k]], "stress", place, [0])[2]
+        np.testing.assert_allclose(together[..., [k]], alone, atol=1e-11 * np.abs(alone).max())
+
+
 @pytest.mark.sample
 @pytest.mark.parametrize("stack", ["shell", "laminate"])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
