@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error import quadrilaterals
+from antiosc.reduce.error import model_errors, quadrilaterals
 from antiosc.reduce.error.quadrilaterals import answers, divided, finer, interpolation, lacking
 from marks import FREE_ON_PURPOSE
 from sheets import NU as nu, RHO as rho, E, at, plate, rectangle, sheet
@@ -175,6 +177,15 @@ def test_a_mesh_that_cannot_be_divided_has_bars_without_it_and_says_why(monkeypa
     assert any("each cell divided" in note for note in budget.notes)
     assert budget.unknown[0] == "mesh"
     assert budget["peak_force"].time > 0
+
+
+@pytest.mark.parametrize("reasons", [("", "no room"), ("no room", "")])
+def test_memory_that_changes_meanwhile_leaves_an_estimate_or_its_reason(monkeypatch, reasons):
+    answers_in_turn = itertools.chain(reasons, itertools.repeat(reasons[1]))
+    monkeypatch.setattr(model_errors, "too_large", lambda *_: next(answers_in_turn))
+    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
+    model = ao.extract(plate(4, 0.01, "quadrilateral"), site, n=5, error="estimate")
+    assert (model.strain_error is None) == (model.info.no_estimate == "no room")
 
 
 def test_what_a_mesh_lacks_and_has_in_excess_is_told_apart_and_rigid_motions_are_left_alone():

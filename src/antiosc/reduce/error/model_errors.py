@@ -119,7 +119,7 @@ class ModelErrors:
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
         if self.skipped:
-            return model  # its `info` has the reason
+            return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
         facts = dict(estimate.facts)
@@ -127,7 +127,8 @@ class ModelErrors:
             facts["model"] = shell_facts(self._errors.part, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
         not_included = self._errors.not_included or None
-        info = replace(model.info, not_included=not_included, seconds=seconds, **facts)
+        facts |= {"no_estimate": None, "not_included": not_included, "seconds": seconds}
+        info = replace(model.info, **facts)
         return replace(
             model, strain_error=estimate.energies, strain_misfit=estimate.misfit, info=info
         )
