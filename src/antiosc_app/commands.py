@@ -24,6 +24,7 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering, plain
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
 from antiosc_app import new, report, results
+from antiosc_app.inspection import Forecast, forecast_of_parts
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
@@ -36,6 +37,10 @@ from antiosc_studies.drops.body import MODES
 if TYPE_CHECKING:
     from antiosc import Structure
     from antiosc.extension import Tradeoff, TradeoffMember
+
+
+#: Seconds from which the time of a run is told before it.
+LONG_RUN = 60.0
 
 
 def guarded(options: Namespace) -> int:
@@ -277,6 +282,11 @@ def _study(options: Namespace) -> int:
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
+    first = run.results(scene, ("structure",), evaluate)
+    scene.warnings[:] = first.warnings
+    foreseen = _of_run(scene, first.structure) if options.command == "run" else None
+    if foreseen is not None and foreseen.answer > LONG_RUN:
+        print_text(f"antiosc: the part has {foreseen.text()}.", sys.stderr)
     computed = run.results(scene, study.makes, evaluate)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
@@ -319,6 +329,8 @@ def _forecast(scene: CompiledScene) -> str:
     if built.structure is not None:
         dofs = f"{built.structure.dofs}"
         rows += [*results.advice_of(built), ("dofs", dofs), ("factor", _factor(built.structure))]
+    foreseen = _of_run(scene, built.structure)
+    rows += [] if foreseen is None else [("time", foreseen.text())]
     rows += [
         (f"box of {outline_of_part.name}", outline_of_part.text())
         for outline_of_part in outline.outlines(scene)
@@ -330,6 +342,23 @@ def _forecast(scene: CompiledScene) -> str:
         rows += _impact_rows(scene, built)
     rows += [("warning", sentence) for sentence in built.warnings]
     return results.format_rows(rows)
+
+
+def _of_run(scene: CompiledScene, structure: Structure | None) -> Forecast | None:
+    """Forecast of the model of a scene and of the whole run; None where no part has a mesh."""
+    if scene.model is None or structure is None:
+        return None
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return None
+    return forecast_of_parts(structure, _count(scene, structure))
+
+
+def _count(scene: CompiledScene, structure: Structure) -> int:
+    """The number of anti-oscillators of a scene; the usual one where a band gives it."""
+    from antiosc.extension import DEFAULT_COUNT
+
+    section = scene.document.data.get("extract", {})
+    return int(section.get("n", min(DEFAULT_COUNT, structure.dofs - 1)))
 
 
 def _factor(structure: Structure) -> str:
@@ -353,9 +382,7 @@ def _model_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[s
     if "band" in section:
         highest = engineering(section["band"], "Hz")
         return [("anti-oscillators", f"as many as needed up to {highest}")]
-    from antiosc.extension import DEFAULT_COUNT
-
-    n = section.get("n", min(DEFAULT_COUNT, results.structure.dofs - 1))
+    n = _count(scene, results.structure)
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 

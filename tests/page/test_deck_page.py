@@ -59,11 +59,15 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert cells == pytest.approx(147_000, rel=0.005)
     assert "147000 cells, 4100 times as many" in asked[0.004]
     assert re.search(r"about \d+ (s|min|h) and [\d.]+ GB", asked[0.004])
-    finer = opened._opened().look.forecast(0.15)
+    finer = opened._opened().look.forecast(0.15, 10)
     assert finer.answer > 2 * finer.seconds  # mesh, bars, stresses and picture too
     assert progress.seconds_text(max(finer.answer, 1.0)) in finer.brief()
     made = ao.read_model(deck, "m", size=0.15)
     assert finer.cells == 36 * 4
+    of_scene = inspection.forecast_of_parts(made, 10)  # what `antiosc run` tells
+    assert of_scene.cells == finer.cells
+    assert made.dofs < of_scene.dofs <= made.dofs + len(made.fixed)
+    assert of_scene.answer / of_scene.dofs == pytest.approx(finer.answer / finer.dofs)
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
 
 

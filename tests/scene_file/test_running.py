@@ -13,10 +13,15 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+<<<<<<< HEAD
 from antiosc.base.cfc import CLASSES
 from antiosc.base.errors import without_warnings
 from antiosc.base.texts import engineering, percent
 from antiosc_app import live, results
+=======
+from antiosc.base.texts import percent
+from antiosc_app import commands, live, results
+>>>>>>> ee2d0e13 (A run of more than a minute tells its time first, and shells of up to 200 000 dofs have the mesh in their bars)
 from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
@@ -352,6 +357,19 @@ def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):
     for held in ("32 dofs", unknown, "6 of 1 site(s)", "contact time", "step", "3 impacts"):
         assert held in told
     assert "peak force" not in told
+
+
+def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
+    """In the words of the dry run; a short run does not."""
+    path = written(tmp_path, f"{BRACKET}[extract]\nn = 4\n{HIT}")
+    assert antiosc("run", path) == 0
+    assert "a model takes about" not in capsys.readouterr().err
+    assert antiosc("run", path, "--dry-run") == 0
+    (foreseen,) = re.findall(r"time +(some .* dofs: a model takes .*)", capsys.readouterr().out)
+    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
+    assert antiosc("run", path) == 0
+    told = capsys.readouterr().err
+    assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
 
 
 def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
