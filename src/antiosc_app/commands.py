@@ -348,8 +348,6 @@ def _of_run(scene: CompiledScene, structure: Structure | None) -> Forecast | Non
     """Forecast of the model of a scene and of the whole run; None where no part has a mesh."""
     if scene.model is None or structure is None:
         return None
-    if not (structure.matrices.meshed or structure.matrices.assembled):
-        return None
     return forecast_of_parts(structure, _count(scene, structure))
 
 

@@ -490,14 +490,18 @@ def forecast_of(shape: str, dim: int, cells: float, n: int, of_cell: float) -> F
     return Forecast(cells, dofs, seconds, cost.bytes, cost.iterative, ANSWER[dim] * seconds)
 
 
-def forecast_of_parts(structure: Structure, n: int) -> Forecast:
-    """Forecast of a model of `n` anti-oscillators of a structure of meshed parts.
+def forecast_of_parts(structure: Structure, n: int) -> Forecast | None:
+    """Forecast of a model of `n` anti-oscillators of a structure; None where no part has a mesh.
 
     With several ranks, of the time and memory of this one.
     """
     from antiosc.extension import with_parts
 
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return None
     meshes = [(member.part.mesh, member.part.rows) for member in with_parts(structure).members()]
+    if not meshes:  # of superelements
+        return None
     forecasts = [
         forecast_of(mesh.cell, mesh.tdim, float(mesh.n_cells), n, rows / mesh.n_cells)
         for mesh, rows in meshes

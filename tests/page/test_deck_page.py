@@ -65,6 +65,7 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     made = ao.read_model(deck, "m", size=0.15)
     assert finer.cells == 36 * 4
     of_scene = inspection.forecast_of_parts(made, 10)  # what `antiosc run` tells
+    assert of_scene is not None
     assert of_scene.cells == finer.cells
     assert made.dofs < of_scene.dofs <= made.dofs + len(made.fixed)
     assert of_scene.answer / of_scene.dofs == pytest.approx(finer.answer / finer.dofs)
