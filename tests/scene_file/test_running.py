@@ -13,15 +13,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-<<<<<<< HEAD
 from antiosc.base.cfc import CLASSES
 from antiosc.base.errors import without_warnings
 from antiosc.base.texts import engineering, percent
-from antiosc_app import live, results
-=======
-from antiosc.base.texts import percent
 from antiosc_app import commands, live, results
->>>>>>> ee2d0e13 (A run of more than a minute tells its time first, and shells of up to 200 000 dofs have the mesh in their bars)
 from antiosc_app.scene_file import outline
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
