@@ -228,6 +228,15 @@ def test_too_few_anti_oscillators_are_in_the_bar_without_an_estimate_of_the_mesh
     assert "Mesh and truncation are not" in str(enough)
 
 
+def test_the_truncation_is_that_of_the_linear_part():
+    """The softest model of the rest has no second-order forces."""
+    body = model()
+    hit = ao.simulate(body, BALL, LAW, DURATION, tol=1e-4)
+    flat = replace(body, stretch=None)
+    linear = ao.simulate(flat, BALL, LAW, DURATION, tol=1e-4)
+    assert ao.truncation_error(body, hit.rerun) == ao.truncation_error(flat, linear.rerun)
+
+
 def test_a_part_with_two_modes_takes_both_and_says_nothing():
     body = model("auto", size=2)
     with warnings.catch_warnings():
