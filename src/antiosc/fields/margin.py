@@ -206,6 +206,11 @@ class Margin(ReprMixin):
         return self.stress / self.strength
 
     @property
+    def of_model(self) -> float:
+        """The value with `spread` over strength, without the stress at the edge of the balls."""
+        return (self.value + self.spread) / self.strength
+
+    @property
     def margin(self) -> float:
         """Margin of safety, strength over stress minus 1; negative: yield or failure is reached."""
         if not self.exposure:
@@ -368,7 +373,7 @@ class Margin(ReprMixin):
         stress, of_model = (engineering(stress, "Pa") for stress in (self.stress, self.value))
         if self.at_edge:
             distance = f"{CONTACT_RADII:g} radii of the contact"
-            by_mesh = f"by the mesh up to {of_model} {self._place}"
+            by_mesh = f"farther away, by the mesh, up to {of_model} {self._place}"
             return f"{stress} at {distance} by Hertz's pressure on a half-space ({by_mesh})"
         if stress == of_model:
             return f"{stress} {self._place}"
@@ -518,7 +523,7 @@ def margin_of(
         assert beyond is not None
         within = np.where(at_edges & off_balls, strengths, np.nan)
         sharp = margin_of(criterion, values, within, points, times, places, NO_ZONES)
-        if sharp is not None and sharp.exposure <= beyond.exposure:
+        if sharp is not None and sharp.exposure <= beyond.of_model:
             sharp = None
         return replace(beyond, sharp=sharp, away=zones.away)
     leave_out = zones.balls

@@ -289,7 +289,7 @@ def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
     assert margin.exposure == pytest.approx(zone.edge_stress / alu.yield_strength)
     assert peak.largest_mesh_error is None
     assert "at 3 radii of the contact by Hertz's pressure" in margin.sentence
-    of_mesh = f"by the mesh up to {engineering(margin.value, 'Pa')} at"
+    of_mesh = f"farther away, by the mesh, up to {engineering(margin.value, 'Pa')} at"
     assert of_mesh in margin.sentence
     assert "too coarse" not in margin.sentence  # the mesh's own may be anywhere
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import antiosc as ao
 import parts
-from antiosc.fields.margin import is_within
+from antiosc.fields.margin import Zones, is_within, margin_of
+from antiosc.recovery.place import Place
 from antiosc.recovery.sharp_edges import _corners, interior_angle, sharp_edges
 from static_loads import held
 
@@ -54,6 +56,29 @@ def test_a_bar_is_judged_at_half_its_thickness_from_the_clamp(kind):
     assert margin.sharp.value == everywhere.value > margin.value
     assert "no limit: here up to" in margin.sentence
     assert "no limit" not in everywhere.sentence
+
+
+def test_the_stress_at_a_clamp_is_told_beside_a_larger_one_under_a_contact():
+    """By Hertz's pressure, which is no stress of the bar."""
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    values = np.array([90e6, 50e6, 400e6])
+    place = [Place(), Place(), Place()]
+    contact = SimpleNamespace(
+        edge_stress=200e6,
+        thin_stress=0.0,
+        unresolved_depth=np.inf,
+        spread_error=lambda points: np.zeros(len(points)),
+    )
+    zones = Zones(
+        balls=np.array([[0.2, 0, 0, 0.01]]),
+        contacts=[contact],
+        supports=np.array([[0.0, 0, 0, 0.01]]),
+    )
+    of_bar = "yield", values, np.full(3, 300e6), points, np.zeros(3), place
+    margin = margin_of(*of_bar, zones)
+    assert (margin.value, margin.stress, margin.sharp.value) == (50e6, 200e6, 90e6)
+    small = "yield", np.array([40e6, 50e6, 400e6]), *of_bar[2:]
+    assert margin_of(*small, zones).sharp is None
 
 
 def test_a_stress_beside_a_sharp_edge_converges_with_the_mesh(tmp_path):
