@@ -17,6 +17,8 @@ ON_PLANE = 1e-6
 FEWEST = 4
 #: A number of which no two multiples have a common part behind the point.
 GOLDEN = 0.6180339887498949
+#: Largest rounding of a motion of 1 to 2: 1e-15 at the middles of edges of triangles.
+ROUNDING = 1e-9
 #: The sentences of structures: 0.03 to 0.1 s for 43 000 dofs, at every click of a page.
 _notes: WeakKeyDictionary[Structure, str] = WeakKeyDictionary()
 
@@ -59,7 +61,8 @@ def held_motions(structure: Structure) -> tuple[Array, Array]:
         nodes, _, displacements = source(structure).at_nodes(structure, motion)
     except AntioscError:
         return np.zeros((0, 3)), np.zeros((0, 3))
-    return nodes, displacements[:, :, 0]
+    moved = displacements[:, :, 0]
+    return nodes, np.where(np.abs(moved) > ROUNDING, moved, 0.0)
 
 
 def _planes(structure: Structure) -> list[tuple[str, float]]:

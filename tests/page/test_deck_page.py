@@ -9,6 +9,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import antiosc as ao
@@ -139,6 +140,20 @@ def test_the_row_of_supports_names_the_deck_where_it_holds_something(fixed, give
     assert ("as in the deck" in told) == bool(fixed)
     assert "edges" in told or "plane" in told
     assert "node" in told
+
+
+def test_the_nodes_of_held_edges_are_counted_in_spite_of_rounding(tmp_path):
+    path = tmp_path / "sheet.geo"
+    path.write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 0.3, 0.2};\n'
+        'Physical Surface("plate") = {1};\nPhysical Curve("rim") = {1, 2, 3, 4};\n'
+    )
+    mesh = ao.read_mesh(path, size=0.1, gdim=3)
+    sheet = ao.Structure(mesh, ao.Shell(210e9, 0.3, 7850.0, 1e-3), [ao.Support("rim")])
+    nodes = np.unique(mesh.geometry.nodes.reshape(-1, 3)[:, :2].round(9), axis=0)
+    rim = ((nodes == 0.0) | (nodes == (0.3, 0.2))).any(axis=1)
+    told = conditions._held(sheet, {"supports": [{"where": "rim"}]})
+    assert told == f"rim: {rim.sum()} nodes"
 
 
 def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened, monkeypatch):
