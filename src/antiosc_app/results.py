@@ -1043,6 +1043,18 @@ def _blow(results: SceneResults) -> Presentation:
     )
 
 
+#: Units of values that sweeps vary, by the last word of their names.
+SWEPT_UNITS = {"velocity": "m/s", "mass": "kg", "E": "Pa", "rho": "kg/m³", "yield_strength": "Pa"}
+SWEPT_UNITS |= dict.fromkeys(("radius", "tip_radius", "thickness", "duration"), "m")
+SWEPT_UNITS["duration"] = "s"
+#: What the bars of a sweep hold.
+BARS_OF_SWEEP = (
+    "± is the error bar of the peak force: mesh, truncation, time steps, patch, and the contact law"
+    " with the range of the yield strength (yield_range), but for what the name of the column"
+    " leaves out. The elastic constants and the striker have no error in it."
+)
+
+
 def _sweep(results: SceneResults) -> Presentation:
     """A sweep: the varied values, and the results of each impact."""
     batch = results.batch
@@ -1050,28 +1062,40 @@ def _sweep(results: SceneResults) -> Presentation:
         label(place): list(values) for place, values in varied(results.compiled).items()
     }
     table: Columns = dict(varied_values)
+    bars = _bar_column([row.budget for row in results.facts])
     for name, unit in QUANTITIES.items():
         table[f"{_spaced(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force":
-            table |= _bar_column([row.budget for row in results.facts])
+            table |= bars
     table |= _yield_columns(results.facts)
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
     def draw(ax: Axes) -> None:
         name, values = next(iter(varied_values.items()))
         numbers = all(isinstance(v, int | float) for v in values)
-        ax.plot(values if numbers else range(len(values)), batch.peak_force, "o-", ms=4, lw=1)
-        ax.set_xlabel(escaped(f"{name} (SI)"))
+        x = values if numbers else range(len(values))
+        shares = [np.nan_to_num(bar) / 100 for bar in bars.values()]
+        errors = batch.peak_force * shares[0] if shares else None
+        ax.errorbar(x, batch.peak_force, errors, fmt="o-", ms=4, lw=1, capsize=3)
+        ax.set_xlabel(escaped(with_unit(name)))
         ax.set_ylabel("peak force (N)")
 
-    caption = "Peak force (N) of each impact, over the first value that varies."
+    caption = "Peak force (N) of each impact with its bar, over the first value that varies."
+    shown = {with_unit(name): values for name, values in varied_values.items()}
+    shown |= {name: values for name, values in table.items() if name not in varied_values}
     return Presentation(
         text=[format_columns(table)],
         tables={"sweep.csv": table},
         numbers={"sweep": table},
-        sections={"Sweep": [table]},
+        sections={"Sweep": [shown, *[BARS_OF_SWEEP] * bool(bars)]},
         pictures=[chart("Sweep", caption, draw)],
     )
+
+
+def with_unit(name: str) -> str:
+    """The name of a varied value with its unit: "impactor.velocity (m/s)"."""
+    unit = SWEPT_UNITS.get(name.rpartition(".")[2])
+    return f"{name} ({unit})" if unit else name
 
 
 def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:

@@ -164,7 +164,11 @@ def test_a_sweep_has_the_bars_of_its_runs_and_fails_with_one_of_them(tmp_path, c
     scene = f'{BRACKET}[extract]\nn = 8\nerror = "estimate"\n{ball}{law}'
     steps = "simulate.step = [1e-6, 1e-6, 1e-13]\n"  # the last takes more than a million
     path = written(tmp_path, f"{scene}[sweep]\nimpactor.velocity = [0.5, 1.0, 1.0]\n{steps}")
-    assert antiosc("sweep", path, "--out", tmp_path / "out") == 1
+    report = tmp_path / "sweep.html"
+    assert antiosc("sweep", path, "--out", tmp_path / "out", "--report", report) == 1
+    page = report.read_text()
+    assert '<th class="number">impactor.velocity (m/s)</th>' in page
+    assert "± is the error bar of the peak force" in page
     assert "peak force (N)  ± without the law (%)" in capsys.readouterr().out
     columns = table(tmp_path / "out/sweep.csv")
     assert columns["status"].tolist() == [0, 0, 2]
