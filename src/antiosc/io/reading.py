@@ -582,7 +582,9 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         first_remarks = raw.remarks
         if reason is not None:
             sentence = str(reason).rstrip(".")
-            raw.remarks = [*first_remarks, f"{sentence}; it is meshed {attempt.about}."]
+            shape = " in the shape of the file" if raw.off <= MOST_OFF else ""
+            told = f"{sentence}; it is meshed {attempt.about}{shape}."
+            raw.remarks = [*first_remarks, told]
             if raw.off <= MOST_OFF and asked.path.exists():
                 _worked[asked.state] = number, raw.remarks[-1]
         if raw.off <= MOST_OFF:

@@ -135,7 +135,7 @@ def test_other_ways_to_mesh_are_tried_and_told():
         return raw
 
     (sentence,) = _meshed(once, Asked(Path("part.step"))).remarks
-    assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[4].about}."
+    assert sentence == f"PLC error 0; it is meshed {ATTEMPTS[4].about} in the shape of the file."
     count = sum(attempt.suits(True) for attempt in ATTEMPTS)
     assert tries == ["", f"try 2 of {count}, ", f"try 3 of {count}, "]
 
