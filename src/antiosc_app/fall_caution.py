@@ -9,6 +9,7 @@ from antiosc import Fall
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import SMALLER_CELLS, engineering, percent
 from antiosc_app.live import rough_force
+from antiosc_studies.drops.beside import BESIDE
 from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
 from antiosc_studies.drops.flat import ANGLE, is_flat, range_over_tilt
 from antiosc_studies.drops.trajectory import FallImpact
@@ -22,6 +23,8 @@ REMEDIES = {
     PRESSING: "a soft layer on the floor, whose modulus is known, narrows it most",
     ELASTIC: "a soft layer on the floor, whose modulus is known, narrows it most",
     BALL: "a soft layer on the floor, whose modulus is known, narrows it most",
+    BESIDE: "a tilt by which the part lands on a corner alone, its edges inclined by 25° or more,"
+    " narrows it most",
     FACETS: f"smaller cells ({SMALLER_CELLS}) narrow it most",
 }
 
@@ -104,6 +107,9 @@ def _shares(fall: Fall, hardest: int) -> str:
     told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
     if not told:
         return ""
-    parts = ", ".join(f"{cause} {percent(error)}" for error, cause in told)
+    squared = ", ".join(f"{cause} {percent(error)}" for error, cause in told if cause != BESIDE)
+    parts = [f"{squared} (root of the squares)"] * bool(squared)
+    if shares.get(BESIDE, 0.0) > TOLD:
+        parts.append(f"{BESIDE}, {percent(shares[BESIDE])}")
     remedy = next(REMEDIES[cause] for _, cause in told)
-    return f"{parts} (root of the squares): {remedy}"
+    return f"{', and '.join(parts)}: {remedy}"

@@ -11,11 +11,15 @@ import pytest
 
 import antiosc as ao
 from antiosc.engine.contact.peak_error import force_after
+from antiosc_app.fall_caution import caution_of_fall
+from antiosc_studies.drops import trajectory
+from antiosc_studies.drops.beside import BESIDE
 from antiosc_studies.drops.blunt import RADIUS, Corner, _tip, _work, flatten
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import onto, tilted
 from antiosc_studies.drops.floor import law_at
 from antiosc_studies.drops.free_body import State
+from antiosc_studies.drops.trajectory import point_contacts
 
 pytestmark = pytest.mark.fem
 PLASTIC = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=(38e6, 46e6))
@@ -78,6 +82,22 @@ def test_the_bar_holds_half_and_double_the_assumed_radius() -> None:
         assert abs(other.peak_force / fall.peak_force - 1) < impact.law_error
         assert other.error_shares()[RADIUS] == 0
         assert other.impacts[0].law_error < impact.law_error
+
+
+def test_the_share_of_an_edge_beside_a_corner_is_told_with_the_others(monkeypatch) -> None:
+    """A latch of ABS that fell tilted by 10° had 130 % of it, and 33 % of all others."""
+
+    def beside_each(*where):
+        return ((contact, 0.5) for contact in point_contacts(*where[:2], [where[2]]))
+
+    monkeypatch.setattr(trajectory, "_with_beside", beside_each)
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), PLASTIC)
+    floor = ao.Floor("concrete C30/37")
+    fall = ao.drop(part, 0.8, floor=floor, until=1, modes=6, corner="+x-y-z")
+    shares = fall.error_shares()
+    assert shares.pop(BESIDE) == 0.5
+    assert fall.impacts[0].law_error == pytest.approx(0.5 + hypot(*shares.values()))
+    assert f"(root of the squares), and {BESIDE}, 50 %: a tilt by which" in caution_of_fall(fall)
 
 
 def test_the_modes_of_a_material_with_the_same_poissons_ratio_scale() -> None:

@@ -22,6 +22,8 @@ from antiosc_studies.drops.episode import SAMPLES, Episode, path_of
 from antiosc_studies.drops.floor import Floor
 from antiosc_studies.drops.lines import TABOR, force_along
 
+#: Cause of the error by the surface beside a corner.
+BESIDE = "an edge or a face beside the corner that meets the floor almost flat"
 #: Share by which the force of a line may exceed that of its vertices if these stand for it.
 COARSE = 0.1
 #: Depths over the dent at which the cut of the surface is computed.

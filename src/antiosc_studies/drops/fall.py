@@ -422,7 +422,8 @@ class Fall(Trajectory, Result):
     def error_shares(self, impact: int = 0) -> dict[str, float]:
         """Relative errors of the force of an impact, from 0, by their causes; {} if not known.
 
-        The bar is the root of the sum of their squares.
+        The bar is the share of an edge or a face beside the corner, and the root of the sum of the
+        squares of the others.
         """
         return error_shares(self.body, self.setting.floor, self._episodes(impact))
 

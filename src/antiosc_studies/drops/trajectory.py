@@ -27,7 +27,7 @@ from antiosc.engine.contact.peak_error import (
 )
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import OF_ALL_CONTACTS, HertzContact, YieldingZone
-from antiosc_studies.drops.beside import share_beside
+from antiosc_studies.drops.beside import BESIDE, share_beside
 from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
@@ -640,15 +640,14 @@ def error_shares(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> d
     """The shares of `law_error` by their causes, if a sharp vertex decides it; else {}."""
     if floor.law is not None or floor.layer is not None:
         return {}
-    contacts = list(point_contacts(body, floor, episodes))
-    return (
-        max(
-            contacts,
-            key=lambda contact: contact.force * (contact.error(body, floor) or 0.0),
-        ).shares(floor)
-        if contacts
-        else {}
+    contacts = [pair for current in episodes for pair in _with_beside(body, floor, current)]
+    if not contacts:
+        return {}
+    contact, beside = max(
+        contacts, key=lambda pair: pair[0].force * ((pair[0].error(body, floor) or 0.0) + pair[1])
     )
+    shares = contact.shares(floor)
+    return shares | {BESIDE: beside} if shares else {}
 
 
 def unknown_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
@@ -681,12 +680,8 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
         if peak := current.peak_force():
             yield layer_error(current, floor.layer), peak
         return
-    contacts = list(point_contacts(body, floor, [current]))
-    beside = share_beside(floor, current) if contacts else 0.0
-    for contact in contacts:
+    for contact, more in _with_beside(body, floor, current):
         error = contact.error(body, floor)
-        has_all = contact.which in contact.part.cut and current.rough_line is None
-        more = 0.0 if has_all else beside
         yield None if error is None else error + more, contact.force
     weights = rule()[1]
     for line, forces in current.strongest().items():
@@ -695,6 +690,17 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
         force = float(forces.sum())
         if force > 0:
             yield line_error(current.body, floor, line, force, carried), force
+
+
+def _with_beside(
+    body: FreeBody, floor: Floor, current: Episode
+) -> Iterator[tuple[PointContact, float]]:
+    """Yields (contact at a point, force of the surface beside the points over theirs)."""
+    contacts = list(point_contacts(body, floor, [current]))
+    beside = share_beside(floor, current) if contacts else 0.0
+    for contact in contacts:
+        has_all = contact.which in contact.part.cut and current.rough_line is None
+        yield contact, 0.0 if has_all else beside
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
