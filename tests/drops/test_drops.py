@@ -151,6 +151,18 @@ def test_the_friction_of_the_floor_is_told() -> None:
         assert told in " ".join(falls.headline_of_fall(fall, None).sentences)
 
 
+def test_the_acceleration_of_the_centre_of_mass_is_told() -> None:
+    """F/m of a contact of 12 ms, which the filter passes; less of a contact of 0.12 ms."""
+    for stiffness, passed in ((1e5, True), (1e10, False)):
+        fall = ao.drop(BALL, 0.1, floor=ao.Floor(law=ao.Hertz(stiffness)), until=1)
+        (told,) = (note for note in fall.notes if note.startswith("the centre of mass has"))
+        in_g = float(told.split()[7])
+        whole = fall.peak_force / BALL.mass / 9.80665
+        assert (abs(in_g / whole - 1) < 0.02) == passed
+        assert in_g < 1.02 * whole
+        assert "through CFC1000, in impact 1" in told
+
+
 def test_a_floor_that_is_rigid_because_none_was_given_is_told() -> None:
     for floor, rigid in ((None, True), (ao.Floor(SOFT), False), (ao.Floor(law=ao.Hertz(1e10)), 0)):
         notes = ao.drop(HARD if floor else ao.Sphere(0.015, material=SOFT), 0.1, floor=floor).notes

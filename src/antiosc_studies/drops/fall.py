@@ -67,6 +67,9 @@ NUDGE = 1e-4
 #: Largest relative change of a peak force that counts as predictable.
 SPREAD = 0.05
 
+#: Filter of the acceleration that is told unasked.
+SHOCK_FILTER = "CFC1000"
+
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
 At: TypeAlias = Sequence[float] | str | None
 
@@ -381,6 +384,7 @@ class Fall(Trajectory, Result):
         sentences = (
             rigid,
             f"the floor has a coefficient of friction of {friction} (friction)",
+            self._shock,
             self.contact_verdict,
             self._strained,
             self._cracks,
@@ -389,6 +393,18 @@ class Fall(Trajectory, Result):
             self._breaking,
         )
         return [*self.body.notes, *filter(None, sentences)]
+
+    @property
+    def _shock(self) -> str:
+        """Sentence on the largest acceleration of the centre of mass; "" without impacts."""
+        if not self.groups:
+            return ""
+        peak = self.peak("acceleration", filter=SHOCK_FILTER)
+        return (
+            f"the centre of mass has at most {peak.g:.3g} g through {SHOCK_FILTER}, in impact"
+            f" {peak.impact + 1}, as that of a rigid part; accelerometers of a scene and Fall.peak"
+            " give those of points"
+        )
 
     @property
     def _breaking(self) -> str:
