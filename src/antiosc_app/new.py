@@ -38,6 +38,7 @@ from antiosc_app.report import rendered
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read, without_line
+from antiosc_app.until_parted import OSCILLATORS
 
 #: A name with a number at its end, which may stand in brackets.
 ENDING_NUMBER = re.compile(r"(.*?)(\d+)\)?")
@@ -137,6 +138,7 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
         look=inspection,
         read=dict.fromkeys((*keys, "free", "order")) | dict(inspection.read if inspection else {}),
         family="Solid" if inspection is None else inspection.family,
+        fewest=OSCILLATORS[0],
         material=MATERIAL if inspection is None else inspection.material,
         point=[0.0, 0.0, 0.1] if inspection is None else inspection.point,
         direction=[0.0, 0.0, -1.0] if inspection is None else inspection.direction,

@@ -1044,9 +1044,11 @@ def _blow(results: SceneResults) -> Presentation:
 
 
 #: Units of values that sweeps vary, by the last word of their names.
-SWEPT_UNITS = {"velocity": "m/s", "mass": "kg", "E": "Pa", "rho": "kg/m³", "yield_strength": "Pa"}
-SWEPT_UNITS |= dict.fromkeys(("radius", "tip_radius", "thickness", "duration"), "m")
-SWEPT_UNITS["duration"] = "s"
+SWEPT_UNITS = {
+    **{"velocity": "m/s", "mass": "kg", "rho": "kg/m³", "duration": "s"},
+    **dict.fromkeys(("radius", "tip_radius", "thickness"), "m"),
+    **dict.fromkeys(("E", "yield_strength"), "Pa"),
+}
 #: What the bars of a sweep hold.
 BARS_OF_SWEEP = (
     "± is the error bar of the peak force: mesh, truncation, time steps, patch, and the contact law"
