@@ -12,6 +12,9 @@ from antiosc.fem.assembly import (
 from antiosc.fem.assembly.assemble import (
     assemble_checked as assemble_checked,
 )
+from antiosc.fem.assembly.assembled import (
+    AssembledMatrices as AssembledMatrices,
+)
 from antiosc.fem.elements.shell import (
     GivenSheet as GivenSheet,
 )
@@ -38,6 +41,7 @@ from antiosc.fem.mesh.curvature import (
     curvature as curvature,
 )
 from antiosc.fem.mesh.halving import (
+    halved as halved,
     halvings as halvings,
     longest_cell as longest_cell,
     with_cells_of as with_cells_of,

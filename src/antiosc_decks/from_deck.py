@@ -45,6 +45,7 @@ from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.base.materials import growth_like
 from antiosc.base.texts import engineering
 from antiosc.extension import (
+    AssembledMatrices,
     Attachment,
     Family,
     GivenSheet,
@@ -52,6 +53,7 @@ from antiosc.extension import (
     attachments_of,
     distributed,
     flattened,
+    halved,
     numbered_elements,
     sound,
     with_cells_of,
@@ -298,16 +300,22 @@ def read_model(
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
     if shared := _shared_strength(raws.values(), strengths):
         warn(comm, f"{shared} {file.name}: {EACH_STRENGTH}.")
-    structures = {
-        name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
-        for name, raw in raws.items()
-    }
-    structure = next(iter(structures.values()))
-    if model["joined"]:
+
+    def of_meshes(raws: Mapping[str, RawMesh]) -> Structure:
+        structures = {
+            name: _part(raw, file.name, comm, solver, added_supports, added_attachments, strengths)
+            for name, raw in raws.items()
+        }
+        if not model["joined"]:
+            return next(iter(structures.values()))
         numbers = {name: raw.numbers for name, raw in raws.items()}
-        structure = joined(structures, numbers, model, added_supports, added_attachments, solver)
+        return joined(structures, numbers, model, added_supports, added_attachments, solver)
+
+    structure = of_meshes(raws)
     if reason := not_halved(model):
         _kept[structure] = reason
+    elif isinstance(structure.matrices, AssembledMatrices):
+        structure.matrices.halved = lambda: of_meshes(_halved(raws))
     return structure
 
 
@@ -478,7 +486,18 @@ def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawM
             f"{name} keeps its elements, for {reason}: read it without a size, or mesh it in the"
             " program that made it."
         )
-    finer = with_cells_of(size, raws, name)
+    return _finer(raws, with_cells_of(size, raws, name))
+
+
+def _halved(raws: Mapping[str, RawMesh]) -> dict[str, RawMesh]:
+    """The parts of a deck with each element halved."""
+    meshes = list(raws.values())
+    return dict(zip(raws, _finer(meshes, halved(meshes)), strict=True))
+
+
+def _finer(raws: Sequence[RawMesh], finer: Sequence[RawMesh]) -> list[RawMesh]:
+    """Meshes `finer` with the model of the parts, and the directions in each of their cells."""
+    model = _model(raws[0])
     families = [
         (group, kind, _in_each_cell(arguments, group, raws, finer), place)
         for group, kind, arguments, place in model["families"]

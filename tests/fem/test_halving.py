@@ -105,8 +105,8 @@ def test_too_many_cells_are_refused():
 
 def deck(path, n: int, beam: str = "", more: str = "") -> str:
     """A sheet of 0.4 m x 0.2 m in 2n x n quadrilaterals: two thicknesses, an edge clamped; with a
-    rib along its middle, a post of n elements in its middle, or a fold and an offset, with fibres
-    across its thin part.
+    rib along its middle, a post of n elements in its middle, a fold and an offset, with fibres
+    across its thin part, or triangles in a corner.
     """
     # the columns beside the fold are of unlike widths: halves of one are nearest to the middle of
     # the other, where the fibres and the side of the offset differ
@@ -124,12 +124,23 @@ def deck(path, n: int, beam: str = "", more: str = "") -> str:
     ]
     lines += [f"{5000 + k}, 0.2, 0.1, {0.1 * k / n!r}" for k in range(1, n + 1)]
     for name, cells in (("THIN", range(n)), ("THICK", range(n, 2 * n))):
+        triangles = beam == "triangles" and name == "THICK"
         lines.append(f"*ELEMENT, TYPE=S4, ELSET={name}")
         for j in range(n):
             for i in cells:
                 first = 1 + i + a * j
                 corners = f"{first}, {first + 1}, {first + 1 + a}, {first + a}"
-                lines.append(f"{1 + i + 2 * n * j}, {corners}")
+                if not (triangles and i >= 3 * n // 2 and j < n // 4):
+                    lines.append(f"{1 + i + 2 * n * j}, {corners}")
+    if beam == "triangles":
+        lines.append("*ELEMENT, TYPE=S3, ELSET=THICK")
+        for j in range(n // 4):
+            for i in range(3 * n // 2, 2 * n):
+                first = 1 + i + a * j
+                lines += [
+                    f"{20_000 + first}, {first}, {first + 1}, {first + 1 + a}",
+                    f"{30_000 + first}, {first + 1 + a}, {first + a}, {first}",
+                ]
     if beam in ("rib", "post"):
         lines.append("*ELEMENT, TYPE=B31, ELSET=RIB")
         middle = 1 + a * (n // 2)
@@ -176,6 +187,23 @@ def test_a_halved_deck_is_the_deck_of_halved_elements(tmp_path, beam):
     # the nodes have other numbers: rounding differs, the more the thinner a sheet is
     assert a.k0 == pytest.approx(b.k0, rel=1e-7)
     assert a.omega == pytest.approx(b.omega, rel=1e-7)
+
+
+@pytest.mark.parametrize("beam", ["triangles", "rib", "post"])
+def test_the_mesh_error_of_a_deck_of_several_families_is_that_of_the_finer_deck(tmp_path, beam):
+    """The static flexibility of a deck with elements of half the size, and its impact."""
+    site = ao.Site((0.25, 0.15, 0.0), (0.0, 0.0, -1.0), part="faces" if beam == "post" else None)
+    ball = ao.RigidMass(mass=1e-2, velocity=1e-3)
+    models, forces = [], []
+    for n in (4, 8):
+        part = ao.read_model(deck(tmp_path / f"{n}.inp", n, beam), "m")
+        models.append(ao.extract(part, site, n=60, error="estimate"))
+        forces.append(ao.simulate(models[-1], ball, ao.Linear(1e5), duration=4e-3))
+    (coarse, fine), (hit, finer_hit) = models, forces
+    energy = coarse.k0**2 / fine.k0 - coarse.k0
+    found = coarse.strain_error[0, 0] + coarse.strain_misfit[0, 0]
+    assert found == pytest.approx(4 / 3 * energy, rel=1e-4)
+    assert abs(finer_hit.peak_force / hit.peak_force - 1) < hit.error_budget["peak_force"].mesh
 
 
 def test_a_blow_on_a_halved_deck_is_that_on_an_infinite_plate(tmp_path):

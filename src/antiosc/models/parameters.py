@@ -386,10 +386,9 @@ LEAST_CHANGE = -0.5
 MASSLESS_SHARE = 1e-12
 #: Message for assemblies.
 JOINTED = (
-    "the mesh's error is estimated of one mesh and of joined solids, and this is an assembly with"
-    " sheets, beams or superelements (a rigid body, a tie, a coupling or a spring of a deck makes"
-    " one of a single part, too): compare with smaller cells, or where a deck keeps its elements"
-    " with a finer deck."
+    "the mesh's error is estimated of one mesh, of joined solids and of decks whose elements can be"
+    " halved, and this is another assembly (rigid bodies, ties and couplings of a deck keep its"
+    " elements): compare with smaller cells, or a deck with a finer one."
 )
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (

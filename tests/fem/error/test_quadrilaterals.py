@@ -11,8 +11,8 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
-from antiosc.reduce.error import model_errors, quadrilaterals
-from antiosc.reduce.error.quadrilaterals import answers, divided, finer, interpolation, lacking
+from antiosc.reduce.error import divided as by_division, model_errors
+from antiosc.reduce.error.divided import answers, divided, finer, interpolation, lacking
 from marks import FREE_ON_PURPOSE
 from sheets import NU as nu, RHO as rho, E, at, plate, rectangle, sheet
 
@@ -167,7 +167,7 @@ def test_the_bar_holds_what_a_much_finer_mesh_changes_and_is_no_more_than_six_ti
 
 def test_a_mesh_that_cannot_be_divided_has_bars_without_it_and_says_why(monkeypatch):
     part = plate(4, 0.01, "quadrilateral")
-    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 100)
+    monkeypatch.setattr(by_division, "MOST_DOFS", 100)
     site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
     model = ao.extract(part, site, n=5, error="estimate")
     assert model.strain_error is None

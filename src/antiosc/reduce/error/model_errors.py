@@ -12,9 +12,9 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import JOINTED
 from antiosc.reduce.error.beam import HalvedBeams
+from antiosc.reduce.error.divided import DividedDeck, DividedShells, divides, too_large
 from antiosc.reduce.error.joined import JoinedSolids, all_solids
-from antiosc.reduce.error.quadrilaterals import DividedShells, divides, too_large
-from antiosc.reduce.error.scheme import MeshErrors, PartErrors, StrainErrors
+from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
 from antiosc.reduce.error.shell import ShellErrors
 from antiosc.reduce.error.shell_facts import shell_facts
 from antiosc.reduce.error.solid import SolidErrors, refuse_one_cell
@@ -50,7 +50,8 @@ def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
 def _of_structure(structure: Structure) -> MeshErrors:
     """The estimator for the models of a structure."""
     if structure.matrices.assembled:
-        return JoinedSolids(cast("AssembledMatrices", structure.matrices))
+        matrices = cast("AssembledMatrices", structure.matrices)
+        return JoinedSolids(matrices) if all_solids(matrices) else DividedDeck(matrices)
     part = on_mesh(structure, NO_MESH)
     if part.kind.name == "beam":
         return HalvedBeams(part)
@@ -69,7 +70,9 @@ def refusal(structure: Structure) -> str:
 def _refusal(structure: Structure) -> str:
     """Why an assembly or trusses have no estimator; "" for others."""
     if structure.matrices.assembled:
-        return "" if all_solids(cast("AssembledMatrices", structure.matrices)) else JOINTED
+        matrices = cast("AssembledMatrices", structure.matrices)
+        halved = matrices.halved is not None and matrices.preload is None
+        return "" if halved or all_solids(matrices) else JOINTED
     if not structure.matrices.meshed:
         return ""
     part = on_mesh(structure, NO_MESH)
@@ -78,7 +81,10 @@ def _refusal(structure: Structure) -> str:
 
 def _skipped(structure: Structure) -> str:
     """Why a mesh is too large for its estimator; "" if it is not."""
-    if structure.matrices.assembled or not structure.matrices.meshed:
+    if structure.matrices.assembled:
+        solids = all_solids(cast("AssembledMatrices", structure.matrices))
+        return "" if solids else too_large(structure.size, "the deck")
+    if not structure.matrices.meshed:
         return ""
     part = on_mesh(structure)
     if divides(part):
@@ -93,6 +99,14 @@ def _refused(part: MeshedStructure) -> str:
         f"the error 'estimate' holds for solids, beams and shells; {part.mesh.name} is made of"
         f" {name} elements, {WHY[name]}."
     )
+
+
+def _struck(structure: Structure, site: Functional) -> MeshedStructure:
+    """The part of a structure that is struck."""
+    if not structure.matrices.assembled:
+        return on_mesh(structure, NO_MESH)
+    (member,) = cast("AssembledMatrices", structure.matrices).members(site.part)
+    return member.part
 
 
 class ModelErrors:
@@ -123,8 +137,9 @@ class ModelErrors:
         start_time = time.perf_counter()
         estimate = self._errors.estimate(self._structure, model, site)
         facts = dict(estimate.facts)
-        if isinstance(self._errors, PartErrors) and self._errors.part.kind.sheet:
-            facts["model"] = shell_facts(self._errors.part, site)
+        part = _struck(self._structure, site)
+        if part.kind.sheet:
+            facts["model"] = shell_facts(part, site)
         seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
         not_included = self._errors.not_included or None
         facts |= {"no_estimate": None, "not_included": not_included, "seconds": seconds}
