@@ -27,7 +27,7 @@ from antiosc.base.texts import engineering, on_page, percent
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import EDGE, NEAR
 from antiosc.models.driving_point import stiffness_error
-from antiosc.reduce.error import quadrilaterals
+from antiosc.reduce.error import divided
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, sites_of, surface
 from antiosc.reduce.site.sites import located
@@ -760,7 +760,7 @@ def test_a_map_has_no_bar_where_a_single_blow_has_none_for_its_cells(monkeypatch
     ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
     site = (0.5, 0.5, 0.0)
     monkeypatch.setattr(verdict, "ALONE", 10)  # of so few dofs
-    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)  # as of a part too large to be divided
+    monkeypatch.setattr(divided, "MOST_DOFS", 0)  # as of a part too large to be divided
     given = {"direction": (0, 0, -1), "n": 8, "accuracy": 1e9}
     found = ao.impact_map(part, [site], ball, ao.Hertz(1e9), 1e-3, **given)
     known = {}

@@ -18,7 +18,7 @@ from antiosc.base import progress
 from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
-from antiosc.reduce.error import quadrilaterals
+from antiosc.reduce.error import divided
 from antiosc_app import conditions, inspection, live, opened as page
 from antiosc_app.opened import Opened
 from antiosc_app.view import View
@@ -158,7 +158,7 @@ def test_the_nodes_of_held_edges_are_counted_in_spite_of_rounding(tmp_path):
 
 def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened, monkeypatch):
     """Of a mesh too large to be divided, which has no error bar."""
-    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)
+    monkeypatch.setattr(divided, "MOST_DOFS", 0)
     setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 0.02, "n": 10}
     found = opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
     weights = [weight for weight, _ in found["warnings"]]
@@ -248,7 +248,7 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, monkeypatch):
-    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 0)  # without an error bar
+    monkeypatch.setattr(divided, "MOST_DOFS", 0)  # without an error bar
     page = View(opened, "plate", "'none'")
     try:
         with Browser() as browser:

@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 import sheets
-from antiosc.reduce.error import quadrilaterals
+from antiosc.reduce.error import divided
 from antiosc_app import falls, live, results
 from antiosc_app.scene_file.run import error_budget
 
@@ -22,7 +22,7 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(
     cells, is_coarse, monkeypatch
 ):
     """The waves of the contact of a ball on a sheet of 1 mm have a length of some 60 mm."""
-    monkeypatch.setattr(quadrilaterals, "MOST_DOFS", 1000)  # no sheet is divided for its error
+    monkeypatch.setattr(divided, "MOST_DOFS", 1000)  # no sheet is divided for its error
     part = sheets.plate(cells, 0.001, cell="quadrilateral")
     model = ao.extract(part, ao.Site((0.5, 0.5, 0.0), (0, 0, -1)), n=10)
     ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)

@@ -79,7 +79,7 @@ def with_pairs(
 def work_on(
     structure: Structure, history: History, body: str, shapes: Array, motions: Array, at: Array
 ) -> Array:
-    """Work (n, R) of the second-order forces on motions (dofs, R) at times."""
+    """Work (n, R) of the second-order forces on motions of all parts before joining, at times."""
     forces = stretch_in(history, body)
     assert forces is not None
     count = shapes.shape[1] - forces.size * (forces.size + 1) // 2

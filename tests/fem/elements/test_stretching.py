@@ -14,6 +14,7 @@ import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
 from antiosc.extension import Faces
+from antiosc.fem.assembly.assemble import assemble_checked
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh import walls
 from antiosc.fem.mesh.walls import wall_thickness
@@ -24,6 +25,7 @@ from antiosc.recovery.place import Place
 from antiosc.reduce.extraction.stretching import with_stretch
 from antiosc.strikes import second_order
 from antiosc_app.live_meshes import sites_of_map
+from antiosc_decks.shared_nodes import SharedNodes
 from assemblies import line
 from full_second_order import Full
 from sheets import sheet
@@ -495,13 +497,54 @@ def test_peaks_of_a_part_that_stretches_are_those_of_dense_times(tmp_path):
     assert saved.factors[20] @ saved.shapes[node].T == pytest.approx(moved[2000], rel=1e-6)
 
 
+def test_parts_with_common_nodes_stretch_as_one_mesh():
+    """A plate in two meshes: tensors, forces, motion and reactions."""
+    part, site = plate(n=(6, 4))
+    mesh = part.mesh
+    x = mesh.dolfinx.geometry.x
+    cells = compat.geometry_nodes(mesh.dolfinx)
+    left = x[cells].mean(axis=1)[:, 0] < 0.15
+    meshes, numbers = {}, {}
+    for name, chosen in (("left", cells[left]), ("right", cells[~left])):
+        used, renumbered = np.unique(chosen, return_inverse=True)
+        of_cells = renumbered.reshape(chosen.shape).astype(np.int64)
+        made = compat.create_mesh(mesh.comm, of_cells, x[used], mesh.cell, mesh.order)
+        meshes[name], numbers[name] = ao.Mesh(made), used
+    whole = assemble_checked(
+        {name: held(each, SHELL) for name, each in meshes.items()}, [SharedNodes(numbers)]
+    )
+    ball, law = ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5)
+    models = [ao.extract(structure, site, n=24, stretch="auto") for structure in (part, whole)]
+    one, two = (ao.simulate(model, ball, law, 4e-3) for model in models)
+    assert two.assembly.stretched
+    assert models[1].stretch.cubic[0, 0, 0, 0] == pytest.approx(
+        models[0].stretch.cubic[0, 0, 0, 0], rel=1e-6
+    )
+    assert two.peak_force == pytest.approx(one.peak_force, rel=1e-4)  # of the steps
+    deflections = [np.abs(hit.displacement).max() for hit in (one, two)]
+    assert deflections[1] == pytest.approx(deflections[0], rel=1e-3)
+    times = np.linspace(0, 4e-3, 40)
+    pull = [
+        ao.reactions(structure, hit, site, times).total
+        for structure, hit in ((part, one), (whole, two))
+    ]
+    assert pull[1] == pytest.approx(pull[0], abs=0.01 * np.abs(pull[0]).max())
+
+
 def test_what_does_not_stretch_refuses_in_a_sentence():
     part, site = plate()
     for wrong in (11, "many", 0, True):
         with pytest.raises(InputError, match="stretch"):
             ao.extract(part, site, n=12, stretch=wrong)
     with pytest.raises(InputError, match="stretch"):
-        ao.extract(ao.assemble({"part": part}), site, n=12, stretch="auto")
+        ao.impact_map(
+            ao.assemble({"part": part}),
+            [(0.1, 0.1, 0)],
+            ao.RigidMass(0.2, velocity=1.0),
+            ao.Power(1e6, 1.5),
+            duration=4e-3,
+            stretch="auto",
+        )
     ends = [ao.Support(lambda x: np.isclose(x[0], 0)), ao.Support(lambda x: x[0] > 0.2, ["y", "z"])]
     truss = ao.Structure(line((0, 0, 0), (0.3, 0, 0), 1), ao.Truss(area=1e-4, **STEEL), ends)
     with pytest.raises(InputError, match="stretch"):

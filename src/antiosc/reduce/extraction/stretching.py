@@ -17,19 +17,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations_with_replacement, permutations
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.progress import counting, doing
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.stretch import MOST, MOST_OF_MAP, Count, Stretch
 
 if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.elements.second_order_points import PartPoints
     from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -45,11 +47,12 @@ WORDS = "stretching of the part as it bends"
 
 
 def part_of(structure: Structure) -> MeshedStructure:
-    """The meshed part, if it can stretch; InputError for others."""
+    """The meshed part of a map with stretch; InputError for others."""
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
         raise InputError(
-            f"stretch takes a part of one mesh; got {structure.describe()}: leave stretch out."
+            f"a map with stretch takes a part of one mesh; got {structure.describe()}: leave"
+            " stretch out."
         )
     return cast("MeshedStructure", matrices)
 
@@ -67,7 +70,6 @@ def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> 
 
     count : number of modes that an impact takes, or "auto". Two more are computed, for the error.
     """
-    part_of(structure)
     _check_model(model)
     body = model.free_modes
     assert body.shape is not None
@@ -99,20 +101,44 @@ def _stretch_of_motions(structure: Structure, modes: Array, phi: Array, count: C
     modes.
     """
     with doing(WORDS, structure.comm.rank):
-        derivatives = tensors(structure, _points(structure), phi)
+        derivatives = tensors(structure, phi)
     quadratic, cubic, shapes = derivatives
     return Stretch(modes, quadratic, cubic, count, shapes)
 
 
-def _points(structure: Structure) -> PartPoints:
-    """The Gauss points of a part, about its static state under a prestress."""
+class _Piece(NamedTuple):
+    """A part of a structure: its Gauss points, its dofs in u, derivatives (n, d, b) of motions."""
+
+    points: PartPoints
+    rows: slice
+    slopes: list[Array]
+
+
+def _pieces(structure: Structure, motions: Array) -> list[_Piece]:
+    """The parts of a structure with motions (dofs, k), about its static state under a prestress.
+
+    Raises
+    ------
+    InputError
+        A structure without second-order strain: several ranks, superelements, some families.
+    """
     from antiosc.fem.elements.second_order_points import points_of  # needs dolfinx
 
-    points = points_of(part_of(structure))
+    matrices = with_parts(structure, f"stretch needs a mesh; got {structure.describe()}.")
+    if structure.comm.size > 1:
+        raise InputError("stretch works in one process: extract the model without mpirun.")
+    if structure.matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
+        raise InputError("stretch does not take superelements: leave stretch out.")
+    fields = matrices.fields(motions)
+    points = [points_of(member.part) for member, _ in fields]
     preload = structure.matrices.preload
-    if preload is None:
-        return points
-    return points.about(preload.q)
+    if preload is not None:
+        states = matrices.fields(preload.q[:, None])
+        points = [at.about(q[:, 0]) for at, (_, q) in zip(points, states, strict=True)]
+    return [
+        _Piece(at, member.rows, [at.slopes(shape) for shape in shapes.T])
+        for at, (member, shapes) in zip(points, fields, strict=True)
+    ]
 
 
 def candidates(omega: Array, B: Array, count: int) -> Array:
@@ -140,23 +166,35 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     return basis[:, :count]
 
 
-def tensors(structure: Structure, points: PartPoints, phi: Array) -> tuple[Array, Array, Array]:
+def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
     """Tensors H (m, m, m), G (m, m, m, m) and second-order displacements (dofs, pairs).
 
     phi : (dofs, m) motions.
     """
     m = phi.shape[1]
     pairs = list(combinations_with_replacement(range(m), 2))
-    slopes = [points.slopes(mode) for mode in phi.T]
-    g = _pair_loads(points, slopes, pairs)
-    g[points.held] = 0.0
+    pieces = _pieces(structure, phi)
+    g = _pair_loads(structure, pieces, pairs)
     static_response = -_static(structure, g, phi)
-    quartic = _quartic(points, slopes, pairs) + g.T @ static_response / 2
+    quartic = sum(_quartic(piece, pairs) for piece in pieces) + g.T @ static_response / 2
     return _cubic_form(phi.T @ g, pairs, m), 4 * _quartic_form(quartic, pairs, m), static_response
 
 
-def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
-    """Second-order loads g_ij (dofs, pairs) of pairs of motions."""
+def _pair_loads(structure: Structure, pieces: list[_Piece], pairs: list[tuple[int, int]]) -> Array:
+    """Second-order loads g_ij (dofs, pairs) of pairs of motions, on free dofs."""
+    matrices = with_parts(structure)
+    total = np.zeros((structure.rows, len(pairs)))
+    for piece in pieces:
+        loads = _loads_of(piece, pairs)
+        loads[piece.points.held] = 0.0
+        total += matrices.joined(loads, piece.rows)
+    return total
+
+
+def _loads_of(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
+    """Second-order loads (rows, pairs) of a part."""
+    points = piece.points
+    slopes = piece.slopes
     stresses = [points.stress(slope) for slope in slopes]
     loads: list[Array] = []
     with counting(WORDS, len(pairs)) as done:
@@ -172,17 +210,31 @@ def _pair_loads(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, 
 def work_on(
     structure: Structure, phi: Array, follows: Array, motions: Array
 ) -> tuple[Array, Array]:
-    """Work of second-order forces on motions w (dofs, R): (P, R) of pairs, (m, P, R) of mode and
+    """Work of second-order forces on motions w (n, R): (P, R) of pairs, (m, P, R) of mode and
     pair.
 
-    phi (dofs, m) and follows (dofs, P) as for `tensors`; to third order in the amplitudes
+    phi (dofs, m) and follows (dofs, P) as for `tensors`; `motions` are those of all parts before
+    joining. To third order in the amplitudes
 
         w·f = Σ a_i a_j g_ijᵀw + Σ a_k a_i a_j ∫ (C ε(v_ij) + C η(φ_i, φ_j)/2) : η(φ_k, w)
               + ε(φ_k):C:η(v_ij, w) + ε(w):C:η(φ_k, v_ij).
     """
-    points = _points(structure)
     pairs = list(combinations_with_replacement(range(phi.shape[1]), 2))
-    slopes = [points.slopes(mode) for mode in phi.T]
+    two, three = np.zeros(motions.shape[1]), np.zeros(motions.shape[1])
+    fields = with_parts(structure).fields(follows)
+    for piece, (_, responses) in zip(_pieces(structure, phi), fields, strict=True):
+        moved = motions[piece.rows]
+        two = two + _loads_of(piece, pairs).T @ moved
+        three = three + _third_order(piece, responses, moved, pairs)
+    return two, three
+
+
+def _third_order(
+    piece: _Piece, follows: Array, motions: Array, pairs: list[tuple[int, int]]
+) -> Array:
+    """The work (m, P, R) of third order on motions of a part, where `follows` are the responses."""
+    points = piece.points
+    slopes = piece.slopes
     three = np.zeros((len(slopes), len(pairs), motions.shape[1]))
     stresses = [points.stress(motion_slopes) for motion_slopes in slopes]
     for p, (i, j) in enumerate(pairs):
@@ -193,7 +245,7 @@ def work_on(
             strained = points.weighted_stress(points.second(slope, response_slopes))
             slope_forces = points.along(tension, slope) + points.along(stresses[k], response_slopes)
             three[k, p] = points.load(strained, slope_forces) @ motions
-    return _pair_loads(points, slopes, pairs).T @ motions, three
+    return three
 
 
 def _static(structure: Structure, g: Array, phi: Array) -> Array:
@@ -211,8 +263,10 @@ def _static(structure: Structure, g: Array, phi: Array) -> Array:
     return np.asarray(displacement - phi @ np.linalg.solve(phi.T @ k_phi, k_phi.T @ displacement))
 
 
-def _quartic(points: PartPoints, slopes: list[Array], pairs: list[tuple[int, int]]) -> Array:
+def _quartic(piece: _Piece, pairs: list[tuple[int, int]]) -> Array:
     """⅛ ∫η:C:η of all pairs of pairs of motions: (pairs, pairs)."""
+    points = piece.points
+    slopes = piece.slopes
     total = np.zeros((len(pairs), len(pairs)))
     for start in range(0, points.weight.size, AT_ONCE):
         span = slice(start, start + AT_ONCE)
