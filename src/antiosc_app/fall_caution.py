@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees
+from math import degrees, hypot
 
 from antiosc import Fall
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import SMALLER_CELLS, engineering, percent
 from antiosc_app.live import rough_force
 from antiosc_studies.drops.beside import BESIDE
-from antiosc_studies.drops.blunt import BALL, ELASTIC, FACETS, PRESSING, RADIUS, STRENGTH
+from antiosc_studies.drops.blunt import FACETS, RADIUS, STRENGTH
 from antiosc_studies.drops.flat import ANGLE, is_flat, range_over_tilt
 from antiosc_studies.drops.trajectory import FallImpact
 
 #: Least share of the bar of a force that is told.
 TOLD = 0.02
-#: Cause of an error of the force -> what narrows it.
+#: Cause of an error of the force -> what of the same fall takes it away.
 REMEDIES = {
-    RADIUS: "the corner radius of the part, given in place of the assumed one, narrows it most",
-    STRENGTH: "an own material with the yield strength of this part and its range narrows it most",
-    PRESSING: "a soft layer on the floor, whose modulus is known, narrows it most",
-    ELASTIC: "a soft layer on the floor, whose modulus is known, narrows it most",
-    BALL: "a soft layer on the floor, whose modulus is known, narrows it most",
-    BESIDE: "a tilt by which the part lands on a corner alone, its edges inclined by 25° or more,"
-    " narrows it most",
-    FACETS: f"smaller cells ({SMALLER_CELLS}) narrow it most",
+    RADIUS: "the corner radius of the part in place of the assumed one",
+    STRENGTH: "an own material with the yield strength of this part, without a range",
+    BESIDE: f"smaller cells ({SMALLER_CELLS}), whose facets follow the round edge",
+    FACETS: f"smaller cells ({SMALLER_CELLS})",
 }
 
 
@@ -102,7 +98,7 @@ def made_of(fall: Fall, hardest: int) -> str:
 
 
 def _shares(fall: Fall, hardest: int) -> str:
-    """The shares of the bar of a sharp corner, and what narrows the largest; "" if unknown."""
+    """The shares of the bar of a sharp corner, and what narrows it; "" if unknown."""
     shares = fall.error_shares(hardest)
     told = sorted(((error, cause) for cause, error in shares.items() if error > TOLD), reverse=True)
     if not told:
@@ -111,5 +107,17 @@ def _shares(fall: Fall, hardest: int) -> str:
     parts = [f"{squared} (root of the squares)"] * bool(squared)
     if shares.get(BESIDE, 0.0) > TOLD:
         parts.append(f"{BESIDE}, {percent(shares[BESIDE])}")
-    remedy = next(REMEDIES[cause] for _, cause in told)
-    return f"{', and '.join(parts)}: {remedy}"
+    return f"{', and '.join(parts)}: {_remedies(shares, told)}"
+
+
+def _remedies(shares: dict[str, float], told: Sequence[tuple[float, str]]) -> str:
+    """What takes the largest shares away, the largest first, with the bar that remains."""
+    remaining = dict(shares)
+    steps = []
+    for _, cause in told:
+        if cause in REMEDIES:
+            remaining.pop(cause)
+            beside = remaining.get(BESIDE, 0.0)
+            bar = hypot(*(e for name, e in remaining.items() if name != BESIDE)) + beside
+            steps.append(f"{REMEDIES[cause]} leaves ± {percent(bar)}")
+    return ", then ".join(steps) or "design for its upper end"

@@ -106,7 +106,7 @@ def test_a_fall_with_a_wide_bar_says_so_first_and_what_narrows_it_once(strengths
     share = live.percent(fall.impacts[0].law_error)
     assert head.caution.startswith(f"The force is a rough one, ± {share}: " if is_wide else "")
     assert bool(head.caution) == is_wide
-    remedy = "narrows it most"
+    remedy = "an own material with the yield strength of this part"
     assert (remedy in head.caution) == is_wide
     assert (remedy in " ".join(head.sentences)) != is_wide
 

@@ -27,7 +27,7 @@ from antiosc.engine.contact.peak_error import (
 )
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import OF_ALL_CONTACTS, HertzContact, YieldingZone
-from antiosc_studies.drops.beside import BESIDE, share_beside
+from antiosc_studies.drops.beside import BESIDE, BETWEEN, share_beside, share_between
 from antiosc_studies.drops.cylinder import rule
 from antiosc_studies.drops.episode import AXES, Episode, OngoingContact, episode
 from antiosc_studies.drops.flight import SIDES, Flight
@@ -462,10 +462,9 @@ def _crushed(contact: PointContact) -> str:
     if dent is None or max(dent.depth, dent.radius or 0.0) < contact.radius_of_surface:
         return ""
     radius = engineering(contact.radius_of_surface, "m")
-    return (
-        f", wider than twice the corner's radius of {radius}: the corner is crushed, with what is"
-        " behind it"
-    )
+    sharp = contact.radius_of_surface == contact.part.corner
+    whose = f"the corner's radius of {radius}" if sharp else f"the mesh's radius there, {radius}"
+    return f", wider than twice {whose}: the corner is crushed, with what is behind it"
 
 
 def _line_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
@@ -640,14 +639,14 @@ def error_shares(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> d
     """The shares of `law_error` by their causes, if a sharp vertex decides it; else {}."""
     if floor.law is not None or floor.layer is not None:
         return {}
-    contacts = [pair for current in episodes for pair in _with_beside(body, floor, current)]
+    contacts = [one for current in episodes for one in _with_beside(body, floor, current)]
     if not contacts:
         return {}
-    contact, beside = max(
-        contacts, key=lambda pair: pair[0].force * ((pair[0].error(body, floor) or 0.0) + pair[1])
+    contact, beside, between = max(
+        contacts, key=lambda one: one[0].force * (_bar(body, floor, *one) or 0.0)
     )
     shares = contact.shares(floor)
-    return shares | {BESIDE: beside} if shares else {}
+    return shares | {BETWEEN: between, BESIDE: beside} if shares else {}
 
 
 def unknown_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
@@ -680,9 +679,8 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
         if peak := current.peak_force():
             yield layer_error(current, floor.layer), peak
         return
-    for contact, more in _with_beside(body, floor, current):
-        error = contact.error(body, floor)
-        yield None if error is None else error + more, contact.force
+    for contact, *more in _with_beside(body, floor, current):
+        yield _bar(body, floor, contact, *more), contact.force
     weights = rule()[1]
     for line, forces in current.strongest().items():
         stations = current.which[current.lines[line]] - current.body.stations[line][0]
@@ -692,15 +690,24 @@ def _errors(body: FreeBody, floor: Floor, current: Episode) -> Iterator[tuple[fl
             yield line_error(current.body, floor, line, force, carried), force
 
 
+def _bar(
+    body: FreeBody, floor: Floor, contact: PointContact, beside: float, between: float
+) -> float | None:
+    """Relative error of the force of a contact, with what lies beside it and between the points."""
+    error = contact.error(body, floor)
+    return None if error is None else hypot(error, between) + beside
+
+
 def _with_beside(
     body: FreeBody, floor: Floor, current: Episode
-) -> Iterator[tuple[PointContact, float]]:
-    """Yields (contact at a point, force of the surface beside the points over theirs)."""
+) -> Iterator[tuple[PointContact, float, float]]:
+    """Yields (contact at a point, `share_beside`, `share_between`)."""
     contacts = list(point_contacts(body, floor, [current]))
     beside = share_beside(floor, current) if contacts else 0.0
+    between = share_between(current) if contacts else 0.0
     for contact in contacts:
         has_all = contact.which in contact.part.cut and current.rough_line is None
-        yield contact, 0.0 if has_all else beside
+        yield contact, 0.0 if has_all else beside, between
 
 
 def _unknown(body: FreeBody, floor: Floor, which: int) -> str:
