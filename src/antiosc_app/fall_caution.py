@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import degrees, hypot
 
 from antiosc import Fall
@@ -110,14 +110,21 @@ def _shares(fall: Fall, hardest: int) -> str:
     return f"{', and '.join(parts)}: {_remedies(shares, told)}"
 
 
-def _remedies(shares: dict[str, float], told: Sequence[tuple[float, str]]) -> str:
+def _remedies(shares: Mapping[str, float], told: Sequence[tuple[float, str]]) -> str:
     """What takes the largest shares away, the largest first, with the bar that remains."""
     remaining = dict(shares)
+    before = percent(_bar(remaining))
     steps = []
-    for _, cause in told:
-        if cause in REMEDIES:
-            remaining.pop(cause)
-            beside = remaining.get(BESIDE, 0.0)
-            bar = hypot(*(e for name, e in remaining.items() if name != BESIDE)) + beside
-            steps.append(f"{REMEDIES[cause]} leaves ± {percent(bar)}")
+    for cause in [cause for _, cause in told if cause in REMEDIES]:
+        remaining.pop(cause)
+        bar = percent(_bar(remaining))
+        if bar != before:
+            steps.append(f"{REMEDIES[cause]} leaves ± {bar}")
+        before = bar
     return ", then ".join(steps) or "design for its upper end"
+
+
+def _bar(shares: Mapping[str, float]) -> float:
+    """The bar that shares make: what lies beside the corner is added to the root of the squares."""
+    squared = (error for cause, error in shares.items() if cause != BESIDE)
+    return hypot(*squared) + shares.get(BESIDE, 0.0)

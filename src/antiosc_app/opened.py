@@ -339,8 +339,9 @@ class Opened:
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
-            warnings = by_weight(messages, " ".join([caution, *verdict]))
             source = self._source
+            notes = [] if source is None else source.look.notes
+            warnings = by_weight(messages, " ".join([caution, *verdict, *notes]))
             remedy = ""
             if source is not None:
                 is_finer = finer or result.get("taken", {}).get("finer", False)
