@@ -101,6 +101,26 @@ def test_the_share_of_an_edge_beside_a_corner_is_told_with_the_others(monkeypatc
     assert f"(root of the squares), and {BESIDE}, 50 %: smaller cells" in caution_of_fall(fall)
 
 
+def test_the_shares_of_a_smaller_contact_make_the_bar_of_the_largest_force(monkeypatch) -> None:
+    """A contact of a tenth of the force may be off by 20 times of it: shares of 430 % were told in
+    a bar of 140 %.
+    """
+
+    def two(*where):
+        for contact in point_contacts(*where[:2], [where[2]]):
+            yield contact, 0.0, 0.0
+            yield contact._replace(force=contact.force / 10), 20.0, 0.0
+
+    monkeypatch.setattr(trajectory, "_with_beside", two)
+    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), PLASTIC)
+    floor = ao.Floor("concrete C30/37")
+    fall = ao.drop(part, 0.8, floor=floor, until=1, modes=6, corner="+x-y-z")
+    shares = fall.error_shares()
+    assert shares[BESIDE] == pytest.approx(2.0)
+    others = [share for cause, share in shares.items() if cause != BESIDE]
+    assert fall.impacts[0].law_error == pytest.approx(2.0 + hypot(*others))
+
+
 ARC = 8  # facets of a rounded edge
 LENGTH = 0.026  # of it [m]
 

@@ -750,6 +750,21 @@ def test_a_warning_begins_with_a_capital_in_the_words_of_the_page_too(opened):
     ]
 
 
+def test_a_note_of_the_set_up_is_no_warning_beside_it(opened, monkeypatch):
+    asked(opened)
+    source = opened._opened()
+    note = "gmsh's mesh is 0.34 % off the surface of the file."
+    noted = source._replace(look=replace(source.look, notes=(*source.look.notes, note)))
+    monkeypatch.setattr(opened, "_source", noted)
+
+    def work():
+        warn(note)
+        warn("Another warning.")
+        return {}
+
+    assert warned(opened._computed(work)) == ["Another warning."]
+
+
 def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them():
     source = SimpleNamespace(look=SimpleNamespace(size=4e-3))
 

@@ -646,7 +646,11 @@ def error_shares(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> d
         contacts, key=lambda one: one[0].force * (_bar(body, floor, *one) or 0.0)
     )
     shares = contact.shares(floor)
-    return shares | {BETWEEN: between, BESIDE: beside} if shares else {}
+    if not shares:
+        return {}
+    scale = contact.force / max(one.force for one, *_ in contacts)
+    shares |= {BETWEEN: between, BESIDE: beside}
+    return {cause: scale * share for cause, share in shares.items()}
 
 
 def unknown_error(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> str:
