@@ -81,9 +81,12 @@ def test_the_strength_of_a_falling_ball_counts() -> None:
 def test_a_dent_that_is_larger_than_its_corner_says_that_the_corner_is_crushed() -> None:
     """A printed bracket with corners of 0.5 mm had a dent of 604 µm, 1.5 mm across."""
 
-    def told(depth: float, rim: float | None) -> str:
-        dent = SimpleNamespace(depth=depth, radius=rim)
-        return trajectory._crushed(SimpleNamespace(dent=dent, radius_of_surface=5e-4))
+    def told(depth: float, rim: float | None, corner: float = 5e-4) -> str:
+        dent, part = SimpleNamespace(depth=depth, radius=rim), SimpleNamespace(corner=corner)
+        contact = SimpleNamespace(dent=dent, radius_of_surface=5e-4, part=part)
+        return trajectory._crushed(contact)
+
+    assert "the mesh's radius there, 500 µm" in told(604e-6, 0.75e-3, corner=1e-3)
 
     assert "radius of 500 µm" in told(604e-6, 0.75e-3)
     assert "crushed" in told(604e-6, None)
