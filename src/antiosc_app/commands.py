@@ -23,6 +23,7 @@ from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering, plain
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
+from antiosc.models.auto_contact import AUTO
 from antiosc_app import new, report, results
 from antiosc_app.inspection import Forecast, forecast_of_parts
 from antiosc_app.scene_file import outline, run
@@ -31,7 +32,8 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
 from antiosc_app.scene_file.scene import STUDIES, CompiledScene
 from antiosc_app.scene_file.schema import schema
-from antiosc_app.scene_file.settled import settled
+from antiosc_app.scene_file.settled import Settled, settled
+from antiosc_app.until_parted import counts_from
 from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
@@ -272,21 +274,22 @@ def _study(options: Namespace) -> int:
     if getattr(scene, study.result) is None:
         raise InputError(f"{options.file} has {study.lacking}.")
     if options.dry_run:
-        print_text(_forecast(scene))
+        print_text(_forecast(document, scene))
         return 0
     page = _page(options)
-    scene, evaluate = settled(document)
-    if getattr(options, "store", None) is not None:
-        scene = _stored(scene, options.store)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
     target = target if options.out is None else options.out
     folder = None if target is None else report.folder(target)
-    first = run.results(scene, ("structure",), evaluate)
+    begun = Settled(scene, Evaluation(scene.document))
+    first = run.results(scene, ("structure",), begun.evaluate)
     scene.warnings[:] = first.warnings
-    foreseen = _of_run(scene, first.structure) if options.command == "run" else None
+    foreseen = _of_run(document, scene, first.structure) if options.command == "run" else None
     if foreseen is not None and foreseen.answer > LONG_RUN:
         print_text(f"antiosc: the part has {foreseen.text()}.", sys.stderr)
+    scene, evaluate = settled(document, begun)
+    if getattr(options, "store", None) is not None:
+        scene = _stored(scene, options.store)
     computed = run.results(scene, study.makes, evaluate)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
@@ -322,14 +325,14 @@ def _stored(scene: CompiledScene, path: str) -> CompiledScene:
 # -- `--dry-run`: the size and cost of a scene, without a factorization
 
 
-def _forecast(scene: CompiledScene) -> str:
+def _forecast(document: Document, scene: CompiledScene) -> str:
     """Text of family, dofs, n, step and cost; the structure is built but not factored."""
     built = run.results(scene, ("structure", "impactor", "contact"))
     rows: list[tuple[str, str]] = []
     if built.structure is not None:
         dofs = f"{built.structure.dofs}"
         rows += [*results.advice_of(built), ("dofs", dofs), ("factor", _factor(built.structure))]
-    foreseen = _of_run(scene, built.structure)
+    foreseen = _of_run(document, scene, built.structure)
     rows += [] if foreseen is None else [("time", foreseen.text())]
     rows += [
         (f"box of {outline_of_part.name}", outline_of_part.text())
@@ -344,11 +347,15 @@ def _forecast(scene: CompiledScene) -> str:
     return results.format_rows(rows)
 
 
-def _of_run(scene: CompiledScene, structure: Structure | None) -> Forecast | None:
-    """Forecast of the model of a scene and of the whole run; None where no part has a mesh."""
+def _of_run(
+    document: Document, scene: CompiledScene, structure: Structure | None
+) -> Forecast | None:
+    """Forecast of the models of a scene and of the whole run; None where no part has a mesh."""
     if scene.model is None or structure is None:
         return None
-    return forecast_of_parts(structure, _count(scene, structure))
+    n = _count(scene, structure)
+    is_auto = document.data.get("extract", {}).get("n") == AUTO
+    return forecast_of_parts(structure, counts_from(n, structure.dofs) if is_auto else [n])
 
 
 def _count(scene: CompiledScene, structure: Structure) -> int:

@@ -16,6 +16,7 @@ from antiosc.base.process import free_memory
 from antiosc.base.texts import count_text, engineering, plain
 from antiosc_app.foreign import STEEL, Read
 from antiosc_app.scene_file.outline import Outline
+from antiosc_app.until_parted import OSCILLATORS, counts_from
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -84,13 +85,21 @@ ANSWER = {1: 3.0, 2: 4.0, 3: 3.0}
 
 
 class Forecast(NamedTuple):
-    """Rough numbers of cells and dofs of a mesh, and the cost of a model on it: seconds, bytes, and
-    whether its solver iterates; `answer`: seconds until the page has shown all.
+    """Rough numbers of cells and dofs of a mesh, and the cost of models on it, one after the other
+    until the force has enough anti-oscillators.
+
+    counts : number of anti-oscillators of each model, those after the first where the force needs
+        more.
+    seconds, least : time of all models, and of the first one.
+    bytes, iterative : memory of the last model, and whether the solver iterates.
+    answer : seconds until the page has shown all, or a run has written it.
     """
 
+    counts: Sequence[int]
     cells: float
     dofs: float
     seconds: float
+    least: float
     bytes: float
     iterative: bool
     answer: float
@@ -110,20 +119,28 @@ class Forecast(NamedTuple):
         """The memory of a model, and that which is free."""
         return f"{plain(self.bytes / 1e9)} GB of memory ({plain(free_memory() / 1e9)} GB are free)"
 
+    def lasting(self, seconds: float) -> str:
+        """A share of `seconds`, from that of the first model to all of it, in words."""
+        ends = seconds * self.least / self.seconds, seconds
+        return " to ".join(dict.fromkeys(progress.seconds_text(max(end, 1.0)) for end in ends))
+
     def brief(self) -> str:
         """Cells, seconds of the whole answer, and memory in few words."""
-        seconds = progress.seconds_text(max(self.answer, 1.0))
+        seconds = self.lasting(self.answer)
         solver = " (iterative solver)" if self.iterative else ""
         cells = float(f"{self.cells:.2g}")
         return f"{cells:.0f} cells, {seconds}, {plain(self.bytes / 1e9)} GB{solver}"
 
     def text(self) -> str:
         """The numbers in words."""
-        model, answer = map(progress.seconds_text, (self.seconds, self.answer))
+        models = "a model takes"
+        if len(self.counts) > 1:
+            numbers = ", ".join(map(str, self.counts))
+            models = f"models of {numbers} anti-oscillators, until the force has enough, take"
         return (
-            f"some {count_text(float(plain(self.dofs)))} dofs: a model takes about {model} and"
-            f" {self.memory}; with mesh, error bars, stresses and picture it is about {answer}, and"
-            " second-order forces come on top"
+            f"some {count_text(float(plain(self.dofs)))} dofs: {models} about"
+            f" {self.lasting(self.seconds)} and {self.memory}; with mesh, error bars, stresses and"
+            f" picture it is about {self.lasting(self.answer)}, and second-order forces come on top"
         )
 
 
@@ -213,8 +230,11 @@ class Inspection:
         besides = "".join(f", {number} of kind {other}" for other, number in others)
         return f"{count} cells of kind {shape}{besides}{divided}"
 
-    def forecast(self, size: float | None = None, n: int | None = None) -> Forecast:
-        """Forecast of a model of `n` anti-oscillators with cells of another size [m].
+    def forecast(
+        self, size: float | None = None, n: int | None = None, grows: bool = False
+    ) -> Forecast:
+        """Forecast of a model of `n` anti-oscillators with cells of another size [m]; `grows`: and
+        of those with more that the force may need.
 
         Those of a finished mesh are halved, all of them; a geometry is meshed again.
         """
@@ -228,8 +248,11 @@ class Inspection:
         elif size is not None:
             finer = self.size / size if self.meshed else 2.0 ** halvings(self.largest, size)
             cells *= finer**dim
-        of_cell = self.dofs / self.n_cells
-        return forecast_of(self.shape, dim, cells, n or self.count, of_cell)
+        n = n or self.count
+        one = forecast_of(self.shape, dim, cells, [n], self.dofs / self.n_cells)
+        if not grows:
+            return one
+        return forecast_of(self.shape, dim, cells, counts_from(n, one.dofs), one.dofs / cells)
 
     @property
     def length(self) -> float:
@@ -327,7 +350,7 @@ class Inspection:
         """Text lines for the terminal; without the impact if the part is dropped."""
         kind = "materials are those of its deck" if self.of_deck else f"taken as {self.family}"
         outline = Outline(name, self.groups, self.low, self.high, 0.0)
-        forecast = self.forecast()
+        forecast = self.forecast(n=OSCILLATORS[0], grows=True)
         cost = f" It has {forecast.text()}." if forecast.is_long else ""
         sentences = [f"{name}: {self.cells}, {self.sides_text()}; {kind}.{cost}"]
         sentences += [
@@ -481,17 +504,23 @@ class Inspection:
         return "nowhere: it is free"
 
 
-def forecast_of(shape: str, dim: int, cells: float, n: int, of_cell: float) -> Forecast:
-    """Forecast of a model of `n` anti-oscillators; the arguments are those of `before_meshing`."""
+def forecast_of(
+    shape: str, dim: int, cells: float, counts: Sequence[int], of_cell: float
+) -> Forecast:
+    """Forecast of models in turn; the arguments are those of `before_meshing`."""
     from antiosc.extension import before_meshing
 
-    dofs, cost = before_meshing(shape, dim, cells, n, of_cell)
-    seconds = cost.seconds or 0.0
-    return Forecast(cells, dofs, seconds, cost.bytes, cost.iterative, ANSWER[dim] * seconds)
+    least, seconds = (
+        before_meshing(shape, dim, cells, some, of_cell)[1].seconds or 0.0
+        for some in (counts[:1], counts)
+    )
+    dofs, cost = before_meshing(shape, dim, cells, counts, of_cell)
+    answer = ANSWER[dim] * seconds
+    return Forecast(counts, cells, dofs, seconds, least, cost.bytes, cost.iterative, answer)
 
 
-def forecast_of_parts(structure: Structure, n: int) -> Forecast | None:
-    """Forecast of a model of `n` anti-oscillators of a structure; None where no part has a mesh.
+def forecast_of_parts(structure: Structure, counts: Sequence[int]) -> Forecast | None:
+    """Forecast of models of so many anti-oscillators, in turn; None where no part has a mesh.
 
     With several ranks, of the time and memory of this one.
     """
@@ -503,11 +532,11 @@ def forecast_of_parts(structure: Structure, n: int) -> Forecast | None:
     if not meshes:  # of superelements
         return None
     forecasts = [
-        forecast_of(mesh.cell, mesh.tdim, float(mesh.n_cells), n, rows / mesh.n_cells)
+        forecast_of(mesh.cell, mesh.tdim, float(mesh.n_cells), counts, rows / mesh.n_cells)
         for mesh, rows in meshes
     ]
-    cells, dofs, seconds, memory, iterative, answer = map(sum, zip(*forecasts, strict=True))
-    return Forecast(cells, dofs, seconds, memory, bool(iterative), answer)
+    _, *numbers = zip(*forecasts, strict=True)
+    return Forecast._make((counts, *map(sum, numbers)))
 
 
 def _in_mm(length: float) -> str:

@@ -111,10 +111,15 @@ def next_count(n: int, truncation: float, model: AntiOscillators) -> int:
     """The next larger number of anti-oscillators; n itself if its share of the error of the force
     by truncation allows it, or more would take too long.
     """
-    larger = [count for count in OSCILLATORS if n < count]
-    if truncation <= MOST_TRUNCATION or not larger or model.n < n:
-        return n
-    return larger[0] if larger[0] * (model.info.dofs or 0) <= MOST_WORK else n
+    _, *larger = counts_from(n, model.info.dofs or 0)
+    return n if truncation <= MOST_TRUNCATION or not larger or model.n < n else larger[0]
+
+
+def counts_from(n: int, dofs: float) -> list[int]:
+    """n, and the larger numbers of anti-oscillators that the force may need and that do not take
+    too long on a part of so many dofs.
+    """
+    return [n, *(count for count in OSCILLATORS if n < count and count * dofs <= MOST_WORK)]
 
 
 def why_more(n: int, more: int, truncation: float) -> str:

@@ -65,7 +65,7 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert progress.seconds_text(max(finer.answer, 1.0)) in finer.brief()
     made = ao.read_model(deck, "m", size=0.15)
     assert finer.cells == 36 * 4
-    of_scene = inspection.forecast_of_parts(made, 10)  # what `antiosc run` tells
+    of_scene = inspection.forecast_of_parts(made, [10])  # what `antiosc run` tells
     assert of_scene is not None
     assert of_scene.cells == finer.cells
     assert made.dofs < of_scene.dofs <= made.dofs + len(made.fixed)
@@ -239,7 +239,7 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
     else:
         mesh = ao.box_mesh((0.06, 0.05, 0.04), size=0.006)
         part = ao.Structure(mesh, ao.Solid(70e9, 0.3, 2700.0), [ao.Support("-x")])
-    dofs, cost = before_meshing(mesh.cell, mesh.tdim, mesh.n_cells, 0)
+    dofs, cost = before_meshing(mesh.cell, mesh.tdim, mesh.n_cells, [0])
     assert dofs == pytest.approx(part.dofs, rel=0.25)
     of_solver = cost.bytes - (OF_SHELLS * dofs if family == "sheet" else 0.0)
     assert 0.4 < of_solver / of_factor(Plan(part.K).entries, 1.0).bytes < 2.5

@@ -17,13 +17,16 @@ from antiosc.base.cfc import CLASSES
 from antiosc.base.errors import without_warnings
 from antiosc.base.texts import engineering, percent
 from antiosc_app import commands, live, results
+from antiosc_app.inspection import forecast_of_parts
 from antiosc_app.scene_file import outline
-from antiosc_app.scene_file.build import Call
+from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.outline import Outline
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
+from antiosc_app.scene_file.settled import settled
+from antiosc_app.until_parted import OSCILLATORS
 from fmus import OK, Fmu
 from paths import MESHES
 from scene_files import (
@@ -369,6 +372,34 @@ def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
     assert antiosc("run", path) == 0
     told = capsys.readouterr().err
     assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
+
+
+def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(
+    tmp_path, capsys, monkeypatch
+):
+    """Once, from that of the first number to that of all that the force may need, on one factor."""
+    path = written(tmp_path, f'{BRACKET}[extract]\nn = "auto"\n{HIT}')
+    scene = compiled(read(path))
+    structure = Evaluation(scene.document)(scene.structure)
+    all_in_turn, *one_by_one = (
+        forecast_of_parts(structure, counts).seconds
+        for counts in (OSCILLATORS, *([n] for n in (0, *OSCILLATORS)))
+    )
+    of_factor, *of_models = one_by_one
+    assert all_in_turn - of_factor == pytest.approx(sum(one - of_factor for one in of_models))
+    told = []
+
+    def chooses(*arguments):
+        told.append(capsys.readouterr().err)
+        return settled(*arguments)
+
+    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
+    monkeypatch.setattr(commands, "settled", chooses)
+    assert antiosc("run", path) == 0
+    assert "models of 20, 150, 400 anti-oscillators" in told[0]
+    assert "dofs: " not in capsys.readouterr().err
+    assert antiosc("run", path, "--dry-run") == 0
+    assert told[0].partition("has ")[2].partition(" GB")[0] in capsys.readouterr().out
 
 
 def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):

@@ -60,15 +60,19 @@ class Known:
         return Settled(scene, evaluate)
 
 
-def settled(document: Document) -> Settled:
+def settled(document: Document, begun: Settled | None = None) -> Settled:
     """The scene of a document; if values are "auto", impacts of it choose them first, with the
     hardest striker of its sweep.
+
+    `begun`: the scene before that, where some of its objects are made already.
     """
-    scene = compiled(document)
-    evaluate = Evaluation(scene.document)
+    if begun is None:
+        scene = compiled(document)
+        begun = Settled(scene, Evaluation(scene.document))
+    scene, evaluate = begun
     known_parts = scene.striking or None not in (scene.structure, scene.model)
     if scene.document is document or scene.history is None or not known_parts:
-        return Settled(scene, evaluate)
+        return begun
     messages: list[str] = list(scene.warnings)
     with warnings_to(messages.append):  # what was left out of the file
         structure = evaluate(scene.structure)

@@ -10,6 +10,7 @@ the constants follow).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from antiosc.base.texts import plain
@@ -116,10 +117,11 @@ TWO_LEVELS = 3e5
 
 
 def before_meshing(
-    shape: str, dim: int, cells: float, n: int, of_cell: float = 0.0
+    shape: str, dim: int, cells: float, counts: Sequence[int], of_cell: float = 0.0
 ) -> tuple[float, Cost]:
-    """(dofs, cost) of a model of `n` anti-oscillators on a mesh that is not made yet, roughly.
+    """(dofs, cost) of models in turn on a mesh that is not made yet, roughly.
 
+    counts : number of anti-oscillators of each; one factor serves all, and the last one is kept.
     shape, dim : of its cells; of_cell : dofs for each of them, as counted on a like mesh; 0: as in
         one of many cells in all directions.
     """
@@ -131,8 +133,8 @@ def before_meshing(
         of_solver = LevelSizes(TETRAHEDRA.row * dofs, TETRAHEDRA, entries).bytes
     if dim == 2:
         of_solver += OF_SHELLS * dofs
-    seconds = (EACH_DOF + EACH_STEP * n) * dofs
-    return dofs, Cost(of_solver + EACH_SHAPE * n * dofs, seconds, iterative)
+    seconds = (EACH_DOF + EACH_STEP * sum(counts)) * dofs
+    return dofs, Cost(of_solver + EACH_SHAPE * max(counts) * dofs, seconds, iterative)
 
 
 def of_sheet(dofs: float, n: int) -> float:
