@@ -75,7 +75,8 @@ CONTACT_TEXTS = {"tied": "tied where closed", "apart": "left out"}
 LOWEST_FREQUENCY = 0.56
 #: Dimension of the cells of a family.
 DIMENSIONS = {"Beam": 1, "Shell": 2, "Solid": 3}
-#: Seconds of a model, and share of the free memory, from which a mesh is said to be large.
+#: Seconds of a model, or of a step of the page, from which they are told, and share of the free
+#: memory from which a mesh is said to be large.
 LONG, LARGE = 20.0, 0.5
 #: Seconds of a whole answer of the page over those of its model, by the dimension of the cells:
 #: mesh, impacts of the error bars, stresses and picture. Runs of curved panels of quadratic shells
@@ -90,7 +91,7 @@ class Forecast(NamedTuple):
 
     counts : number of anti-oscillators of each model, those after the first where the force needs
         more.
-    seconds, least : time of all models, and of the first one.
+    ends : seconds until the end of each model.
     bytes, iterative : memory of the last model, and whether the solver iterates.
     answer : seconds until the page has shown all, or a run has written it.
     """
@@ -98,11 +99,15 @@ class Forecast(NamedTuple):
     counts: Sequence[int]
     cells: float
     dofs: float
-    seconds: float
-    least: float
+    ends: Array
     bytes: float
     iterative: bool
     answer: float
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of all models."""
+        return float(self.ends[-1])
 
     @property
     def is_long(self) -> bool:
@@ -120,9 +125,14 @@ class Forecast(NamedTuple):
         return f"{plain(self.bytes / 1e9)} GB of memory ({plain(free_memory() / 1e9)} GB are free)"
 
     def lasting(self, seconds: float) -> str:
-        """A share of `seconds`, from that of the first model to all of it, in words."""
-        ends = seconds * self.least / self.seconds, seconds
-        return " to ".join(dict.fromkeys(progress.seconds_text(max(end, 1.0)) for end in ends))
+        """The shares of `seconds` in which the models end, in words: one of them is the time."""
+        ends = seconds / self.seconds * self.ends
+        *texts, last = dict.fromkeys(progress.seconds_text(max(end, 1.0)) for end in ends)
+        return " or ".join(filter(None, [", ".join(texts), last]))
+
+    def told(self, seconds: float) -> str:
+        """As `lasting`; "" of what does not take long."""
+        return self.lasting(seconds) if seconds > LONG else ""
 
     def brief(self) -> str:
         """Cells, seconds of the whole answer, and memory in few words."""
@@ -510,13 +520,12 @@ def forecast_of(
     """Forecast of models in turn; the arguments are those of `before_meshing`."""
     from antiosc.extension import before_meshing
 
-    least, seconds = (
-        before_meshing(shape, dim, cells, some, of_cell)[1].seconds or 0.0
-        for some in (counts[:1], counts)
-    )
-    dofs, cost = before_meshing(shape, dim, cells, counts, of_cell)
-    answer = ANSWER[dim] * seconds
-    return Forecast(counts, cells, dofs, seconds, least, cost.bytes, cost.iterative, answer)
+    until = [counts[: k + 1] for k in range(len(counts))]
+    costs = [before_meshing(shape, dim, cells, some, of_cell) for some in until]
+    dofs, cost = costs[-1]
+    ends = np.array([cost.seconds for _, cost in costs])
+    answer = ANSWER[dim] * float(ends[-1])
+    return Forecast(counts, cells, dofs, ends, cost.bytes, cost.iterative, answer)
 
 
 def forecast_of_parts(structure: Structure, counts: Sequence[int]) -> Forecast | None:

@@ -270,6 +270,8 @@ class Opened:
         self._contact = contact
         self._opening = 0
         self._doing = ""
+        #: how long the present work takes, in words, and the scene that it has written already
+        self._takes = self._written = ""
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
         self._building = False
         self._closed = False
@@ -296,7 +298,11 @@ class Opened:
             "take": lambda values: self._computed(partial(self._take, values)),
             "save": self._names,
             "forecast": self._forecast,
-            "progress": lambda _: {"doing": self._doing},
+            "progress": lambda _: {
+                "doing": self._doing,
+                "takes": self._takes,
+                "written": self._written,
+            },
         }
 
     @property
@@ -338,6 +344,8 @@ class Opened:
                     return {"stale": True}
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
+                finally:
+                    self._takes = self._written = ""
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
             source = self._source
             notes = [] if source is None else source.look.notes
@@ -396,10 +404,15 @@ class Opened:
         def overtaken() -> bool:
             return self._turns.get(tab, turn) > turn
 
-        def work() -> Data:
-            return {"stale": True} if overtaken() else step(set_up, values)
+        writes = step == self._write
 
-        stops = never if step == self._write else overtaken
+        def work() -> Data:
+            if overtaken():
+                return {"stale": True}
+            self._takes = self._saving(set_up) if writes else self._answering(set_up)
+            return step(set_up, values)
+
+        stops = never if writes else overtaken
         return self._computed(work, stops, set_up.is_finer)
 
     def _search_modes(self) -> None:
@@ -864,11 +877,32 @@ class Opened:
         cost = f"On this page all cells become smaller, and with {size} a model takes"
         return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
-    def _names(self, _: Table) -> Data:
-        """The names of the scene and the report that would be written, and their folder, to be
-        confirmed.
+    def _answering(self, set_up: SetUp) -> str:
+        """How long the whole answer to a set-up takes, in words; "" if not long, and of a fall."""
+        if set_up.striker.kind == FLOOR:
+            return ""
+        forecast = self._opened().look.forecast(set_up.size, set_up.n, grows=set_up.n is None)
+        return forecast.told(forecast.answer)
+
+    def _saving(self, set_up: SetUp) -> str:
+        """How long the report takes, as `_answering`: all but the model, which is known."""
+        blow = self._impacts.get(repr(set_up))
+        if blow is None:
+            return self._answering(set_up)
+        forecast = self._opened().look.forecast(set_up.size, blow.sections["extract"]["n"])
+        return forecast.told(forecast.answer - forecast.seconds)
+
+    def _names(self, values: Table) -> Data:
+        """The names of the scene and the report that would be written, their folder, and how long
+        the report takes, to be confirmed.
         """
-        return {"folder": str(self._path.resolve().parent), "names": _free_names(self._path)}
+        takes = self._saving(read(values.get("setup")))
+        return {"folder": self._folder, "names": _free_names(self._path), "takes": takes}
+
+    @property
+    def _folder(self) -> str:
+        """The folder of the part, where scene and report are written."""
+        return str(self._path.resolve().parent)
 
     def _write(self, set_up: SetUp, values: Table) -> Data:
         """Write scene and report beside the part; the user has confirmed their names."""
@@ -885,6 +919,7 @@ class Opened:
                 stream.write(toml(result.sections))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
+        self._written = scene.name
         page_results = run.SceneResults(
             compiled=compiled(read_document(scene)),
             title=result.sections["title"],
@@ -904,7 +939,7 @@ class Opened:
         name = f"report_{len(self.reports) + 1}"
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
-        return {**self._names({}), "written": names, "again": again, "report": name}
+        return {"folder": self._folder, "written": names, "again": again, "report": name}
 
 
 def _lasting(impact_map: ImpactMap) -> str:

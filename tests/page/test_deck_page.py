@@ -15,12 +15,14 @@ import pytest
 import antiosc as ao
 from abaqus_decks import plate_deck
 from antiosc.base import progress
+from antiosc.base.progress import seconds_text
 from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
 from antiosc.reduce.error import divided
-from antiosc_app import conditions, inspection, live, opened as page
+from antiosc_app import conditions, inspection, live, opened as page, report
 from antiosc_app.opened import Opened
+from antiosc_app.until_parted import OSCILLATORS
 from antiosc_app.view import View
 from paths import MESHES
 from webdriver import MISSING, Browser
@@ -71,6 +73,49 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert made.dofs < of_scene.dofs <= made.dofs + len(made.fixed)
     assert of_scene.answer / of_scene.dofs == pytest.approx(finer.answer / finer.dofs)
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
+
+
+def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_report(
+    opened, deck, monkeypatch
+):
+    """An answer of all models that it may need, a report without the model, which is known."""
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-4}
+    told = []
+
+    def write(_results, _parts, path):
+        told.append(opened.calls["progress"]({}) | {"scene": deck.with_suffix(".toml").exists()})
+        path.write_text("the report", encoding="utf-8")
+
+    def struck(*arguments):
+        told.append(opened.calls["progress"]({}))
+        return Opened._struck(opened, *arguments)
+
+    monkeypatch.setattr(inspection, "LONG", 0.0)
+    monkeypatch.setitem(inspection.ANSWER, 2, 1000.0)  # of the model's seconds, which are few
+    monkeypatch.setattr(opened, "_struck", struck)
+    monkeypatch.setattr(report, "write_page", write)
+    blow = opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
+    look, n = opened._opened().look, blow["taken"]["n"]
+    models = look.forecast(n=look.count), look.forecast(n=n)
+    growing = look.forecast(grows=True)
+    assert growing.counts == [look.count, *(count for count in OSCILLATORS if count > look.count)]
+    assert told[0] == {"doing": told[0]["doing"], "takes": growing.lasting(growing.answer),
+                       "written": ""}  # fmt: skip
+    assert told[0]["takes"].startswith(seconds_text(1000 * models[0].seconds))
+    asked = opened.calls["save"]({"setup": setup})
+    assert asked["takes"] == seconds_text(999 * models[1].seconds)
+    try:
+        agreed = {"tab": "a", "turn": 1, "setup": setup, "agreed": asked["names"]}
+        opened.calls["write"](agreed)
+        assert told[-1]["takes"] == asked["takes"]
+        assert told[-1]["scene"]
+        assert told[-1]["written"] == asked["names"][0]
+        assert opened.calls["progress"]({})["takes"] == ""
+        monkeypatch.setattr(inspection, "LONG", 1e9)
+        assert opened.calls["save"]({"setup": setup})["takes"] == ""
+    finally:
+        for name in asked["names"]:
+            deck.with_name(name).unlink(missing_ok=True)
 
 
 def test_cells_that_do_not_fit_are_told_with_the_finest_that_do(opened, monkeypatch):

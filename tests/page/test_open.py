@@ -261,7 +261,7 @@ def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
     setup["striker"] |= {"kind": "mass", "mass": 0.2, "radius": 0.02, "speed": 2.0}
     setup["point"], setup["direction"] = [0.0, 0.021, 0.035], [1.0, 0.0, -0.1]
     blow = call(opened, "settle", setup)
-    names = opened.calls["save"]({})["names"]
+    names = opened.calls["save"]({"setup": setup})["names"]
     assert not any(step.with_name(name).exists() for name in names)  # the user is asked first
     with pytest.raises(InputError, match="agreed"):
         call(opened, "write", setup, agreed=["../angle.toml", "angle.html"])
@@ -278,7 +278,7 @@ def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
     for name in ("peak_force", "impulse", "contact_time"):
         computed = blow["blow"]["computed"][name]
         assert found_in(numbers, name) == pytest.approx(computed, rel=1e-6), name
-    assert opened.calls["save"]({})["names"] == ["angle_2.toml", "angle_2.html"]
+    assert opened.calls["save"]({"setup": setup})["names"] == ["angle_2.toml", "angle_2.html"]
     for path in (scene, page):
         path.unlink()
 
@@ -440,7 +440,7 @@ def test_the_size_of_the_cells_is_that_of_a_set_up(opened, step):
     assert meshes[2].n_cells > 4 * meshes[1].n_cells
     found = [call(opened, "blow", setup) for setup in setups[1:]]
     assert found[1]["site"]["radius"] < 0.8 * found[0]["site"]["radius"]
-    names = opened.calls["save"]({})["names"]
+    names = opened.calls["save"]({"setup": setups[2]})["names"]
     assert call(opened, "write", setups[2], agreed=names)["written"] == names
     scene, page = (step.with_name(name) for name in names)
     assert tomllib.loads(scene.read_text(encoding="utf-8"))["geometry"]["size"] == size / 2
@@ -639,7 +639,7 @@ def test_a_part_falls_on_the_face_that_is_clicked_and_its_scene_falls_alike(bloc
     bar = live.bar_of_fall(opened._dropped(set_up.read(setup)).fall, worst)
     assert bar == strongest["bar"] > 0
     assert stresses[worst.margin().impact - 1]["bar"] == live.stress_bar(worst, bar)
-    names = opened.calls["save"]({})["names"]
+    names = opened.calls["save"]({"setup": setup})["names"]
     call(opened, "write", setup, agreed=names)
     scene, page = (block.with_name(name) for name in names)
     again = compiled(read_document(scene))
@@ -1354,6 +1354,9 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             assert browser.run(OWN_VALUES) == []
             browser.run("bench.called = 'write'; bench.tell_progress('drawing: Energies')")
             assert browser.run(READ)["written"].endswith("written: drawing: Energies")
+            browser.run("bench.tell_progress('drawing', {takes: '3 min', written: 'a.toml'})")
+            follows = r"^a.toml is written and may be used; its report follows: drawing \(.*"
+            assert re.search(rf"{follows} s of about 3 min\)$", browser.run(READ)["written"])
             assert browser.said() == []
     finally:
         shown.close()

@@ -106,7 +106,7 @@ def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
     setup = json.loads(json.dumps(other["setup"])) | {"duration": 2e-4, "n": 5}
     asked = {"tab": "a", "turn": 1, "setup": setup}
     assert apart.calls["settle"](asked)["blow"]["computed"]["peak_force"] > 0
-    names = apart.calls["save"]({})["names"]
+    names = apart.calls["save"](asked)["names"]
     apart.calls["write"]({**asked, "agreed": names})
     scene = tomllib.loads(apart._path.with_name(names[0]).read_text())
     assert scene.get("deck", scene.get("geometry"))["piece"] == 2

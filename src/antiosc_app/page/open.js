@@ -36,9 +36,10 @@ const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", take: "opening the piece", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
-const WRITING = "The scene and its report are being written:";
+const WRITING = "The scene and its report are being written:", WRITTEN = "is written and may be used; its report follows:";
 const LASTS = 2; // s from which on a stage tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
+const CONTINUED = ["settle", "fields", "verdict"]; // steps of an answer that has begun
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
@@ -64,6 +65,7 @@ class Bench {
 
   async call(name, content = {}) {
     this.called = name;
+    if (!CONTINUED.includes(name)) this.began_all = performance.now();
     this.busy(1);
     try {
       const answer = await fetch(`/${name}`, { method: "POST", body: JSON.stringify(content),
@@ -79,7 +81,6 @@ class Bench {
 
   busy(change) {
     this.pending += change;
-    if (change > 0 && this.pending === 1) this.began_all = performance.now();
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
     if (!this.pending) {
       clearTimeout(this.asking);
@@ -92,19 +93,23 @@ class Bench {
   async ask_progress() {
     const answer = await fetch("/progress", { method: "POST", body: "{}",
       headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } }).catch(() => null);
-    if (answer && answer.ok) this.tell_progress((await answer.json()).answer.doing || STAGES[this.called] || "computing");
+    if (answer && answer.ok) {
+      const { answer: found } = await answer.json();
+      this.tell_progress(found.doing || STAGES[this.called] || "computing", found);
+    }
     if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
   }
 
   // What the server does, for how long if it lasts, and how much of it is done where it counts.
-  tell_progress(doing) {
+  tell_progress(doing, { takes, written } = {}) {
     const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
     if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
     const [seconds, all] = [this.began, this.began_all].map((began) => Math.floor((performance.now() - began) / 1e3));
-    const lasts = all - seconds < LASTS ? `for ${seconds} s` : `for ${seconds} s, ${all} s in all`, told = all < LASTS ? doing : `${doing} (${lasts})`;
+    const whole = takes ? `${all} s of about ${takes}` : `${all} s in all`;
+    const lasts = all - seconds < LASTS && !takes ? `for ${seconds} s` : `for ${seconds} s, ${whole}`, told = all < LASTS && !takes ? doing : `${doing} (${lasts})`;
     find("doing").title = doing;
     find("doing").textContent = told;
-    if (this.called === "write") this.wrote(`${WRITING} ${told}`); // beside the button
+    if (this.called === "write") this.wrote(`${written ? `${written} ${WRITTEN}` : WRITING} ${told}`); // beside the button
     if (all >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
@@ -891,8 +896,9 @@ class Bench {
   }
 
   async save() {
-    const { folder, names } = await this.call("save");
-    this.ask(`Write ${names.join(" and ")} into ${folder}?`, "Write them", async () => {
+    const { folder, names, takes } = await this.call("save", { setup: this.setup });
+    const lasts = takes ? ` The report takes about ${takes}.` : "";
+    this.ask(`Write ${names.join(" and ")} into ${folder}?${lasts}`, "Write them", async () => {
       this.wrote(`${WRITING} …`);
       const found = await this.step("write", { agreed: names });
       if (!found) return;
