@@ -308,3 +308,21 @@ def test_the_radius_of_a_patch_of_a_point_within_the_solid_is_that_on_its_surfac
     )
     assert on == pytest.approx(1.05 * 0.01, rel=1e-9)
     assert within == on
+
+
+def test_a_wide_patch_beside_small_ones_gives_these_no_more_faces():
+    """Sites together are as each alone, from about as many pairs of faces and sites."""
+    faces = Faces(ao.box_mesh((0.1, 0.08, 0.02), size=4e-3), False)
+    points = faces.corners.mean(axis=1)[::7]
+    directions = -faces.normals[::7]
+    radii = np.full(len(points), 2e-3)
+    radii[0] = 0.05
+    labels = np.zeros(len(faces.facets), dtype=int)
+    together = faces.contact(points, directions, radii, labels)
+    alone = [slice(k, k + 1) for k in range(len(points))]
+    one_by_one = [faces.contact(points[k], directions[k], radii[k], labels) for k in alone]
+    for name, values in vars(together).items():
+        each = np.concatenate([getattr(one, name) for one in one_by_one])
+        np.testing.assert_allclose(values, each, atol=1e-12)
+    pairs = sum(len(faces._within(points[k], radii[k])[0]) for k in alone)
+    assert len(faces._within(points, radii)[0]) == pairs

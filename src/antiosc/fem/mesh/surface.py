@@ -320,7 +320,7 @@ class Faces(Entities):
         """(face, point, unit normal, distance) of the nearest place on each face of this rank, for
         near points.
         """
-        face, point = pairs_within(self.centres, self.radii + radii.max(initial=0.0), points)
+        face, point = self._within(points, radii)
         xi = projected(
             lambda k, xi: self.at(face[k], xi), points[point], self.middle[face], affine=self.affine
         )
@@ -328,6 +328,22 @@ class Faces(Entities):
         gap = np.linalg.norm(x - points[point], axis=1)
         in_radius = gap <= radii[point]
         return face[in_radius], point[in_radius], normal[in_radius], gap[in_radius]
+
+    def _within(self, points: Array, radii: Array) -> tuple[IntArray, IntArray]:
+        """Pairs (face, point) that may be within the point's radius: two arrays.
+
+        Points with radii of a factor of 2 are searched together: one long facet has a large radius,
+        within which all points would have all faces.
+        """
+        octave = np.frexp(radii)[1]
+        pairs = [np.zeros((2, 0), dtype=int)]
+        for one in np.unique(octave):
+            alike = np.flatnonzero(octave == one)
+            reach = self.radii + radii[alike].max()
+            face, point = pairs_within(self.centres, reach, points[alike])
+            pairs.append(np.array([face, alike[point]]))
+        face, point = np.hstack(pairs)
+        return face, point
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
         """Project points (n, 3) along unit normals (n, 3) onto the surface, by at most `rise` [m].
