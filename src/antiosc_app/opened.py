@@ -409,7 +409,8 @@ class Opened:
         def work() -> Data:
             if overtaken():
                 return {"stale": True}
-            self._takes = self._saving(set_up) if writes else self._answering(set_up)
+            if step != self._map:  # whose time is not foreseen
+                self._takes = self._saving(set_up) if writes else self._answering(set_up)
             return step(set_up, values)
 
         stops = never if writes else overtaken

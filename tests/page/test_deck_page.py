@@ -111,6 +111,8 @@ def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_repor
         assert told[-1]["scene"]
         assert told[-1]["written"] == asked["names"][0]
         assert opened.calls["progress"]({})["takes"] == ""
+        opened.calls["map"]({"tab": "a", "turn": 1, "setup": setup})
+        assert told[-1]["takes"] == ""  # an answer's time is not that of a map
         monkeypatch.setattr(inspection, "LONG", 1e9)
         assert opened.calls["save"]({"setup": setup})["takes"] == ""
     finally:
