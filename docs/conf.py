@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
 import sys
 from importlib import import_module
@@ -11,6 +12,8 @@ from typing import Any
 from sphinx.errors import ExtensionError
 
 import antiosc
+
+gc.disable()  # the trees of all pages are kept: to search them for garbage took half of a build
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
