@@ -203,7 +203,7 @@ def test_a_command_that_is_ended_has_printed_the_finished_lines(tmp_path, capsys
         raise KeyboardInterrupt
 
     monkeypatch.setattr(ao, "tradeoff", interrupted)
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
     text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
     (tmp_path / "scene.toml").write_text(text)
     assert main(["tradeoff", str(tmp_path / "scene.toml"), "--limit", "60"]) == 130
@@ -262,7 +262,7 @@ def test_the_last_line_has_the_seconds_of_the_report_too(tmp_path, capsys, monke
     monkeypatch.setattr(commands, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     monkeypatch.setattr(ao, "tradeoff", taking(60.0, some((1.0, 0.001), (2.0, 0.002))))
     monkeypatch.setattr(commands.report, "write_report_of", taking(1200.0, page))
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
     text = SCENE.replace("PLATE", str(bracket)) + f"\n[strike]\n{BLOW['strike']}\n"
     (tmp_path / "scene.toml").write_text(text)
     assert main(["tradeoff", str(tmp_path / "scene.toml"), "--report", str(page)]) == 0
@@ -470,6 +470,7 @@ def test_picture_and_table(tried, tmp_path):
 SCENE = """
 [geometry]
 source = "PLATE"
+size = 14e-3
 
 [material]
 kind = "Solid"
@@ -501,7 +502,7 @@ BLOW = {"strike": "duration = 2e-4\ntol = 0.9", "simulate": "duration = 2e-4"}
 @pytest.mark.slow
 @pytest.mark.parametrize("section", ["strike", "simulate"])
 def test_of_a_scene_file(section, tmp_path, capsys):
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
     text = SCENE.replace("PLATE", str(bracket)) + f"\n[{section}]\n{BLOW[section]}\n"
     (tmp_path / "scene.toml").write_text(text)
     chart = tmp_path / "chart.png"
@@ -532,7 +533,7 @@ def test_of_a_scene_file(section, tmp_path, capsys):
 
 
 def test_a_scene_without_one_impact_is_refused(tmp_path, capsys):
-    bracket = Path(__file__).parents[1] / "meshes" / "bracket.msh"
+    bracket = Path(__file__).parents[1] / "meshes" / "bracket.geo"
     text = SCENE.partition("[impactor]")[0].replace("PLATE", str(bracket))
     (tmp_path / "scene.toml").write_text(text + "[extract]\nn = 3\n")
     assert main(["tradeoff", str(tmp_path / "scene.toml")]) == 1

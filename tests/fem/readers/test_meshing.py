@@ -123,7 +123,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
         geometry = file.suffix in by_gmsh.GEOMETRY
         with warnings.catch_warnings(action="ignore"):
             try:
-                ao.read_mesh(path, size=0.5 if geometry else None, timeout=20)
+                ao.read_mesh(path, size=0.5 if geometry else None, timeout=5)
             except ao.InputError as error:
                 told.append(str(error))
     assert len(told) > 10
