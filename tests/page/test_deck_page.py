@@ -25,6 +25,7 @@ from antiosc_app.opened import Opened
 from antiosc_app.until_parted import OSCILLATORS
 from antiosc_app.view import View
 from paths import MESHES
+from quick_pages import quick
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -296,7 +297,7 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, monkeypatch):
     monkeypatch.setattr(divided, "MOST_DOFS", 0)  # without an error bar
-    page = View(opened, "plate", "'none'")
+    page = View(quick(opened, 0.02), "plate", "'none'")
     try:
         with Browser() as browser:
             browser.address(page.address, 1300)
@@ -364,13 +365,12 @@ def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(tmp_path):
     """Of one without a density, whose field stands among the others."""
     path = tmp_path / "plate.inp"
     path.write_text(plate_deck(6).replace("*DENSITY\n1200.\n", ""), encoding="utf-8")
-    page = View(Opened(path, unit="m"), "plate", "'none'")
+    page = View(quick(Opened(path, unit="m"), 0.02), "plate", "'none'")
     try:
         with Browser() as browser:
             browser.address(page.address, 390)
             shown(browser, "settled", 1)
-            quick = "{duration: 0.02, n: 10, yield_strength: 2e8, held: ['edges at +x']}"
-            browser.run(f"bench.change({quick})")
+            browser.run("bench.change({yield_strength: 2e8, held: ['edges at +x']})")
             shown(browser, "settled", 2)
             places = browser.run(PLACES)
             at = places["fields"].index("yield_strength")

@@ -19,6 +19,7 @@ from antiosc_app.opened import ALL, ANOTHER, Opened
 from antiosc_app.set_up import read, scene_of, toml
 from antiosc_app.view import View
 from contact_decks import SIDES as BLOCK, cut_block
+from quick_pages import quick
 from webdriver import MISSING, Browser
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -239,7 +240,7 @@ def until(browser, is_so):
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_a_page_takes_another_piece_as_a_new_part(tmp_path):
     as_step(tmp_path / "two.step", APART)
-    page = View(Opened(tmp_path / "two.step"), "two.step", "'none'")
+    page = View(quick(Opened(tmp_path / "two.step", size=4e-3), 2e-4), "two.step", "'none'")
     try:
         with Browser() as browser:
             browser.address(page.address, 1300)

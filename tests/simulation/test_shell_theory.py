@@ -25,7 +25,7 @@ NO_DATA = ModelInfo()
 
 @pytest.fixture(autouse=True)
 def without_deflections(monkeypatch):
-    """The motion of thousands of modes, of which no bar is compared here, takes 9/10 of the time."""
+    """The motion of thousands of modes takes 9/10 of the time, and no bar of it is compared."""
     monkeypatch.setattr(of_runs, "all_changes", of_runs.changes)
 
 
