@@ -54,9 +54,13 @@ class Browser:
 
     def address(self, url: str, width: int, height: int = 1000) -> None:
         """Open an address in a page of this width."""
+        self.resize(width, height)
+        self._call("POST", "/url", url=url)
+
+    def resize(self, width: int, height: int = 1000) -> None:
+        """Give the page another width."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.command("Emulation.setDeviceMetricsOverride", **metrics)
-        self._call("POST", "/url", url=url)
 
     def command(self, name: str, **parameters: Any) -> Any:
         """A command of Chromium's DevTools."""
