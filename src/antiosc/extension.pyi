@@ -110,9 +110,7 @@ from antiosc.impact.bodies import (
 )
 from antiosc.impact.error_budget import (
     CUT_PATCH as CUT_PATCH,
-    NOT_ESTIMATED as NOT_ESTIMATED,
     SAFETY as SAFETY,
-    WITHOUT_MESH as WITHOUT_MESH,
 )
 from antiosc.impact.histories import (
     error_scope as error_scope,

@@ -56,9 +56,7 @@ from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     CUT_PATCH,
     DEFLECTION,
-    NOT_ESTIMATED,
     QUANTITIES,
-    WITHOUT_MESH,
     ErrorBudget,
     SiteMotion,
     brittle_sides,
@@ -316,7 +314,7 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     On the page such an error bar is scaled by the difference that its modified body makes there.
     `unknown` says why a quantity has none, `rebounds` whether the impulse is m v (1 + e).
     """
-    none: Data = {"shares": {}, "variants": {}, "word": "", "unknown": {}, "rebounds": False}
+    none: Data = {"shares": {}, "variants": {}, "unknown": {}, "rebounds": False}
     if not budget:
         return none
     causes = budget.causes
@@ -333,10 +331,10 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         variants = {
             cause: modal_data(variant.modal(), local=local) for cause, variant in bodies.items()
         }
-    word = f"{budget.word} ".lstrip()
     rebounds = budget.rebound is not None
     bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
-    return {**bodies_and_bars, "word": word, "unknown": budget.unbarred}
+    told = {"mark": budget.mark, "footnote": budget.footnote, "unknown": budget.unbarred}
+    return bodies_and_bars | told
 
 
 def _computed(hit: History, budget: ErrorBudget | None) -> Data:
@@ -448,8 +446,9 @@ STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 class Headline(NamedTuple):
     """Striker and part, the numbers (name, value with error bar), and sentences of the verdict.
 
-    `caution`: what must be read before the numbers, "" if nothing must. `kinds` of the sentences
-    tell the page how to replace them when a slider is moved.
+    `caution`: what must be read before the numbers, "" if nothing must; `footnote`: what their bars
+    leave out, directly below them. `kinds` of the sentences tell the page how to replace them when
+    a slider is moved.
     """
 
     about: str
@@ -457,6 +456,7 @@ class Headline(NamedTuple):
     sentences: list[str]
     kinds: Sequence[str] = ()
     caution: str = ""
+    footnote: str = ""
 
 
 def headline_of_history(
@@ -487,11 +487,13 @@ def headline_of_history(
         ("energy", _absorbed(hit)),
         ("stretch", stretching(hit, structure)),
         ("contacts", _contacts(hit)),
-        ("accuracy", "" if budget is None else _accuracy(hit, budget)),
+        ("accuracy", remedy_of(hit, budget)),
     ]
     kinds, sentences = zip(*(pair for pair in sentences_of_kind if pair[1]), strict=True)
     caution = cautions_of(hit, structure, budget, fields)
-    return Headline(_struck(hit, structure, file), numbers, list(sentences), kinds, caution)
+    about = _struck(hit, structure, file)
+    footnote = "" if budget is None else budget.footnote
+    return Headline(about, numbers, list(sentences), kinds, caution, footnote)
 
 
 def cautions_of(
@@ -624,7 +626,7 @@ def _no_bar_of_map(impact_map: ImpactMap, known: Mapping[int, History]) -> str:
     numerical = percent(budget["peak_force"].without_law)
     return (
         f"The largest force has a numerical error of {numerical}, without that of the contact's"
-        f" law. {_left_out(budget)}"
+        f" law. {budget.left_out}"
     )
 
 
@@ -1116,7 +1118,7 @@ COARSE_CELLS = "There is no error bar, because the cells are too large for this 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence that a result has no error bar, the reason and the remedy; "" if it has one."""
     if budget is not None:
-        return " ".join(note for note in budget.notes if note.startswith((WITHOUT_MESH, CUT_PATCH)))
+        return CUT_PATCH if CUT_PATCH in budget.notes else ""
     reason = "There is no error bar, for the mesh's error is not estimated"
     if structure is None:
         return f"{reason}."
@@ -1148,22 +1150,11 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
     return start + _narrows(hit, budget) if start else ""
 
 
-def _accuracy(hit: History, budget: ErrorBudget) -> str:
-    """Sentences on what the bars leave out, the cause that limits the accuracy, and the remedy."""
-    return " ".join(filter(None, [_left_out(budget), remedy_of(hit, budget)]))
-
-
 def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
     """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before."""
     if budget is None or rough(hit, budget):
         return ""
     return capitalised(_narrows(hit, budget))
-
-
-def _left_out(budget: ErrorBudget) -> str:
-    """Sentences on what is not in the bars: the law, and the mesh if its estimate was not asked."""
-    mesh = (note for note in budget.notes if NOT_ESTIMATED in note)
-    return " ".join(filter(None, [budget.law, *mesh]))
 
 
 def _narrows(hit: History, budget: ErrorBudget) -> str:

@@ -1187,9 +1187,10 @@ def _taken(blow: PageImpact) -> Data:
 
 
 def _said(head: live.Headline, settled: bool) -> list[str]:
-    """The sentences of a headline; those on the error bars once these are computed."""
+    """The sentences of a headline that the table lacks; that on the bars once these are computed."""
+    told = {"contacts"} if settled else {"contacts", "accuracy"}
     pairs = zip(head.kinds, head.sentences, strict=True)
-    return [sentence for kind, sentence in pairs if settled or kind != "accuracy"]
+    return [sentence for kind, sentence in pairs if kind not in told]
 
 
 def _told_of_fall(dropped: Dropped, worst: WorstField | None) -> Data:

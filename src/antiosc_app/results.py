@@ -449,7 +449,8 @@ def _impact(results: SceneResults) -> Presentation:
     struck = format_rows([(f"{name:<{SUMMARY}}", value) for name, value in held])
     told = "\n".join(filter(None, (struck, summary)))
     remedy = "" if is_scene else remedy_of(hit, budget)
-    accuracy = "\n".join(filter(None, (str(budget or ""), remedy)))
+    lines = (line for line in str(budget or "").splitlines() if line not in told)
+    accuracy = "\n".join(filter(None, (*lines, remedy)))
     moved = [] if is_scene else motion_rows(hit, budget, results.structure)
     text = [told, accuracy, format_rows([*moved, *probe_rows, *stresses])]
     return Presentation(
@@ -512,8 +513,7 @@ def _errors(hit: History) -> list[Block]:
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    total = budget.word or "total"
-    table: Columns = {"Error budget": ["value", *budget.causes, total]}
+    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.mark}"]}
     for name, bar in budget.items():
         shares = budget.shares(name)
         if name not in budget.incomparable:
@@ -521,7 +521,7 @@ def _errors(hit: History) -> list[Block]:
         cells = [shares[cause] for cause in (*budget.causes, "total")]
         told = ["–" if share is None else percent(share) for share in cells]
         table[_spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
-    return [rows, table, *filter(None, [budget.law]), *budget.notes]
+    return [rows, table, *budget.notes]
 
 
 def _rest_of_force(budget: ErrorBudget | None) -> float | None:

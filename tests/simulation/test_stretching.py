@@ -112,7 +112,8 @@ def test_an_automatic_number_states_its_error():
     force, *others = (hit.error[f"stretch {name}"] for name in names)
     assert bar.stretch == pytest.approx(3 * max(force, max(others) / 2))
     told = str(hit.error_budget)
-    assert "numerical, without the mesh's error ±" in told  # nor of the law, which was given
+    assert f"* {hit.error_budget.no_mesh} The contact's law was given" in told
+    assert " not in these bars" in hit.error_budget.no_mesh
     assert "mesh 0 %" not in told  # nobody has estimated it
     whole = ao.simulate(model(5, size=5), BALL, LAW, DURATION)
     assert abs(hit.peak_force / whole.peak_force - 1) <= bar.stretch + bar.time

@@ -70,7 +70,7 @@ from antiosc.impact.truncation import (
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
 from antiosc.models.modal import ModalBody
-from antiosc.models.parameters import energy_error, no_estimate
+from antiosc.models.parameters import energy_error, has_bars, no_estimate
 
 #: Measured errors of Timoshenko's beam theory: see above.
 LOCAL = 0.8
@@ -263,15 +263,13 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     by the exact method with a step that meets the tolerance.
     """
     model = hit.model
-    if not isinstance(model, AntiOscillators):
+    if not isinstance(model, AntiOscillators) or not has_bars(model):
         raise InputError(no_estimate(model))
     runs: list[History] = []
     rerun, by_law = _kept(rerun, runs), _kept(by_law, runs)
     stretching_model = model
     stretches = model.stretch is not None
     refused = bool(model.info.no_estimate) and model.strain_error is None
-    if not (model.strain_error is not None or model.info.measured or stretches or refused):
-        raise InputError(no_estimate(model))
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
@@ -319,13 +317,12 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         missing = "The mesh is" if rough else "Mesh and truncation are"
         reason = model.info.no_estimate
         remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
-        without_mesh = f"{missing}{NOT_ESTIMATED}{remedy}."
+        without_mesh = f"{missing} not in these bars: {remedy}."
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if patch_notes:
         unknown += ("patch",)
-    mesh_notes = filter(None, [without_mesh, *of_mesh.doubts])
-    notes = (*patch_notes, *geometry_notes, *model_notes, *mesh_notes, *band_notes)
+    notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
     settled = all(bars.comparable(raw, run) for run in runs)
     incomparable = () if settled else ("contact_time",)
     return ErrorBudget(
@@ -338,6 +335,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         incomparable,
         rebound_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
+        without_mesh,
     )
 
 
@@ -383,8 +381,7 @@ def _kept(
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
 WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
-#: In the note on what no estimate was asked for, before what estimates it.
-NOT_ESTIMATED = " not in these bars: "
+#: What estimates what no estimate was asked for.
 ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"
 

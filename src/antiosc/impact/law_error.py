@@ -29,9 +29,11 @@ from antiosc.models.body import Body
 
 #: Note for a law given by the caller.
 GIVEN = "The contact's law was given: its error is not in these bars."
+#: Before the reason why the error of a law that was chosen is not known.
+NOT_KNOWN = "The error of the contact's law is not in these bars: "
 #: Note for a mesh by whose error of the curvature the surfaces may fit into each other.
 UNKNOWN_CURVATURE = (
-    "The total is not known: the curvature of the surface at the site is too uncertain (smaller"
+    f"{NOT_KNOWN}the curvature of the surface at the site is too uncertain (smaller"
     " elements around the site)."
 )
 #: Factor for errors of the law that grow with the depth: these change the peak by up to 1.29 times
@@ -54,11 +56,11 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     if choice is None:
         return NO_ERROR, GIVEN
     if choice.unknown:
-        return None, f"The total is not known: {choice.unknown}."
+        return None, f"{NOT_KNOWN}{choice.unknown}."
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
     if strain > LARGEST_STRAIN:
         return None, (
-            f"The total is not known: the contact is pressed in by {strain:.2g} of its radius, and "
+            f"{NOT_KNOWN}the contact is pressed in by {strain:.2g} of its radius, and "
             f"the error of its elastic law is known up to {LARGEST_STRAIN:g} (a blunter striker)."
         )
     total = dict(NO_ERROR)

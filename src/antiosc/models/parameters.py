@@ -396,6 +396,17 @@ NO_ESTIMATE = (
 )
 
 
+def has_bars(model: object) -> bool:
+    """Whether impacts on a model have error bars: a known error of the mesh, or the reason why it
+    is not known, noise of a measurement, or second-order modes.
+    """
+    if not isinstance(model, Parameters):
+        return False
+    info = model.info
+    known = model.strain_error is not None or model.stretch is not None
+    return known or bool(info.measured or info.no_estimate)
+
+
 def no_estimate(model: object) -> str:
     """Message for a model without an estimate of its mesh error, with the remedy that works."""
     reason = info_of(model).no_estimate

@@ -260,15 +260,14 @@ class HistoryLike(Protocol):
 
 
 def _error_of(hit: HistoryLike) -> tuple[float, str]:
-    """(relative error of the largest force, its name): that of the error budget once it is known,
-    else of the run alone.
+    """(relative error of the largest force, its words, with a place for the number): that of the
+    error budget once it is known, else of the run alone.
     """
     budget = getattr(hit, "__dict__", {}).get("error_budget")
-    total = budget["peak_force"].total if budget else None
-    if total is not None and np.isfinite(total):
-        return total, "error"
+    if budget and np.isfinite(total := max(budget.sides("peak_force"))):
+        return total, f"error{{}}, without {budget.lacking}" if budget.lacking else "error{}"
     error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
-    return error, "numerical error"
+    return error, "numerical error{}"
 
 
 def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = None) -> Axes:
@@ -297,14 +296,13 @@ def plot_force(hits: HistoryLike | Mapping[str, HistoryLike], ax: Axes | None = 
             time, force = running_mean(hit.time, hit.force, window)
             text = f"{name}, {mean}" if name else mean
             ax.plot(factor * time, force, color=line.get_color(), lw=2, label=text)
-        error, name_of_error = _error_of(hit)
+        error, words = _error_of(hit)
         tops.append(hit.peak_force * (1 + min(error, 1.0) * (error >= VISIBLE)))
         if error >= VISIBLE:
             bounds = (hit.force * (1 - error), hit.force * (1 + error))
             shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
-            ax.fill_between(
-                factor * hit.time, *bounds, label=f"{name_of_error} ± {percent(error)}", **shade
-            )
+            label = words.format(f" ± {percent(error)}")
+            ax.fill_between(factor * hit.time, *bounds, label=label, **shade)
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
             ax.plot(factor * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())

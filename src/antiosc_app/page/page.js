@@ -219,11 +219,10 @@ class Page {
     return this.known;
   }
 
-  // A number and its bar, with the word for what the bar leaves out: a line may end between all.
+  // A number and its bar, with the mark of one that leaves something out: a line may end between them.
   with_bar(name, plain, bar) {
-    const word = this.blow.bars ? this.blow.bars.word : "";
     const text = name === "restitution" ? (value) => engineering(value, "", 2) : percent;
-    return [`${plain}${word ? "," : ""}`, ...word.split(" ").filter(Boolean), plus_minus(bar, text)];
+    return [plain, plus_minus(bar, text) + (this.blow.bars && this.blow.bars.mark || "")];
   }
 
   // The error below and above a number; that of the restitution is not relative.
@@ -292,12 +291,14 @@ class Page {
     }
     if (this.blow.law.limit && hit.peak_force > this.blow.law.limit) notes.push("The force exceeds the range of the contact law.");
     find("notes").textContent = notes.join(" ");
+    const { footnote } = this.blow.bars || {};
+    Object.assign(find("footnote"), { textContent: footnote, hidden: !footnote || !this.data.fixed }); // a report has it below its headline
     find("back").disabled = this.at_start();
     if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
-      + (this.bar ? "; the band: the error bar" : "") + (hit.contacts > 1 ? "; the thick line: the contact time" : "")
-      + (this.until < hit.duration ? `; none from ${engineering(hit.last, "s")} to the end, ${engineering(hit.duration, "s")}` : "") + ".";
+      + (this.bar ? `; the band: the error bar${this.blow.bars && this.blow.bars.mark || ""}` : "") + (hit.contacts > 1 ? "; the thick line: the contact time" : "")
+      + (this.until < hit.duration ? `; none from the last release to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 
   // A number of the headline: that of the computed case, or the present one; of a map it is of all sites.

@@ -25,6 +25,7 @@ from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
 from antiosc.models.body import info_of, site_points
+from antiosc.models.parameters import has_bars
 from antiosc.plot.charts import plot_history
 
 if TYPE_CHECKING:
@@ -189,10 +190,12 @@ class History(RunHistory, Results):
         places = {name: point_text(point) for name, point in history_sites(self).items()}
         if not self.named:
             e = self.restitution
+            budget = vars(self).get("error_budget")
             note = contact_time_note(self)
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
                 ("peak force", self.force_text),
+                *([("", budget.footnote)] if budget and budget.mark else []),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
                 ("contacts", self.count_text),
@@ -292,7 +295,7 @@ def error_scope(history: History) -> str:
     """Text: causes that the `error` of a history covers, and the place of the mesh error."""
     bodies = [scene_body.body for scene_body in history.assembly.bodies.values()]
     facts = [info_of(body) for body in bodies]
-    if has_estimate(history):
+    if has_estimate(history) or has_budget(history):
         law = "law, " if history.budget is not None else ""
         return f"time integration; {law}truncation and mesh: see the error budget"
     if not any(info.structure for info in facts):
@@ -301,6 +304,11 @@ def error_scope(history: History) -> str:
     if any(i.meshed and i.no_estimate for i in facts):
         remedy = ": compare two element sizes"
     return f"time integration; truncation and mesh are not estimated{remedy}"
+
+
+def has_budget(history: History) -> bool:
+    """Whether an impact of two bodies has an error budget."""
+    return history.budget is not None and has_bars(history.model)
 
 
 def has_estimate(history: History) -> bool:
@@ -322,7 +330,7 @@ def error_text(history: History) -> str:
         return budget.causes_text("peak_force")
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
     numerical = f"numerical {error_text} ({error_scope(history)})"
-    if has_estimate(history) and history.budget is not None:
+    if has_budget(history) or (has_estimate(history) and history.budget is not None):
         return numerical
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))

@@ -34,6 +34,8 @@ CAUSES = (
 ASSUMED = ("model", "law")
 #: Why a contact time has no bar.
 NO_BAR = "no error bar: the number of its contacts is uncertain"
+#: Behind a bar that leaves something out, and before what it leaves out.
+MARK = "*"
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
 
@@ -115,6 +117,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
     law : why the error of the contact's law is not in the bars; "" where it is.
+    no_mesh : why the mesh's error is not in the bars; "" where it is.
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
@@ -131,6 +134,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     incomparable: tuple[str, ...] = ()
     rebound: Rebound | None = None
     deflection: ErrorBar | None = None
+    no_mesh: str = ""
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -221,21 +225,32 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its error as text; "numerical" if the error leaves the law out."""
+        """A quantity with its error as text, marked if the error leaves something out."""
         bar = self.bar(name)
         value = engineering(bar.value, UNITS[name], digits)
         if name in self.incomparable:
-            return f"{value}, {NO_BAR}"
-        word = f", {self.word}" if self.word else ""
-        return f"{value}{word} {plus_minus(self.sides(name))}"
+            return value
+        return f"{value} {plus_minus(self.sides(name))}{self.mark}"
 
     @property
-    def word(self) -> str:
-        """What the bars leave out, before them; "" if nothing."""
-        lacks_law = bool(self.law) or any(bar.law is None for bar in self.bars.values())
-        lacks_mesh = "mesh" in self.unknown
-        words = ["numerical"] * lacks_law + ["without the mesh's error"] * lacks_mesh
-        return ", ".join(words)
+    def mark(self) -> str:
+        """The mark of a bar that leaves something out, which `left_out` tells; "" if none does."""
+        return MARK * bool(self.left_out)
+
+    @property
+    def lacking(self) -> str:
+        """What the bars leave out, in a few words: "the law", "the mesh" or both; "" if nothing."""
+        return " and ".join(["the law"] * bool(self.law) + ["the mesh"] * bool(self.no_mesh))
+
+    @property
+    def left_out(self) -> str:
+        """What the bars leave out; "" if nothing."""
+        return " ".join(filter(None, [self.no_mesh, self.law]))
+
+    @property
+    def footnote(self) -> str:
+        """What marked bars leave out, after the mark, to be told once beside them; "" if nothing."""
+        return f"{self.mark} {self.left_out}".strip()
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
         """A coefficient of restitution as text, with its error if that is known."""
@@ -244,8 +259,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
-        word = f", {self.word}" if self.word else ""
-        return f"{restitution_text(e, digits)}{word} {plus_minus(sides, two_digits)}"
+        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.mark}"
 
     @property
     def unbarred(self) -> dict[str, str]:
@@ -274,11 +288,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def __str__(self) -> str:
         lines = []
         for name in self.bars:
-            causes = "" if name in self.incomparable else f": {self.causes_text(name)}"
-            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}{causes}")
+            reason = NO_BAR if name in self.incomparable else self.causes_text(name)
+            lines.append(f"{name.replace('_', ' ')} {self.shown(name)}: {reason}")
         if self.rebound is not None and self.restitution_sides is not None:
             lines.append(f"restitution {self.shown_restitution(self.rebound.restitution)}")
-        return "\n".join([*lines, *filter(None, [self.law]), *self.notes])
+        return "\n".join([*lines, *filter(None, [self.footnote]), *self.notes])
 
 
 def two_digits(value: float) -> str:
