@@ -30,6 +30,7 @@ from antiosc import (
     ModalBody,
     RigidMass,
     SceneHistory,
+    YangSun,
     simulate,
 )
 from antiosc.base import materials
@@ -193,7 +194,7 @@ def blow_of_history(hit: History, bars: ErrorBudget | None) -> Data | None:
         law, modal_data(striker.modes, striker.start, loads[1]), hit.impactor, speed
     )
     law_data = common_data["law"]
-    if law_data["yields"]:
+    if law_data["yields"] is not None:
         law_data["yields"] |= {"side": weaker_side(hit), "unknown": unknown_dent(hit)}
     law_data["brittle"] = [_brittle(matter) for matter in brittle_sides(hit)]
     if plain := by_hertz(hit):
@@ -439,6 +440,10 @@ GIVEN_RANGE = (
     " law itself make it; tests of the part's own material alone narrow it"
 )
 OF_STRIKER = "the striker yields first, and its yield strength is known no better"
+OF_LAMINATE = (
+    "it is not known from which indentation this laminate is damaged; where tests have it, give the"
+    ' law (in a scene: kind = "YangSun" with stiffness and critical in [contact])'
+)
 #: Number of a striker in a headline -> (its unit, the preposition).
 STRIKER_WORDS = {"mass": ("kg", "of"), "velocity": ("m/s", "at")}
 
@@ -1171,6 +1176,8 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
 def _end_of_law(hit: History) -> str:
     """What is said of the share of a contact law: what narrows it, unless that is given."""
     choice = choice_of(hit.law, hit.model, hit.impactor)
+    if isinstance(hit.law, YangSun):
+        return OF_LAMINATE
     if choice is None or choice.soft is None:
         return ""
     if weaker_side(hit).startswith("the striker"):

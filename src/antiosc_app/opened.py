@@ -42,7 +42,7 @@ from antiosc.base.errors import (
 from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
 from antiosc.base.texts import SMALLER_CELLS, capitalised, count_text, engineering, percent, plain
-from antiosc.extension import halvings, stress_seconds, with_stresses
+from antiosc.extension import halvings, stress_seconds, with_parts, with_stresses
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
@@ -467,7 +467,8 @@ class Opened:
             finer=True if inspection.plate and inspection.meshed else None,
         )
         scene = self._compiled(scene_of(self._source, set_up, DURATION))
-        shape, faces, faces_held = skin(self._structure(scene), inspection)
+        structure = self._structure(scene)
+        shape, faces, faces_held = skin(structure, inspection)
         self._source = self._source._replace(faces=faces)
         self._first = {
             "name": self._path.name,
@@ -499,6 +500,7 @@ class Opened:
             "unheld": self._unheld(inspection),
             "n": inspection.count,
             "saves": self._given is None,
+            "yields": _may_yield(structure),
             "engine": live.engine(),
             "setup": asdict(replace(set_up, held=tuple(faces_held))),
         }
@@ -1086,6 +1088,13 @@ def _in_words(value: object, fields: Mapping[str, str]) -> object:
     if isinstance(value, str):
         return reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
     return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
+
+
+def _may_yield(structure: Structure) -> bool:
+    """Whether a material can have a yield strength; layers of fibres have none."""
+    members = with_parts(structure).members()
+    materials_of = (material for member in members for material, _ in member.part.parts)
+    return any(hasattr(material, "yield_strength") for material in materials_of)
 
 
 def _stressed_elsewhere(source: InspectedFile, set_up: SetUp, judged: Data) -> bool:

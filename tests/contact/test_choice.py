@@ -16,6 +16,7 @@ from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
 from antiosc.engine.contact.peak_error import TABOR, error_of_peak
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
+from antiosc.impact.histories.bars import differences
 from antiosc.impact.law_error import strain_rate
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
@@ -332,6 +333,21 @@ def test_a_summary_has_no_second_error_of_the_law_beside_the_budget():
     row = hit.error_budget["peak_force"].law
     assert row > 0
     assert f"law {percent(row)}" in error_line(hit)
+
+
+@pytest.mark.parametrize("k0", [2e5, 2e8])
+def test_the_bar_of_a_laminate_holds_whatever_indentation_damages_it(k0):
+    """Where the plate decides, the law is no reason for a total that is not known."""
+    ply = Surface(Matter(8e9, 0.0, critical=8.03e-5, name="laminate"))
+    plate = replace(model(ply, strain_error=ERRORS), k0=k0)
+    ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
+    hit = ao.simulate(plate, ball, duration=5e-3)
+    budget = hit.error_budget
+    assert not budget.law
+    for critical in hit.deepest * np.array([2e-3, 0.01, 0.1, 0.3, 0.7, 0.99]):
+        damaged = ao.simulate(plate, ball, replace(hit.law, critical=critical), duration=5e-3)
+        for name, change in differences(damaged, hit).items():
+            assert change <= budget[name].law
 
 
 def test_a_curvature_that_may_fit_the_striker_leaves_the_total_unknown():

@@ -13,7 +13,7 @@ from dataclasses import replace
 from antiosc.base.errors import SiteError
 from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.choice import Choice, choose
-from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz
+from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import (
     LARGEST_STRAIN,
     elastic_strain,
@@ -41,6 +41,8 @@ UNKNOWN_CURVATURE = (
 GROWS = 1.4
 #: Largest relative error of the force with which the impact is repeated.
 MOST = 0.9
+#: Least indentation that damages a laminate, over the largest one: 94 % of that one remains then.
+LEAST_CRITICAL = 1e-3
 #: Repeats the impact by another law, to a tolerance.
 ByLaw = Callable[[ContactLaw, float], History]
 
@@ -55,7 +57,7 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     choice = choice_of(raw.law, raw.model, raw.impactor)
     if choice is None:
         return NO_ERROR, GIVEN
-    if choice.unknown:
+    if choice.unknown and not isinstance(choice.law, YangSun):
         return None, f"{NOT_KNOWN}{choice.unknown}."
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
     if strain > LARGEST_STRAIN:
@@ -82,6 +84,8 @@ def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     yield _by_strain(choice.law, strain)
     law = choice.law
     soft = choice.soft
+    if isinstance(law, YangSun):
+        yield _by_damage(law, raw.deepest)
     if not isinstance(law, ElasticPlastic) or soft is None:
         return
     if raw.peak_force > law.yield_force:
@@ -125,6 +129,13 @@ def _by_curvature(raw: History, law: ContactLaw) -> Iterator[ContactLaw]:
         other_law = choose(first, second).law
         if type(other_law) is type(law):
             yield other_law
+
+
+def _by_damage(law: YangSun, deepest: float) -> list[ContactLaw]:
+    """The law of a laminate that is not damaged, and of one in which almost all of the indentation
+    [m] remains: the loading is the same, and the damage of any laminate lies between.
+    """
+    return [replace(law, critical=share * deepest) for share in (LEAST_CRITICAL, 1.0)]
 
 
 def _by_strain(law: ContactLaw, strain: float) -> list[ContactLaw]:

@@ -533,7 +533,7 @@ class Bench {
   slider(where, name, label, unit, least, most = this.facts.most_n, kinds = null) {
     const { setup } = this.facts, open = (kinds ? setup.striker : setup)[name] === null; // an emptied field leaves the choice to the server
     if (open && name === "thickness") return;
-    if (name === "yield_strength" && !this.of_deck()) return; // others have materials with a name
+    if (name === "yield_strength" && !(this.of_deck() && this.facts.yields)) return; // others have materials with a name, or layers
     if (UNSTATED.includes(name) && !this.facts.unstated[name]) return;
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });

@@ -268,7 +268,8 @@ class Page {
     hit.unknown = unknown;
     for (const [name, , unit] of this.rows) {
       const [now, before] = this.cells[name], value = hit[name];
-      const plain = this.plain(name, value, unit, unknown);
+      const plain = this.plain(name, value, unit, unknown), kept = computed[name] ?? null;
+      if (name === "dent") now.parentElement.hidden = plain !== unknown && !(value > 0 || kept > 0);
       const bar = this.sides(name, hit, bars);
       const has_bar = (Array.isArray(bar) || Number.isFinite(bar)) && Number.isFinite(value);
       const parts = has_bar ? this.with_bar(name, plain, bar) : [plain];
@@ -277,8 +278,7 @@ class Page {
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
       now.dataset.value = value;
       this.head(name, now.textContent);
-      const known = computed[name] ?? null;
-      unbroken(before, known === null ? [] : [this.plain(name, known, unit, computed.unknown ?? unknown)]);
+      unbroken(before, kept === null ? [] : [this.plain(name, kept, unit, computed.unknown ?? unknown)]);
     }
     this.say(hit);
     const notes = [];

@@ -55,7 +55,7 @@ STRENGTH_RATIO = 1.6
 FLAT = "the pressure of flat faces, which are never quite parallel"
 LINES = "when a contact along a line yields"
 NO_STRENGTH = "whether one side yields (give the yield strength or a material)"
-LAMINATE = "the indentation from which this laminate is damaged (give YangSun)"
+LAMINATE = "the indentation from which this laminate is damaged"
 
 
 @dataclass(frozen=True)
