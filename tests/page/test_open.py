@@ -22,6 +22,7 @@ import antiosc as ao
 import parts
 from antiosc.base import materials, progress
 from antiosc.base.errors import NOTE, InputError, by_weight, warn, warnings_to
+from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
@@ -1293,6 +1294,15 @@ def test_a_text_that_is_not_yet_confirmed_outlasts_the_answers_of_the_server(com
         browser.command("Input.insertText", text="2")
         browser.run("document.activeElement.blur()")  # confirms as well
         assert browser.run("return bench.setup.striker.speed") == 2
+        # a height is the speed of a fall from there, in one value
+        fallen = 2**2 / (2 * GRAVITY)
+        assert float(browser.run(SELECT, "from_height")) == pytest.approx(fallen, rel=1e-3)
+        names = browser.run("return Object.keys(bench.setup.striker)")
+        browser.run(CHOOSE, "input[name=from_height][type=number]", "0.5")
+        assert browser.run("return bench.setup.striker.speed") == pytest.approx(GRAVITY**0.5)
+        assert browser.run(SELECT, "speed") == "3.132"
+        assert browser.run(SELECT, "from_height") == "0.5"
+        assert browser.run("return Object.keys(bench.setup.striker)") == names
         assert browser.said() == []
 
 

@@ -9,7 +9,7 @@ class FallPage {
     find("live").hidden = false;
     document.body.classList.add("live");
     document.body.classList.toggle("flat", !view);
-    for (const id of ["again", "site", "legend", "doubtful", "without"]) find(id).hidden = true;
+    for (const id of ["again", "site", "footnote", "legend", "doubtful", "without"]) find(id).hidden = true;
     find("site").parentElement.hidden = true;
     find("sliders").replaceChildren();
     const { part, impacts } = data;

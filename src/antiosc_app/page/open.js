@@ -4,7 +4,7 @@
 // also the kinds that have it.
 const FIELDS = {
   striker: [["radius", "radius", "mm", 1, 200, ["ball", "mass"]], ["mass", "mass", "kg", 0.01, 100, ["mass"]],
-    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
+    ["speed", "speed", "m/s", 0.05, 50, ["ball", "mass"]], ["from_height", "from height", "m", 0.0002, 100, ["ball", "mass"]], ["height", "height", "m", 0.01, 20, ["floor"]],
     ["corner_radius", "corner radius", "mm", 0.01, 10, ["floor"]],
     ["friction", "friction", "", 0, 1, ["floor"]],
     ["layer_thickness", "layer thickness", "mm", 1, 200, ["floor"]], ["layer_modulus", "layer modulus", "MPa", 0.05, 1000, ["floor"]]],
@@ -14,6 +14,8 @@ const FIELDS = {
     ["yield_strength", "yield strength", "MPa", 50, 3000], ["density", "density", "kg/m³", 100, 20000],
     ["modulus", "Young's modulus", "GPa", 0.001, 1000]],
 };
+// Fields that show another value: which, what they show of it, and the value of what is typed.
+const GRAVITY = 9.80665, DERIVED = { from_height: ["speed", (speed) => speed ** 2 / (2 * GRAVITY), (height) => Math.sqrt(2 * GRAVITY * height)] };
 // A material that is not in the list, and its constants: name, label, unit; the last is a range.
 const OWN = "own material", CONSTANTS = [["E", "Young's modulus", "GPa"], ["nu", "Poisson's ratio", ""], ["rho", "density", "kg/m³"],
   ["yield_strength", "yield strength", "MPa"]], STRENGTHS = ["yield_range", "its range", "MPa"];
@@ -45,6 +47,7 @@ const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
 const is_numbered = (name) => /^(face|flat side) \d+$/.test(name);
 const NOTE = 3; // weight of a note of what was chosen
+const MOST_DIGITS = 6; // of a number that fits into its field
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 const SEE_THROUGH = 0.6; // cover of a face that stands out
 // What a tab keeps over a reload; nothing where the browser forbids it.
@@ -539,10 +542,10 @@ class Bench {
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
     made("span", row, unit);
-    const size = SIZES[unit] || 1;
+    const size = SIZES[unit] || 1, [of, seen, meant] = DERIVED[name] || [name, (x) => x, (x) => x];
     number.placeholder = OPTIONAL[name] || "";
     const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: grown(this.setup, value) } : {}) });
-    const set = (value, done, inputs) => (kinds ? this.striker({ [name]: value }, done, inputs) : this.change(change(value), done, inputs));
+    const set = (value, done, inputs) => (kinds ? this.striker({ [of]: value && exact(meant(value)) }, done, inputs) : this.change(change(value), done, inputs));
     const value = () => {
       const value = least ? least * (most / least) ** range.value : range.value * most;
       return WHOLE.includes(name) ? Math.round(value) : Number(value.toPrecision(3));
@@ -558,13 +561,14 @@ class Bench {
     const own = made("small", row, SET, { className: "own-value", hidden: true });
     made("button", own, "automatic", { type: "button", title: "let the page choose it", onclick: () => set(null, true, []) });
     this.shown.push(() => {
-      const { kind } = this.setup.striker, given = (kinds ? this.setup.striker : this.setup)[name];
+      const { kind } = this.setup.striker, given = seen((kinds ? this.setup.striker : this.setup)[of]);
       const now = given === null || given === undefined ? rounded(this.taken(name) / size) : exact(given / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
       own.hidden = !open || name === "radius" && !kinds && this.is_lent() || name in OPTIONAL || given === null || given === undefined;
       if (row.hidden) return;
       range.value = least && now ? Math.log(now / least) / Math.log(most / least) : now / most;
-      fill(number, now || !(name in OPTIONAL) ? now : "");
+      fill(number, now || !(name in OPTIONAL) ? fitting(now) : "");
+      number.title = now;
       range.setAttribute("aria-valuetext", engineering(now, unit));
     });
     if (name === "yield_strength") this.deck_range(); // beside it
@@ -990,6 +994,7 @@ function lasting(least, most) {
   return `${[...new Set(ends)].join(" to ")} ${long ? "min" : "s"}`;
 }
 const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself
+const fitting = (x) => (String(x).length > MOST_DIGITS ? rounded(x) : x); // into a field, whose title has all digits
 // The range of a yield strength, which grows with it.
 const grown = ({ yield_strength: before, yield_range: range }, strength) =>
   (strength && before && range ? range.map((end) => rounded(end * strength / before)) : null);
