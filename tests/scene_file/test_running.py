@@ -619,6 +619,19 @@ Physical Curve("left") = {4};
 
 
 @pytest.mark.fem
+def test_a_run_names_the_line_of_a_group_that_does_not_exist_as_check_does(tmp_path, capsys):
+    """It named that of the material."""
+    (tmp_path / "plate.geo").write_text(PLATE)
+    text = STRIKE_PLATE.replace('"left"', '"rim"').replace("gdim = 2", "gdim = 2\nsize = 0.02")
+    text = text.replace("tol = 0.2", "[extract]\nn = 5").replace("[strike]", "[simulate]")
+    (line,) = (n for n, one in enumerate(text.splitlines(), 1) if '"rim"' in one)
+    path = written(tmp_path, text)
+    for command in ("check", "run"):
+        assert antiosc(command, path) == 1
+        assert f".toml:{line}: supports[0].where: " in capsys.readouterr().err
+
+
+@pytest.mark.fem
 def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
     """Its mesh is chosen where nothing but a mesh says what is struck; else the structure is."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from functools import partial
 from pathlib import Path
@@ -266,6 +267,21 @@ def test_the_box_of_a_solid_among_others_is_tight(tmp_path):
     assert high - low == pytest.approx(extents, rel=1e-2)
     low, high = 1e3 * outline.points[outline.cells["line"][1]]  # of planes it is not padded
     assert high - low == pytest.approx(np.ones(3), rel=1e-3)
+
+
+def test_the_box_of_flat_faces_has_no_padding_by_the_tolerance_of_its_file(tmp_path):
+    """It reached to z = -0.16 mm, and the mesh of the same plate to 0."""
+    path = tmp_path / "plate.step"
+    with gmsh_session() as gmsh:
+        gmsh.model.occ.addBox(0, -50, 0, 354, 354, 6.35)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    rough = re.sub(r"LENGTH_MEASURE\(1\.E-07\)", "LENGTH_MEASURE(1.E-02)", path.read_text())
+    assert rough != path.read_text()
+    path.write_text(rough)
+    low, high = 1e3 * reading.outline(path).points
+    assert low == pytest.approx([0, -50, 0], abs=1e-9)
+    assert high == pytest.approx([354, 304, 6.35], abs=1e-9)
 
 
 def test_triangles_that_pierce_each_other_are_told_as_the_fault():
