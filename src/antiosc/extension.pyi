@@ -109,7 +109,6 @@ from antiosc.impact.bodies import (
     scene_body as scene_body,
 )
 from antiosc.impact.error_budget import (
-    CUT_PATCH as CUT_PATCH,
     SAFETY as SAFETY,
 )
 from antiosc.impact.histories import (

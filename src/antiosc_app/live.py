@@ -55,7 +55,6 @@ from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
-    CUT_PATCH,
     DEFLECTION,
     QUANTITIES,
     ErrorBudget,
@@ -462,6 +461,12 @@ class Headline(NamedTuple):
     kinds: Sequence[str] = ()
     caution: str = ""
     footnote: str = ""
+
+    def beside(self, numbers: Sequence[tuple[str, str]], note: str) -> Headline:
+        """The headline with further numbers, and a note on them."""
+        sentences = [*self.sentences, f"{capitalised(note)}."] if note else self.sentences
+        kinds = (*self.kinds, "beside") if note and self.kinds else self.kinds
+        return self._replace(numbers=[*self.numbers, *numbers], sentences=sentences, kinds=kinds)
 
 
 def headline_of_history(
@@ -1123,7 +1128,7 @@ COARSE_CELLS = "There is no error bar, because the cells are too large for this 
 def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
     """Sentence that a result has no error bar, the reason and the remedy; "" if it has one."""
     if budget is not None:
-        return CUT_PATCH if CUT_PATCH in budget.notes else ""
+        return ""
     reason = "There is no error bar, for the mesh's error is not estimated"
     if structure is None:
         return f"{reason}."

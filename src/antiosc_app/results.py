@@ -306,6 +306,7 @@ class Presentation:
     ----------
     text : text for the terminal.
     caution : what must be read before the numbers.
+    asked : numbers that stand beside those of the headline of a report, and a note on them.
     tables : file -> its columns.
     numbers : numbers for result.json.
     plotted : name of a file -> object with a method `plot`.
@@ -316,6 +317,7 @@ class Presentation:
 
     text: Sequence[str] = ()
     caution: str = ""
+    asked: tuple[Rows, str] = (), ""
     tables: dict[str, Columns] = field(default_factory=dict)
     numbers: dict[str, object] = field(default_factory=dict)
     plotted: dict[str, object] = field(default_factory=dict)
@@ -424,7 +426,8 @@ def _impact(results: SceneResults) -> Presentation:
     for probe in probes:
         probe.force = _rest_of_force(budget)
     _compare_with_fewer(results, probes)
-    probe_rows = _probe_rows(probes, left_out=budget is not None and bool(budget.law))
+    left_out = budget is not None and bool(budget.law)
+    probe_rows = _probe_rows(probes, left_out)
     stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
@@ -456,6 +459,7 @@ def _impact(results: SceneResults) -> Presentation:
     return Presentation(
         text=text,
         caution=cautions_of(hit, results.structure, budget, peaks),
+        asked=([*map(_fact_of_probe, probes)], _note_on_probes(probes, left_out)),
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | known,
@@ -556,7 +560,7 @@ def _bar_of_probe(peak: Columns) -> str:
     return f" ± {percent(peak['error'])}{told}"
 
 
-def _probe_rows(probes: Sequence[Probe], left_out: bool = False) -> Rows:
+def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
     """Rows with the largest value of each probe, its component and time.
 
     `left_out`: whether the error of the force leaves out the contact's law.
@@ -566,19 +570,37 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool = False) -> Rows:
         p = probe.peak()
         rows.append((f"probe {probe.name}", _peak_text(p)))
         if probe.is_unsettled:
-            further = OF_ACCELERATIONS if "filtered" in p else ""
-            rows.append(("", f"{NOT_CONVERGED}{further}"))
+            further = NOR_BY_FILTER if "filtered" in p and not probe.settled else ""
+            rows.append(("", f"this peak has not converged{further}"))
         if probe.settled:
             seen = _peak_text(probe.settled.peak())
             rows.append(("", BY_FILTER.format(seen, probe.settled.filter, probe.name)))
-        elif "filtered" in p:
-            rows.append(("", NO_FILTER))
+    unsettled = [probe for probe in probes if probe.is_unsettled]
+    if unsettled:
+        of_accelerations = any("filtered" in probe.peak() for probe in unsettled)
+        rows.append(("", f"{NOT_CONVERGED}{OF_ACCELERATIONS * of_accelerations}"))
+    note = _note_on_probes(probes, left_out)
+    return [*rows, ("", note)] if note else rows
+
+
+def _note_on_probes(probes: Sequence[Probe], left_out: bool) -> str:
+    """What the bars of probes are, and leave out; "" where none has a bar."""
     barred = [probe for probe in probes if probe.fewer is not None]
-    if barred:
-        without_law = " without the contact's law" if left_out else ""
-        known = all(probe.force is not None for probe in barred)
-        rows.append(("", PROBE_BARS.format(without_law) if known else WITHOUT_FORCE))
-    return rows
+    if not barred:
+        return ""
+    without_law = " without the contact's law" if left_out else ""
+    known = all(probe.force is not None for probe in barred)
+    return PROBE_BARS.format(without_law) if known else WITHOUT_FORCE
+
+
+def _fact_of_probe(probe: Probe) -> tuple[str, str]:
+    """Name and largest value with its bar, of an acceleration that has not converged through the
+    filter through which it has.
+    """
+    peak = (probe.settled or probe).peak()
+    name = ", ".join(filter(None, [f"{probe.name}: {_spaced(peak['quantity'])}", peak["filter"]]))
+    bar = "" if peak["error"] is None else f" ± {percent(peak['error'])}"
+    return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
 
 
 def _peak_text(peak: Columns) -> str:
@@ -595,17 +617,14 @@ def _peak_text(peak: Columns) -> str:
 #: Error of a largest value by truncation from which it is said not to have converged.
 UNSETTLED = 0.1
 NOT_CONVERGED = (
-    "this peak has not converged, it depends on the anti-oscillators: take more (n in [extract])"
+    "a peak that has not converged depends on the anti-oscillators: take more (n in [extract])"
 )
 OF_ACCELERATIONS = (
     "; that of an acceleration consists of the highest frequencies of the mesh and may never"
     " converge: judge it by its shock spectrum (srs of the velocity), or through a filter"
 )
 BY_FILTER = '{}; filter = "{}" in [probes.{}] writes this signal'
-NO_FILTER = (
-    f"through the filters {', '.join(reversed(CLASSES))} it has not converged either:"
-    " take more anti-oscillators (n in [extract])"
-)
+NOR_BY_FILTER = f", nor has it through the filters {', '.join(reversed(CLASSES))}"
 
 
 def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:

@@ -86,7 +86,8 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     """Its value and its bar are those of `probe` and `probe_error`, wider ones being above 10 %."""
     asked = PROBE + 'quantity = "acceleration"\n'
     path = written(tmp_path, BEAM + asked)
-    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    page = tmp_path / "a.html"
+    assert antiosc("run", path, "--out", tmp_path / "out", "--report", page) == 0
     told = capsys.readouterr().out
     found = objects(path)
     times = table(tmp_path / "out/probes.csv")["time (s)"]
@@ -104,6 +105,11 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     value = engineering(peak["value"], "m/s²", 4)
     shown = f"through {widest} (to {engineering(5 / 3 * CLASSES[widest], 'Hz')}): largest {value}"
     assert f"{shown} ± {percent(peak['error'])}" in told
+    text = re.sub("<script.*?</script>", "", page.read_text(), flags=re.DOTALL)
+    facts = re.findall("<dt>(.*?)</dt><dd.*?>(.*?)</dd>", text)  # beside the force
+    barred = f"{engineering(peak['value'], 'm/s²')} ± {percent(peak['error'])}"
+    assert facts[-1] == (f"quarter: acceleration, {widest}", barred)
+    assert text.lower().count("the bars of probes are") == 1
     path = written(tmp_path, f'{BEAM}{asked}filter = "{widest}"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     assert shown in capsys.readouterr().out
@@ -118,7 +124,9 @@ def test_an_acceleration_that_converges_through_no_filter_is_told(tmp_path, caps
     monkeypatch.setattr(results, "UNSETTLED", 1e-9)
     path = written(tmp_path, f'{BEAM}{PROBE}quantity = "acceleration"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
-    assert "CFC1000, CFC600, CFC180, CFC60 it has not converged either" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "nor has it through the filters CFC1000, CFC600, CFC180, CFC60\n" in told
+    assert told.count("this peak has not converged") == told.count("take more (n in") == 1
     assert numbers(tmp_path / "out")["probes"]["quarter"]["filtered"] is None
 
 

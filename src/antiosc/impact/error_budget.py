@@ -248,12 +248,9 @@ INSTANTS = 200
 MOST_GAP = 0.5
 #: Share of a bar from which flat faces in place of a curved surface are told.
 TOLD_GEOMETRY = 0.01
-#: Notes if a second radius gives no estimate.
+#: Notes if a second radius gives no estimate. What to do at an edge is in the warning of its site.
 NO_PATCH = "Not included: the radius of the patch."
-CUT_PATCH = (
-    "Not included: the patch, which an edge cuts, so that the half-space of the contact law does"
-    " not hold: move the site away from the edge, or take smaller elements beside it."
-)
+CUT_PATCH = "Not included: the patch, which an edge cuts."
 
 
 def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:

@@ -277,10 +277,10 @@ class Page {
       const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, has_bar) : "";
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
       now.dataset.value = value;
-      this.head(name, now.textContent);
       unbroken(before, kept === null ? [] : [this.plain(name, kept, unit, computed.unknown ?? unknown)]);
     }
     this.say(hit);
+    for (const fact of this.sites ? [] : document.querySelectorAll(".facts [data-fact]")) this.head(fact);
     const notes = [];
     if (hit.answer) notes.push("The run stopped before its end, so that its numbers are not known.");
     if (this.reached < hit.duration) notes.push(`The picture ends at ${engineering(this.reached, "s")}: the page has no memory for more of its steps.`);
@@ -301,12 +301,11 @@ class Page {
       + (this.until < hit.duration ? `; none from the last release to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 
-  // A number of the headline: that of the computed case, or the present one; of a map it is of all sites.
-  head(name, now) {
-    const shown = document.querySelector(`.facts [data-fact="${name}"]`);
-    if (!shown || this.sites) return;
+  // A number of the headline: that of the computed case, or the present one, which is not known of a probe; of a map it is of all sites.
+  head(shown) {
+    const [now] = this.cells[shown.dataset.fact] || [{ textContent: "–" }];
     shown.dataset.computed ??= shown.textContent;
-    shown.textContent = this.at_start() ? shown.dataset.computed : now;
+    shown.textContent = this.at_start() ? shown.dataset.computed : now.textContent;
   }
 
   // The sentences of the headline: those of the computed case, or what is known of the present one.
