@@ -546,7 +546,7 @@ def comparable(sentence: str) -> str:
 NOT_AT_EDGES = "Sharp inner edges and rigidly held faces are left out too, as for a single blow."
 #: How a map gets stresses: in a scene, and on the page that opens a part.
 IN_SCENE = "give the [map] of a scene stress = true"
-ON_PAGE = "the button beside the map adds them"
+ON_PAGE = "the button Stress of each blow adds them"
 
 
 def headline_of_map(

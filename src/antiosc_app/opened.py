@@ -1196,7 +1196,7 @@ def _taken(blow: PageImpact) -> Data:
 
 
 def _said(head: live.Headline, settled: bool) -> list[str]:
-    """The sentences of a headline that the table lacks; that on the bars once these are computed."""
+    """The sentences of a headline that the table lacks; that on the bars once they are known."""
     told = {"contacts"} if settled else {"contacts", "accuracy"}
     pairs = zip(head.kinds, head.sentences, strict=True)
     return [sentence for kind, sentence in pairs if kind not in told]

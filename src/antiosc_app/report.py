@@ -250,8 +250,9 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     """The HTML text of the page."""
     data, headline = _live(results)
     one_view = data is not None and data.get("part") is not None
-    for part_shown in parts if headline is not None else ():
-        headline = headline.beside(*part_shown.asked)
+    if headline is not None:
+        for part_shown in parts:
+            headline = headline.beside(*part_shown.asked)
     told = () if headline is None else (headline.caution, *headline.sentences)
     warnings = by_weight(results.warnings, " ".join(told))
     program = f"antiosc {info.version()}"

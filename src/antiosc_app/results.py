@@ -317,7 +317,7 @@ class Presentation:
 
     text: Sequence[str] = ()
     caution: str = ""
-    asked: tuple[Rows, str] = (), ""
+    asked: tuple[Sequence[tuple[str, str]], str] = ((), "")
     tables: dict[str, Columns] = field(default_factory=dict)
     numbers: dict[str, object] = field(default_factory=dict)
     plotted: dict[str, object] = field(default_factory=dict)

@@ -247,7 +247,9 @@ def test_nothing_prints_a_bar_without_the_law_or_the_mark():
         for text in (str(budget), hit.summary()):
             barred = [line.split(":")[0] for line in text.splitlines() if "±" in line]
             assert barred
-            assert all(line.endswith("%*") != complete for line in barred if "restitution" not in line)
+            assert all(
+                line.endswith("%*") != complete for line in barred if "restitution" not in line
+            )
             assert text.count(f"* {budget.law}") == (not complete)
         assert ("law" in budget.causes) == complete
     assert "give the yield strength or a material" in str(budgets()["unknown"].error_budget)

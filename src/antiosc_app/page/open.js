@@ -312,11 +312,10 @@ class Bench {
 
   make_fields() {
     const { facts } = this;
-    const ordered = this.in_order(facts.faces), numbered = ordered.filter(is_numbered), folds = numbered.length > MOST_NUMBERED;
+    const ordered = this.in_order(facts.faces), numbered = ordered.filter(is_numbered), folds = numbered.length > MOST_NUMBERED && numbered.length < ordered.length;
     const rest = folds ? made("details", find("hold-row")) : null;
     if (folds) made("summary", rest, `${numbered.length} faces by number`);
     const lists = [find("hold"), folds ? made("div", rest, "", { className: "row faces" }) : find("hold")];
-    find("hold").hidden = numbered.length === ordered.length && folds;
     const names = ordered.map((name) => this.face_button(lists[Number(is_numbered(name))], name, name, "hold or free it"));
     this.pieces();
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
@@ -853,7 +852,7 @@ class Bench {
     find("about").textContent = found.about;
     this.warn(found.caution);
     this.tell(found.verdict);
-    this.heads("computed");
+    this.heads("on the map");
     this.offer = found.offer;
     Object.assign(find("stresses"), { hidden: !this.offer, textContent: this.offer ? `Stress of each blow (${lasting(...this.offer.seconds)})` : "" });
   }
