@@ -249,7 +249,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def footnote(self) -> str:
-        """What marked bars leave out, after the mark, to be told once beside them; "" if nothing."""
+        """What marked bars leave out, after the mark, told once beside them; "" if nothing."""
         return f"{self.mark} {self.left_out}".strip()
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
