@@ -408,3 +408,11 @@ def test_a_page_that_is_loaded_again_waits_for_no_computation():
         assert again.result(timeout=20) == first
     finally:
         busy.set()
+
+
+def test_a_part_of_fibres_is_asked_for_no_yield_strength():
+    mesh = ao.box_mesh((0.1, 0.1), size=0.05)
+    ply = ao.Layer(E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600, thickness=1e-3)
+    steel = ao.material("steel S235", thickness=1e-3)
+    assert not page._may_yield(ao.Structure(mesh, ao.Laminate([ply])))
+    assert page._may_yield(ao.Structure(mesh, steel))
