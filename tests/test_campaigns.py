@@ -154,3 +154,30 @@ def test_a_line_that_was_cut_is_made_again(tmp_path):
     again = ao.monte_carlo(lambda x: made.append(x) or square(x), INPUTS, 100, store=path)
     assert made == [whole.inputs["x"][99]]
     assert np.array_equal(again.values["square"], whole.values["square"])
+
+
+def test_runs_that_all_fail_alike_end_the_study_at_once():
+    begun = []
+
+    def run(x):
+        begun.append(x)
+        raise ao.AntioscError("no law is known")
+
+    with pytest.raises(ao.AntioscError, match=r"first 10 of 500 runs failed alike.*no law"):
+        ao.monte_carlo(run, INPUTS, 500)
+    assert len(begun) == 10
+
+
+def test_runs_that_fail_apart_do_not_end_the_study(tmp_path):
+    """Runs that failed before are made again, and fail alike."""
+    path = tmp_path / "campaign.csv"
+
+    def run(x):
+        if x < 0.9:
+            raise ao.AntioscError("too small" if path.read_text().count("small") else f"{x} fails")
+        return square(x)
+
+    for _ in range(2):
+        with pytest.warns(ao.AccuracyWarning, match="runs failed"):
+            many = ao.monte_carlo(run, INPUTS, 500, store=path)
+        assert set(many.failed) == set(np.flatnonzero(many.inputs["x"] < 0.9))

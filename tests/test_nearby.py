@@ -152,3 +152,33 @@ def test_plates_of_other_lengths():
     true, found = ao.extract(build(0.31), site(0.31), n=10), models(length=0.31)
     assert found.k0 == pytest.approx(true.k0, rel=1e-3)
     assert peak(found) == pytest.approx(peak(true), rel=1e-3)
+
+
+@pytest.mark.fem
+def test_the_contact_follows_from_the_surface_of_the_drawn_structure():
+    """A block of drawn modulus, strength and patch, against extractions of the same block."""
+    mesh = ao.box_mesh((0.06, 0.06, 0.02), size=0.0075)
+
+    def build(E, strength, radius):
+        material = ao.Solid(E=E, nu=0.3, rho=2700.0, yield_strength=strength)
+        held = ao.Support(lambda x: np.isclose(x[2], 0.0))
+        return ao.Structure(mesh, material, [held], order=1)
+
+    def site(E, strength, radius):
+        return ao.Site(point=(0.03, 0.03, 0.02), direction=(0, 0, -1), radius=radius)
+
+    ranges = {"E": (50e9, 90e9), "strength": (100e6, 400e6), "radius": (8e-3, 11e-3)}
+    models = ao.nearby(build, site, ranges, n=8, tol=1e-3)
+    striker = ao.Sphere(radius=0.01, material="100Cr6", velocity=2.0)
+    peaks = []
+    for values in ((55e9, 350e6, 10.5e-3), (85e9, 120e6, 8.5e-3)):
+        given = dict(zip(ranges, values, strict=True))
+        true, found = ao.extract(build(**given), site(**given), n=8), models(**given)
+        hits = [ao.simulate(one, striker, "auto", 1e-4) for one in (true, found)]
+        assert type(hits[1].law) is type(hits[0].law)
+        assert hits[1].peak_force == pytest.approx(hits[0].peak_force, rel=1e-3)
+        assert found.radius == pytest.approx(given["radius"])
+        surface = found.surface("")
+        assert surface.matter.E == pytest.approx(given["E"])
+        peaks.append(hits[0].peak_force)
+    assert abs(peaks[1] / peaks[0] - 1) > 0.1

@@ -269,6 +269,8 @@ def _page(options: Namespace) -> Path | None:
 def _study(options: Namespace) -> int:
     """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
     document = read(options.file)
+    if options.command == "monte-carlo":
+        document = run.prepared_for_draws(document)
     scene = compiled(document)
     study = STUDIES[options.command]
     if getattr(scene, study.result) is None:
@@ -283,6 +285,8 @@ def _study(options: Namespace) -> int:
     folder = None if target is None else report.folder(target)
     begun = Settled(scene, Evaluation(scene.document))
     first = run.results(scene, ("structure",), begun.evaluate)
+    if options.command == "monte-carlo":
+        run.refuse_draws(document, first.structure)
     scene.warnings[:] = first.warnings
     foreseen = _of_run(document, scene, first.structure) if options.command == "run" else None
     if foreseen is not None and foreseen.answer > LONG_RUN:
@@ -328,6 +332,7 @@ def _stored(scene: CompiledScene, path: str) -> CompiledScene:
 def _forecast(document: Document, scene: CompiledScene) -> str:
     """Text of family, dofs, n, step and cost; the structure is built but not factored."""
     built = run.results(scene, ("structure", "impactor", "contact"))
+    run.refuse_draws(document, built.structure)
     rows: list[tuple[str, str]] = []
     if built.structure is not None:
         dofs = f"{built.structure.dofs}"

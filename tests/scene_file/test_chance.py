@@ -10,6 +10,7 @@ import pytest
 import antiosc as ao
 from antiosc_app.cli import main as command
 from mpi import run_ranks
+from paths import MESHES
 from scene_files import BEAM, BRACKET, HIT, MASS, antiosc, numbers, objects, table, written
 
 SPEED = 'impactor.velocity = {kind = "normal", mean = 1.0, sigma = 0.1}\n'
@@ -80,6 +81,72 @@ def test_mistakes_have_their_lines(tmp_path, capsys, drawn, held):
     assert held in told
     line = len(BEAM.splitlines()) + 1
     assert any(f":{line + k}:" in told for k in (0, 1))
+
+
+MODULUS = '[monte_carlo]\nn = 12\nmaterial.E = {kind = "uniform", low = 60e9, high = 80e9}\n'
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize(
+    ("sections", "held"),
+    [
+        (f"[extract]\nband = 1e4\n{HIT}{MODULUS}", "take no band: leave it out"),
+        (f'{HIT}[surface]\nmaterial = "6061"\n', "curvature: leave it out there"),
+    ],
+)
+def test_what_a_part_with_a_mesh_does_not_take_is_told_by_check(tmp_path, capsys, sections, held):
+    assert antiosc("check", written(tmp_path, BRACKET + sections)) == 1
+    assert held in capsys.readouterr().err
+
+
+@pytest.mark.fem
+def test_what_a_drawn_structure_must_not_have_is_told_by_a_dry_run(tmp_path, capsys):
+    lossy = BRACKET.replace("rho = 2700", "rho = 2700\nloss = 0.05")
+    path = written(tmp_path, f"{lossy}{HIT}{MODULUS}")
+    assert antiosc("monte-carlo", path, "--dry-run") == 1
+    assert "does not take dampers" in capsys.readouterr().err
+
+
+PLATE = f"""\
+[geometry]
+source = "{MESHES}/plate.msh"
+order = 1
+gdim = 3
+[material]
+kind = "Shell"
+E = 70e9
+nu = 0.33
+rho = 2700
+thickness = 2e-3
+yield_strength = 240e6
+[[supports]]
+where = "edges"
+[sites.middle]
+POINT
+direction = [0.0, 0.0, -1.0]
+snap = true
+[extract]
+n = 8
+STRIKER
+[contact]
+kind = "auto"
+[simulate]
+duration = 5e-4
+"""
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_the_contact_of_a_drawn_sheet_is_chosen_and_its_runs_are_linear(tmp_path, capsys):
+    scene = PLATE.replace("POINT", "point = [0.05, 0.05, 0.0]").replace("STRIKER", SPHERE)
+    path, out = written(tmp_path, scene + MODULUS), tmp_path / "out"
+    assert antiosc("monte-carlo", path, "--out", out) == 0
+    assert capsys.readouterr().err.count("whose models are linear") == 1
+    columns = table(out / "monte_carlo.csv")
+    alone = scene.replace("E = 70e9", f"E = {columns['material.E'][0]:.17g}")
+    alone = alone.replace("n = 8\n", "n = 8\nstretch = false\n")
+    hit = objects(written(tmp_path, alone, "alone.toml")).history
+    assert columns["peak_force"][0] == pytest.approx(hit.peak_force, rel=2e-3)
 
 
 @pytest.mark.fem

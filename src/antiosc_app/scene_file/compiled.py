@@ -28,8 +28,8 @@ _ONE = "simulate strike"
 _SEVERAL = f"{_MANY} loads base motion scene"
 _REDUCED = "sites extract probes sweep map stress"
 _KEEP = "keep one of the two"
-#: Sections, and others of which each of them needs one.
-NEEDS = (
+#: Sections, others of which each of them needs one, and what to do without.
+NEEDS: tuple[tuple[str, ...], ...] = (
     ("joints at points assembly", "parts"),
     ("from_frf", "frf"),
     ("sites", f"{MESHED} matrices"),
@@ -39,7 +39,11 @@ NEEDS = (
     ("sensors", "find"),
     ("find map stress", MESHED),
     ("find", "sensors"),
-    ("surface", "matrices model frf"),
+    (
+        "surface",
+        "matrices model frf",
+        "the surface of a mesh follows from its own material and curvature: leave it out there",
+    ),
     ("probes", f"{MESHED} matrices"),
     ("probes stress", f"{_ONE} run"),
     *(("sweep monte_carlo", section) for section in ("impactor", "simulate")),
@@ -62,10 +66,11 @@ EXCLUDES = (
 def _check_together(build: Builder) -> None:
     """Note sections that exclude each other, and sections without others that they need."""
     sections = {name for name, value in build.data.items() if value or name != "sensors"}
-    for names, alternatives in NEEDS:
+    for names, alternatives, *without in NEEDS:
         for name in names.split():
             if name in build.data and not sections & set(alternatives.split()):
-                build.note((name,), f"{headed(name)} needs {_one_of(alternatives)}.")
+                need = f"{headed(name)} needs {_one_of(alternatives)}"
+                build.note((name,), f"{'; '.join([need, *without])}.")
     for names, alternatives, remedy in EXCLUDES:
         for name, excluded in product(names.split(), alternatives.split()):
             if name in build.data and excluded in sections:

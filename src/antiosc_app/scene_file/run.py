@@ -14,6 +14,7 @@ import antiosc
 from antiosc.base import progress
 from antiosc.base.errors import (
     AntioscError,
+    ChoiceWarning,
     InputError,
     by_weight,
     finite_element_packages,
@@ -22,10 +23,10 @@ from antiosc.base.errors import (
     warnings_to,
 )
 from antiosc.base.texts import STOPPED
-from antiosc.extension import ErrorBudget, yield_share
+from antiosc.extension import ErrorBudget, refuse_dampers, yield_share
 from antiosc.models.body import coarse_cell
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
-from antiosc_app.scene_file.document import Place, Problems, Table, label, listed
+from antiosc_app.scene_file.document import Document, Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
 from antiosc_app.scene_file.schema import (
     DATA,
@@ -372,6 +373,20 @@ def _model(build: Builder) -> Call | None:
 
 # -- [monte_carlo]
 
+#: Options of [extract] that models of a drawn structure do not take, and their default.
+NOT_NEARBY: dict[str, object] = {
+    "method": "krylov",
+    "tol": None,
+    "band": None,
+    "damping": None,
+    "stretch": False,
+}
+#: What a study of a drawn thin part leaves out.
+LINEAR = (
+    "[monte_carlo] draws values of the structure, whose models are linear: the force that the"
+    " part gains or loses as it bends (stretch) is left out of all runs; [sweep] has it."
+)
+
 
 def monte_carlo(build: Builder, compiled: CompiledScene) -> Call | None:
     """The call of [monte_carlo]; None without this section, or after a mistake in it."""
@@ -436,6 +451,10 @@ def _nearby(
     if compiled.structure is None or len(sites) != 1:
         build.note(("monte_carlo",), "values of the structure are drawn where there is one site.")
         return None
+    for key, value in build.part("extract").items():
+        if key in NOT_NEARBY and value not in (None, False, NOT_NEARBY[key]):
+            sentence = f"[monte_carlo] draws values of the structure, whose models take no {key}"
+            build.note(("extract", key), f"{sentence}: leave it out.")
     names = {label(place): place for place in inputs}
 
     def made(**values: float) -> object:
@@ -448,7 +467,35 @@ def _nearby(
     arguments["ranges"] = {label(place): law for place, law in inputs.items()}
     if "n" in build.part("extract"):
         arguments["n"] = build.part("extract")["n"]
-    return Call(antiosc.nearby, arguments, ("monte_carlo",))
+
+    def models(**given: Any) -> object:
+        between = antiosc.nearby(**given)
+        middle = between(**{name: sum(ends) / 2 for name, ends in between.ranges.items()})
+        if middle.info.thickness is not None:
+            warn(LINEAR, ChoiceWarning)
+        return between
+
+    return Call(models, arguments, ("monte_carlo",))
+
+
+def draws_structure(document: Document) -> bool:
+    """Whether [monte_carlo] of a document draws values of the structure."""
+    table = document.data.get("monte_carlo")
+    return isinstance(table, dict) and bool(set(table) & {*DRAWN} - {*VARIED})
+
+
+def refuse_draws(document: Document, structure: Structure | None) -> None:
+    """InputError if [monte_carlo] draws values of a structure that has no nearby models."""
+    if structure is not None and draws_structure(document):
+        refuse_dampers(structure, "[monte_carlo] of values of the structure")
+
+
+def prepared_for_draws(document: Document) -> Document:
+    """The document without second-order forces, which models of a drawn structure do not have."""
+    extract = document.data.get("extract", {})
+    if not draws_structure(document) or not isinstance(extract, dict):
+        return document
+    return replace(document, data={**document.data, "extract": {"stretch": False, **extract}})
 
 
 def _drawn(build: Builder, values: Mapping[Place, float]) -> Builder:

@@ -10,7 +10,7 @@ factorization.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -26,6 +26,8 @@ from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.texts import ReprMixin
 from antiosc.extension import refuse_dampers
 from antiosc.fem.linalg.algebra import dot, multiply, rows
+from antiosc.models.body import ModelInfo
+from antiosc.reduce.extraction.model import info_of_places
 from antiosc.reduce.site import functional
 from antiosc_studies.chance.monte_carlo import is_name, quantiles
 
@@ -114,6 +116,67 @@ class StructureFamily:
         patch_stiffness = 1 / local if local else 0.0
         return np.concatenate([K.ravel(), M.ravel(), dot(comm, V, load.b), [patch_stiffness]])
 
+    @staticmethod
+    def facts(structure: Structure, site: Site) -> dict[str, Any]:
+        """The radius of the patch, and the record of structure and site, with their surface."""
+        load = functional(structure, site)
+        info = info_of_places(structure, {"": load})
+        return {"radius": load.radius, "info": info.as_dict()}
+
+
+#: The keys and indices that lead to a number of nested facts.
+Place = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FactsBetween:
+    """Facts of structures; the numbers that all of them have are polynomials of the parameters.
+
+    Attributes
+    ----------
+    first : the facts of the first structure.
+    coefficients : of the polynomials (terms,) of a number, by its place.
+    """
+
+    first: dict[str, Any]
+    coefficients: dict[Place, Array]
+
+    @classmethod
+    def of(cls, facts: list[dict[str, Any]], powers: Array) -> FactsBetween:
+        """The polynomials through facts of structures, at which the monomials are `powers`."""
+        numbers = [dict(_numbers(one)) for one in facts]
+        shared = [at for at in numbers[0] if all(at in others for others in numbers)]
+        values = {at: np.array([of_one[at] for of_one in numbers]) for at in shared}
+        return cls(facts[0], {at: np.linalg.solve(powers, values[at]) for at in shared})
+
+    def at(self, powers: Array) -> Any:
+        """The facts where the monomials are `powers`."""
+        numbers = {at: float(powers @ of_one) for at, of_one in self.coefficients.items()}
+        return _with_numbers(self.first, numbers)
+
+
+def _entries(facts: object) -> list[tuple[str | int, Any]]:
+    """(key or index, value) of a mapping or a sequence; none of a value."""
+    if isinstance(facts, Mapping):
+        return list(facts.items())
+    return list(enumerate(facts)) if isinstance(facts, list | tuple) else []
+
+
+def _numbers(facts: object, place: Place = ()) -> Iterator[tuple[Place, float]]:
+    """Yield (place, value) of the finite numbers of nested facts."""
+    if isinstance(facts, float) and np.isfinite(facts):
+        yield place, facts
+    for key, value in _entries(facts):
+        yield from _numbers(value, (*place, key))
+
+
+def _with_numbers(facts: object, numbers: Mapping[Place, float], place: Place = ()) -> Any:
+    """Nested facts with other numbers at their places."""
+    inner = {k: _with_numbers(value, numbers, (*place, k)) for k, value in _entries(facts)}
+    if isinstance(facts, list | tuple):
+        return list(inner.values())
+    return inner if isinstance(facts, Mapping) else numbers.get(place, facts)
+
 
 @dataclass(eq=False, repr=False)
 class NearbyModels(ReprMixin):
@@ -134,6 +197,7 @@ class NearbyModels(ReprMixin):
     _made: tuple[int, float, int] = (0, 0.0, 20)
     _terms: list[tuple[int, ...]] = field(default_factory=list)
     _coefficients: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    _facts_between: FactsBetween | None = None
 
     def __call__(self, **values: float) -> AntiOscillators:
         """The model at these values of all parameters, without shapes.
@@ -158,7 +222,11 @@ class NearbyModels(ReprMixin):
 
     def _at(self, x: Array) -> AntiOscillators:
         """The model at a point of the box [-1, 1]^d."""
-        return _model(_powers(x, self._terms) @ self._coefficients, *self._made)
+        powers = _powers(x, self._terms)
+        model = _model(powers @ self._coefficients, *self._made)
+        assert self._facts_between is not None
+        facts = self._facts_between.at(powers)
+        return replace(model, radius=facts["radius"], info=ModelInfo.of(facts["info"]))
 
     def _facts(self) -> list[tuple[str, str]]:
         ranges = [f"{n} {low:.5g} to {high:.5g}" for n, (low, high) in self.ranges.items()]
@@ -236,12 +304,17 @@ def nearby(
     models = NearbyModels(limits, extractions=len(extracted), _family=family)
     models._made = family.rigid, family.shift, n
     rows: list[Array] = []
+    facts: list[dict[str, Any]] = []
     for degree in range(LEAST_DEGREE, len(PLACES)):
         terms = _terms(low.size, degree)
         for term in terms[len(rows) :]:
-            rows.append(family.projected(*family.made(at(np.array([PLACES[k] for k in term])))))
+            made = family.made(at(np.array([PLACES[k] for k in term])))
+            rows.append(family.projected(*made))
+            facts.append(family.facts(*made))
         nodes = np.array([[PLACES[k] for k in term] for term in terms])
-        models._coefficients = np.linalg.solve(_powers(nodes, terms), np.array(rows))
+        powers = _powers(nodes, terms)
+        models._coefficients = np.linalg.solve(powers, np.array(rows))
+        models._facts_between = FactsBetween.of(facts, powers)
         models._terms = terms
         models.assemblies = len(rows)
         with suppress(np.linalg.LinAlgError):  # a mass that is not positive

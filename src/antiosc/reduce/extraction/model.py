@@ -33,26 +33,32 @@ def info_of_model(
 ) -> ModelInfo:
     """The record of an extraction."""
     measured, converged = checked_modes(structure, known, method)
-    firsts = {name: columns[0] for name, columns in group.items()}
-    cells = {name: first.cell for name, first in firsts.items() if first.cell is not None}
-    info = ModelInfo(
-        structure=structure.describe(),
-        dofs=structure.dofs,
+    return replace(
+        info_of_places(structure, {name: columns[0] for name, columns in group.items()}),
         method=method,
         modes_computed=len(known.modes.omega),
         converged=converged,
         modes_unobservable=selected.unobservable,
         modes_merged=selected.merged,
-        rigid_modes=int(structure.rigid_modes.shape[1]),
         rigid_share=known.static.share,
         checks=measured,
         solver=known.static.solver.description,
-        cells=cells or None,
-        surfaces=surfaces(structure, firsts),
         no_estimate=_no_estimate(structure),
+    )
+
+
+def info_of_places(structure: Structure, sites: Mapping[str, Functional]) -> ModelInfo:
+    """What is known of a structure and its sites without modes."""
+    cells = {name: site.cell for name, site in sites.items() if site.cell is not None}
+    info = ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
+        cells=cells or None,
+        surfaces=surfaces(structure, sites),
         **structure.matrices.plausibility,
     )
-    return replace(info, thickness=_thickness_at(structure, firsts, info.thickness))
+    return replace(info, thickness=_thickness_at(structure, sites, info.thickness))
 
 
 def _thickness_at(
