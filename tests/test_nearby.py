@@ -178,7 +178,7 @@ def test_the_contact_follows_from_the_surface_of_the_drawn_structure():
         assert type(hits[1].law) is type(hits[0].law)
         assert hits[1].peak_force == pytest.approx(hits[0].peak_force, rel=1e-3)
         assert found.radius == pytest.approx(given["radius"])
-        surface = found.surface("")
-        assert surface.matter.E == pytest.approx(given["E"])
+        matter = found.surface("").matter
+        assert matter.E / given["E"] == pytest.approx(1.0)
         peaks.append(hits[0].peak_force)
     assert abs(peaks[1] / peaks[0] - 1) > 0.1
