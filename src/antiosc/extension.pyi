@@ -92,6 +92,7 @@ from antiosc.fields.pictures import (
     outer_faces as outer_faces,
 )
 from antiosc.fields.probe import (
+    check_point as check_point,
     error_of_largest as error_of_largest,
 )
 from antiosc.fields.second_order import (

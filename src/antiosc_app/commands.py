@@ -22,7 +22,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering, plain
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS
+from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, check_point
 from antiosc.models.auto_contact import AUTO
 from antiosc_app import new, report, results
 from antiosc_app.inspection import Forecast, forecast_of_parts
@@ -158,6 +158,8 @@ ENDED = (
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
 OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
+#: Keys of [probes.NAME] that are its place.
+OF_PLACE = ("point", "node", "part", "snap")
 
 
 def _tradeoff(options: Namespace) -> int:
@@ -266,6 +268,16 @@ def _page(options: Namespace) -> Path | None:
     return report.checked(options.report or str(Path(options.file).with_suffix(".html")))
 
 
+def _check_probes(begun: Settled) -> None:
+    """InputError for a probe off the structure, which else would end a run after its impact."""
+    scene, evaluate = begun
+    for call in scene.probes.values():
+        if call is None or scene.structure is None:
+            continue
+        given = {key: call.arguments[key] for key in OF_PLACE if key in call.arguments}
+        evaluate(Call(check_point, {"structure": scene.structure, **given}, call.place))
+
+
 def _study(options: Namespace) -> int:
     """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
     document = read(options.file)
@@ -288,6 +300,7 @@ def _study(options: Namespace) -> int:
     if options.command == "monte-carlo":
         run.refuse_draws(document, first.structure)
     scene.warnings[:] = first.warnings
+    _check_probes(begun)
     foreseen = _of_run(document, scene, first.structure) if options.command == "run" else None
     if foreseen is not None and foreseen.answer > LONG_RUN:
         print_text(f"antiosc: the part has {foreseen.text()}.", sys.stderr)

@@ -635,7 +635,8 @@ def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:
     if not probes or not isinstance(model, AntiOscillators) or model.n < 2 or scene.model is None:
         return
     own, of_fewer = Evaluation(scene.document), Evaluation(scene.document)
-    for evaluate, its_model in ((own, model), (of_fewer, model.truncated(model.n // 2))):
+    fewer = replace(model, stretch=None).truncated(model.n // 2)
+    for evaluate, its_model in ((own, model), (of_fewer, fewer)):
         evaluate.register(scene.structure, results.structure)
         evaluate.register(scene.model, its_model)
     own.register(scene.history, results.history)

@@ -152,6 +152,15 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     assert results.with_remedy(remedy, objects(path)) in told
 
 
+@pytest.mark.fem
+def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, monkeypatch):
+    probe = "[probes.far]\npoint = [0.02, 0.04, 0.9]\n"
+    path = written(tmp_path, f"{BRACKET}[extract]\nn = 8\n{HIT}{probe}")
+    monkeypatch.setattr(commands, "settled", lambda *_: pytest.fail("an impact was computed"))
+    assert antiosc("run", path, "--out", tmp_path / "out") == 1
+    assert "probes.far: the point of the probe" in capsys.readouterr().err
+
+
 def test_a_sweep_is_many_runs(tmp_path, capsys):
     path = written(tmp_path, BEAM + SWEEP)
     assert antiosc("sweep", path, "--out", tmp_path / "out") == 0

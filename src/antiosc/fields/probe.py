@@ -8,6 +8,7 @@ points far from it, and accelerations, need more anti-oscillators than the force
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import Any, cast
@@ -162,11 +163,7 @@ def probe(
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     position = place(surface, layer, fibre, axes, stiffener)
-    if snap is not None:
-        snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
-    elif isinstance(point, str):
-        snap = inf
-    reach = Reach("the point of the probe", snap)
+    reach = _reach(point, snap)
     if (point is None) == (node is None):
         raise InputError("a probe takes a point or the number of a node.")
     x, part, end = point_of(structure, point, part, node)
@@ -203,6 +200,29 @@ def probe(
     return values[:, 0]
 
 
+def _reach(point: object, snap: float | None) -> Reach:
+    """How far the point of a probe may be moved."""
+    if snap is not None:
+        snap = inf if checks.is_rigid(snap) else checks.positive("snap", snap, "m")
+    elif isinstance(point, str):
+        snap = inf
+    return Reach("the point of the probe", snap)
+
+
+def check_point(
+    structure: Structure,
+    point: Sequence[float] | str | None = None,
+    node: int | None = None,
+    part: str | None = None,
+    snap: float | None = None,
+) -> None:
+    """InputError for a point of a probe that is off the structure, before any impact."""
+    x, part, end = point_of(structure, point, part, node)
+    if end is None:
+        nothing = np.zeros((structure.rows, 1))
+        source(structure).at_point(structure, nothing, x, part, _reach(point, snap))
+
+
 def probe_error(
     structure: Structure,
     history: History,
@@ -218,7 +238,7 @@ def probe_error(
     has not converged, and the number is no bound, which a warning tells: extract more (n), see an
     acceleration through a `filter`, or judge it by its shock spectrum (`srs`). The error of the
     force, which the values follow, is not in it (`hit.error_budget["peak_force"]`; its truncation
-    is), nor that of the mesh at the point.
+    is), nor that of the mesh at the point. Of a part that stretches linear runs are compared.
 
     Parameters
     ----------
@@ -242,11 +262,15 @@ def probe_error(
     if isinstance(times, str) or not isinstance(quantity, str):
         raise InputError("probe_error takes the quantity before the times.")
     at_times = times_of(history, times)
-    tol = history.error.get("force", DEFAULT_ERROR)
-    fewer = history.rerun(model.truncated(model.n // 2), min(max(tol, LEAST_ERROR), DEFAULT_ERROR))
+    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
+    compared = history
+    if model.stretch is not None:  # its motions are those of all anti-oscillators
+        model = replace(model, stretch=None)
+        compared = history.rerun(model, tol)
+    fewer = history.rerun(model.truncated(model.n // 2), tol)
     values, of_fewer = (
         _by_component(probe(structure, hit, point, quantity, at_times, **options))
-        for hit in (history, fewer)
+        for hit in (compared, fewer)
     )
     error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
     if error >= NOT_CONVERGED:

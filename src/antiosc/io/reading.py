@@ -350,6 +350,8 @@ def read(
         raw = selected(content, cells, order, path.name)
         if piece is not None and not (one_solid and raw.kind.dim == 3):
             raw = one_piece(raw, piece, path.name)
+        elif piece is not None and file != path:  # a surface made anew may enclose several
+            raw = one_piece(raw, 1, path.name)
         in_cad = float(raw.shares.sum())
         raw.shares = raw.shares[:0]
         try:
@@ -469,6 +471,10 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             _anew.clear()
             told = str(error).replace(file.name, asked.name)
             sentence = f"{reason}; nor can its surface be filled that was made anew: {told}"
+            if isinstance(error, PiecesError):
+                in_pieces = PiecesError(sentence)
+                in_pieces.pieces = error.pieces
+                raise in_pieces from error
             raise UnmeshableError(sentence) from error
     kept_surfaces.save(key, surface, reason)
     own = [remark.replace(file.name, asked.name) for remark in raw.remarks]

@@ -194,6 +194,18 @@ def test_an_impact_on_a_disc_is_that_of_von_karman():
 
 
 @pytest.mark.filterwarnings("ignore")
+def test_the_error_of_a_probe_is_that_of_the_linear_motion():
+    part, site = plate()
+    model = ao.extract(part, site, n=24, stretch=4)
+    blow = ao.RigidMass(0.2, velocity=1.5), ao.Power(1e6, 1.5), 2e-3
+    one, other = (
+        ao.probe_error(part, ao.simulate(each, *blow), (0.2, 0.1, 0.0), "displacement")
+        for each in (model, replace(model, stretch=None))
+    )
+    assert one == pytest.approx(other, rel=0.2)
+
+
+@pytest.mark.filterwarnings("ignore")
 def test_the_share_of_the_law_is_that_of_the_linear_motion():
     """Second-order forces are not taken for an error of the law."""
     strong = {"yield_strength": 900e6}

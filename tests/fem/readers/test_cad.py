@@ -17,7 +17,7 @@ import antiosc as ao
 pytest.importorskip("dolfinx")
 
 from antiosc.base import progress
-from antiosc.base.errors import UnmeshableError
+from antiosc.base.errors import PiecesError, UnmeshableError
 from antiosc.fem.mesh.surface import Faces, face_tags
 from antiosc.io import cad, kept_surfaces, reading, remade
 from antiosc.io.cad import ATTEMPTS, in_order, label_of
@@ -359,6 +359,25 @@ def test_what_other_code_has_kept_is_not_taken(tmp_path, monkeypatch):
         monkeypatch.setattr(kept_surfaces, "CODE", code)
         keys.append(kept_surfaces.key_of(tmp_path / "part.stl", 1.0))
     assert keys[0] == keys[2] != keys[1]
+
+
+def test_a_surface_made_anew_that_encloses_several_pieces_is_told_of_them(tmp_path, monkeypatch):
+    """The pieces are kept, from which `new` and the page choose the largest."""
+    triangle = FileMesh(np.eye(3), {"triangle": np.array([[0, 1, 2]])}, "vtk", remarks=["anew."])
+    monkeypatch.setattr(reading, "_made_anew", lambda *_: (triangle, "PLC error"))
+    monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
+    in_pieces = PiecesError("part.stl falls into 2 pieces.")
+    in_pieces.pieces = (1, 2)
+
+    def meshed(_: object, asked: Asked) -> None:
+        raise in_pieces if asked.anew else UnmeshableError("PLC error.")
+
+    monkeypatch.setattr(reading, "_meshed", meshed)
+    monkeypatch.setattr(reading, "_anew", {})
+    (tmp_path / "part.stl").write_text("")
+    with pytest.raises(PiecesError, match=r"PLC error; nor .* 2 pieces") as told:
+        reading._filled(lambda *_: None, Asked(tmp_path / "part.stl"))
+    assert told.value.pieces == (1, 2)
 
 
 def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reason(
