@@ -159,7 +159,9 @@ typedef struct workspace {
     int *active;          /* [p] */
     int *unknown;         /* [p + s] rows, s those of stretching */
     double *correction;   /* [2][p + s] of Newton's method */
-    double *coordinates, *polynomial, *slopes; /* [s], [s], [s][s]: of stretching */
+    double *coordinates, *squares;           /* [s], [s][s]: of stretching, and their products */
+    double *polynomial, *slopes;             /* [s], [s][s]: its forces and their slopes */
+    double *depths;       /* [2][s][2 (p + s)] of its coordinates, by forces of unknown rows */
 } workspace;
 
 struct aom_stepper {
@@ -286,8 +288,8 @@ static void amplitudes(aom_stepper *st);
 /* ---- stretch.c */
 /* The first row of stretching. */
 static int first_stretch(const aom_system *s);
-/* Forces (s,) and slopes (s, s) at coordinates (s,); returns the energy. */
-static double stretch_forces(const aom_system *s, const double *a, double *force, double *slope);
+/* Forces and slopes at the coordinates of the workspace; returns the energy. */
+static double stretch_forces(aom_stepper *st);
 /* The energy of stretching in the present state; its forces into the workspace. */
 static double stretch_energy(aom_stepper *st);
 /* The scale of the forces grows by what the present state needs. */

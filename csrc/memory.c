@@ -64,8 +64,10 @@ static void lay_out_work(workspace *w, arena *a, size_t L, size_t m, size_t p, s
     w->unknown = take(a, p + s, sizeof(int));
     w->correction = take(a, 2 * (p + s), sizeof(double));
     w->coordinates = take(a, s, sizeof(double));
+    w->squares = take(a, s * s, sizeof(double));
     w->polynomial = take(a, s, sizeof(double));
     w->slopes = take(a, s * s, sizeof(double));
+    w->depths = take(a, 4 * s * (p + s), sizeof(double));
 }
 
 /* The arrays of a stepper behind it in its memory, for so many groups; returns the bytes of all. */

@@ -14,26 +14,43 @@ typedef struct equation {
 
 int first_stretch(const aom_system *s) { return s->n_rows - s->n_stretch; }
 
-double stretch_forces(const aom_system *s, const double *a, double *force, double *slope) {
+/* Products of n numbers, in sums that do not wait for each other. */
+static double sum_of_products(const double *x, const double *y, int n) {
+    enum { SUMS = 8 };
+    double part[SUMS] = {0.0}, total = 0.0;
+    int k = 0;
+    for (; k + SUMS <= n; k += SUMS)
+        for (int i = 0; i < SUMS; i++)
+            part[i] += x[k + i] * y[k + i];
+    for (; k < n; k++)
+        total += x[k] * y[k];
+    for (int i = 0; i < SUMS; i++)
+        total += part[i];
+    return total;
+}
+
+double stretch_forces(aom_stepper *st) {
+    const aom_system *s = &st->system;
+    workspace *w = &st->work;
+    const double *a = w->coordinates;
     int m = s->n_stretch;
-    const double *H = s->quadratic, *G = s->cubic;
     double energy = 0.0;
-    for (int k = 0; k < m; k++) {
-        force[k] = 0.0;
-        for (int i = 0; i < m; i++, H += m) {
-            double two = 0.0, three = 0.0;
-            for (int j = 0; j < m; j++, G += m) {
-                double sum = 0.0;
-                for (int l = 0; l < m; l++)
-                    sum += G[l] * a[l];
-                two += H[j] * a[j];
-                three += sum * a[j];
-            }
-            slope[k * m + i] = 2.0 * two + 3.0 * three;
-            force[k] += (two + three) * a[i];
-            energy += (two / 3.0 + three / 4.0) * a[i] * a[k];
-        }
+    for (int i = 0; i < m; i++) {
+        w->polynomial[i] = 0.0;
+        for (int j = 0; j < m; j++)
+            w->squares[i * m + j] = a[i] * a[j];
     }
+    for (int k = 0; k < m; k++)
+        for (int i = 0; i <= k; i++) {
+            ptrdiff_t pair = (ptrdiff_t)k * m + i;
+            double two = sum_of_products(s->quadratic + pair * m, a, m);
+            double three = sum_of_products(s->cubic + pair * m * m, w->squares, m * m);
+            w->slopes[k * m + i] = w->slopes[i * m + k] = 2.0 * two + 3.0 * three;
+            w->polynomial[k] += (two + three) * a[i];
+            if (i < k)
+                w->polynomial[i] += (two + three) * a[k];
+            energy += (i < k ? 2.0 : 1.0) * (two / 3.0 + three / 4.0) * w->squares[pair];
+        }
     return energy;
 }
 
@@ -54,7 +71,7 @@ double stretch_energy(aom_stepper *st) {
         return 0.0;
     workspace *w = &st->work;
     coordinates(st, st->x, w->coordinates);
-    return stretch_forces(&st->system, w->coordinates, w->polynomial, w->slopes);
+    return stretch_forces(st);
 }
 
 /* The force by which the modes of a row resist, at most, as the row sees it. */
@@ -138,6 +155,17 @@ static double contact_equation(aom_stepper *st, const influence *local, int n, e
     return f - law.force;
 }
 
+/* What forces of n unknown rows add to the coordinates of a step, for its equations. */
+static void gather_depths(aom_stepper *st, const influence *local, int n) {
+    int m = st->system.n_stretch, first = first_stretch(&st->system), size = 2 * n;
+    for (int i = 0; i < m; i++)
+        for (int j = 0; j < size; j++) {
+            const influence *by = between_rows(st, local, first + i, st->work.unknown[j / 2]);
+            for (int stage = 0; stage < 2; stage++)
+                st->work.depths[(stage * m + i) * size + j] = by->depth[stage][j % 2 + 1];
+        }
+}
+
 /* The equations of stretching at a stage, the last of n unknown rows: residuals and matrix. */
 static void stretch_equations(aom_stepper *st, const influence *local, int n, int stage, double *A,
                               double *rest) {
@@ -147,15 +175,17 @@ static void stretch_equations(aom_stepper *st, const influence *local, int n, in
         double rate;
         felt(st, local, stage, first + k, w->coordinates + k, &rate);
     }
-    stretch_forces(&st->system, w->coordinates, w->polynomial, w->slopes);
+    stretch_forces(st);
     for (int k = 0; k < m; k++) {
         int at = 2 * (n - m + k) + stage;
+        double *row = A + (ptrdiff_t)at * size;
         rest[at] = w->force[first + k].f[stage + 1] - w->polynomial[k];
-        for (int i = 0; i < m; i++)
+        for (int i = 0; i < m; i++) {
+            const double *depth = w->depths + (ptrdiff_t)(stage * m + i) * size;
+            double slope = w->slopes[k * m + i];
             for (int j = 0; j < size; j++)
-                A[at * size + j] +=
-                    w->slopes[k * m + i] * between_rows(st, local, first + i, w->unknown[j / 2])
-                                               ->depth[stage][j % 2 + 1];
+                row[j] += slope * depth[j];
+        }
     }
 }
 
@@ -234,6 +264,7 @@ bool stretched_forces(aom_stepper *st, const influence *local) {
         if (!pressing(st->contacts[c].branch))
             release(st, c);
     int n = unknown_rows(st);
+    gather_depths(st, local, n);
     for (int tries = 0; tries < STRETCH_TRIES; tries++) {
         double far = newton_step(st, local, n), rubbed = rub_all(st, local);
         if (!(far < 1e300) || st->law_failed)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
 
 import antiosc as ao
 from antiosc.base.errors import InputError
@@ -142,7 +145,7 @@ def test_modes_whose_energy_has_no_bound_do_not_count(monkeypatch):
 def run_of(count, well=0.0):
     """A run with the first motions; a well is a quadratic force that pulls the first away."""
     body = model("auto", size=5)
-    forces = body.stretch.turned(np.eye(5)[:, :count])
+    forces = body.stretch.turned(np.eye(5)[:, :count], body.modal().omega)
     quadratic = forces.quadratic.copy()
     quadratic[0, 0, 0] += well * np.abs(quadratic).max()
     return ao.simulate(
@@ -249,13 +252,42 @@ def test_a_part_with_two_modes_takes_both_and_says_nothing():
 def test_the_forces_do_not_depend_on_the_axes_of_their_modes():
     body = model()
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0]
-    turned = body.stretch.turned(turn)
+    turned = body.stretch.turned(turn, body.modal().omega)
     a = np.random.default_rng(2).standard_normal((5, 3)) * 1e-3
     assert np.allclose(turned.forces(a @ turn), body.stretch.forces(a) @ turn, rtol=1e-10)
     assert np.allclose(turned.energy(a @ turn), body.stretch.energy(a), rtol=1e-10)
     step, way = 1e-8, np.eye(3)[1]
     rise = body.stretch.energy(a + step * way) - body.stretch.energy(a - step * way)
     assert np.allclose(rise / (2 * step), body.stretch.forces(a)[:, 1], rtol=1e-5)
+
+
+def test_modes_that_are_left_out_follow_with_least_energy():
+    """The least energy of all modes at given amplitudes of two, by minimization."""
+    rng = np.random.default_rng(3)
+    omega = np.array([1.0, 2.0, 3.0, 5.0])
+    quadratic, cubic = rng.standard_normal((4,) * 3), rng.standard_normal((4,) * 4)
+    quadratic = sum(quadratic.transpose(way) for way in itertools.permutations(range(3)))
+    cubic = sum(cubic.transpose(way) for way in itertools.permutations(range(4)))
+    modes, both = (np.linalg.qr(rng.standard_normal((4, 4)))[0] for _ in range(2))
+    forces = Stretch(modes, quadratic, cubic)
+    stiffness = modes.T @ np.diag(omega**2) @ modes
+    turn = both[:, :2]
+    two = forces.turned(turn, omega)
+    free = scipy.linalg.null_space(turn.T @ stiffness)
+    a = 1e-3 * rng.standard_normal(2)
+
+    def energy(z):
+        x = turn @ a + free @ z
+        return (x @ stiffness @ x / 2 + forces.energy(x[None])[0]) * 1e9
+
+    found = minimize(energy, np.zeros(2), tol=1e-12)
+    known = (a @ turn.T @ stiffness @ turn @ a / 2 + two.energy(a[None])[0]) * 1e9
+    follows = turn @ a + np.einsum("mij,i,j->m", forces.following(turn, omega), a, a)
+    still = energy(np.zeros(2))
+    assert found.fun < still - 1e-6
+    assert found.fun == pytest.approx(known, abs=0.05 * (still - found.fun))
+    moved = free @ found.x
+    assert moved == pytest.approx(follows - turn @ a, abs=0.02 * np.abs(moved).max())
 
 
 def test_a_scene_of_two_plates_that_stretch():

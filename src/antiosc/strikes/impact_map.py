@@ -702,7 +702,7 @@ def _hit(struck: ImpactMap, i: int, body: ModalBody, forces: Stretch) -> History
     free = len(forces.modes)
     combinations = candidates(body.omega[:free], body.b[:free, None], MOST)
     rotation = np.linalg.qr(forces.modes.T @ combinations)[0]
-    combined = replace(forces.turned(rotation), count=forces.count)
+    combined = replace(forces.turned(rotation, body.omega[:free]), count=forces.count)
     above = np.zeros((body.omega.size - free, combined.size))
     combined = replace(combined, modes=np.vstack([combined.modes, above]))
     radius = None if struck.radius is None else float(struck.radius[i])

@@ -141,7 +141,7 @@ def test_a_beam_between_walls_has_the_force_of_woinowsky_krieger():
     part, site = beam_between_walls()
     model = ao.extract(part, site, n=12, stretch=1)
     forces, body = model.stretch, model.modal()
-    one = forces.turned(np.eye(forces.size)[:, :1])
+    one = forces.turned(np.eye(forces.size)[:, :1], body.omega)
     seen = float(one.modes[:, 0] @ body.b)
     L, EA = 0.3, 210e9 * 0.01 * 0.004
     static = 24 / 5 / L * 0.5  # of ∫w'²/2 for w = 1 in the middle, clamped at both ends
@@ -320,11 +320,11 @@ def test_pieces_that_touch_make_no_wall_of_no_thickness():
     below, above = ao.box_mesh((0.2, 0.1, 0.02), 0.02), ao.box_mesh((0.2, 0.1, 0.02), 0.02)
     faces = [Faces(mesh, False) for mesh in (below, above)]
     shift = np.array([0, 0, 0.02 * (1 - 1e-15)])
-    corners = np.concatenate([faces[0].corners, faces[1].corners + shift])
+    centres = np.concatenate([faces[0].centres, faces[1].centres + shift])
     normals = np.concatenate([one.normals for one in faces])
-    skin = walls._Skin(corners, normals, np.zeros(len(corners), dtype=int))
-    for k, centre in enumerate(skin.centres):
-        assert skin.depth(centre, k) > 0.01
+    skin = walls._Skin(centres, normals, np.zeros(len(centres), dtype=int))
+    for k in range(len(centres)):
+        assert skin.depth(centres[k], k) > 0.01
 
 
 def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():
@@ -423,7 +423,7 @@ def test_walls_are_pulled_as_a_beam_bends():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("rise", "rel"), [(0.0, 0.06), (2e-3, 0.16)])
+@pytest.mark.parametrize(("rise", "rel"), [(0.0, 0.06), (2e-3, 0.02)])
 def test_reactions_are_those_of_all_degrees_of_freedom(rise, rel):
     """Rows of the supports of K u + f(u) + M u'' of the part without them."""
     mesh, site = plate(rise=rise)[0].matrices.mesh, plate(rise=rise)[1]
@@ -438,7 +438,7 @@ def test_reactions_are_those_of_all_degrees_of_freedom(rise, rel):
     K, M = csr(free.K), csr(free.M)
     every = slice(4, -4, 8)
     rows = K @ u[every].T + M @ a[every].T + np.array([full.forces(x) for x in u[every]]).T
-    model = ao.extract(part, site, n=24, stretch="auto")
+    model = ao.extract(part, site, n=60, stretch="auto")
     hit = ao.simulate(model, ao.RigidMass(0.2, velocity=1.0), ao.Power(1e6, 1.5), 4e-3)
     found = ao.reactions(part, hit, site, times[every])
     linear = ao.simulate(
@@ -545,7 +545,7 @@ def test_parts_with_common_nodes_stretch_as_one_mesh():
 
 def test_what_does_not_stretch_refuses_in_a_sentence():
     part, site = plate()
-    for wrong in (11, "many", 0, True):
+    for wrong in (19, "many", 0, True):
         with pytest.raises(InputError, match="stretch"):
             ao.extract(part, site, n=12, stretch=wrong)
     with pytest.raises(InputError, match="stretch"):

@@ -79,7 +79,14 @@ def stretch_shapes(history: AnyHistory, body: str) -> Array | None:
     stretch = stretch_of(of_body)
     if forces is None or stretch is None:
         return None
-    return stretch.shapes_in(forces.modes)
+    shapes = stretch.shapes_in(forces.modes)
+    if shapes is None:
+        return None
+    modes = modes_of(history, body)
+    turn = stretch.modes.T @ forces.modes
+    rows, columns = np.triu_indices(forces.size)
+    following = stretch.modes @ stretch.following(turn, modes.omega)[:, rows, columns]
+    return shapes + modes.field((modes.shape @ following).T).T
 
 
 def amplitudes(history: AnyHistory, times: Array, body: str, derivative: int = 0) -> Array:
