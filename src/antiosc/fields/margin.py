@@ -812,10 +812,10 @@ def on_part(structure: Structure, zones: Zones) -> Zones:
     matrices = structure.matrices
     if not matrices.meshed or matrices.assembled:
         return zones
-    from antiosc.fem.mesh.walls import at_point  # needs dolfinx
+    from antiosc.fem.mesh.walls import under_patch  # needs dolfinx
 
     faces = cast("MeshedStructure", matrices).faces
-    at_contacts = [at_point(faces, zone.point) for zone in zones.contacts]
+    at_contacts = [under_patch(faces, zone.point, zone.radii[1]) for zone in zones.contacts]
     contacts = [
         zone._replace(depth=depth, faces=size)
         for zone, (depth, size) in zip(zones.contacts, at_contacts, strict=True)

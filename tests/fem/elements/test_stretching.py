@@ -320,11 +320,11 @@ def test_pieces_that_touch_make_no_wall_of_no_thickness():
     below, above = ao.box_mesh((0.2, 0.1, 0.02), 0.02), ao.box_mesh((0.2, 0.1, 0.02), 0.02)
     faces = [Faces(mesh, False) for mesh in (below, above)]
     shift = np.array([0, 0, 0.02 * (1 - 1e-15)])
-    centres = np.concatenate([faces[0].centres, faces[1].centres + shift])
+    corners = np.concatenate([faces[0].corners, faces[1].corners + shift])
     normals = np.concatenate([one.normals for one in faces])
-    skin = walls._Skin(centres, normals, np.zeros(len(centres), dtype=int))
-    for k in range(len(centres)):
-        assert skin.depth(centres[k], k) > 0.01
+    skin = walls._Skin(corners, normals, np.zeros(len(corners), dtype=int))
+    for k, centre in enumerate(skin.centres):
+        assert skin.depth(centre, k) > 0.01
 
 
 def test_a_thin_solid_on_one_edge_and_a_block_count_as_bending_alone():

@@ -7,7 +7,8 @@ import pytest
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc.fem.mesh.walls import wall_thickness
+from antiosc.extension import Faces
+from antiosc.fem.mesh.walls import _Skin, under_patch, wall_thickness
 from antiosc.fem.platform import compat
 
 
@@ -29,3 +30,39 @@ def plates(gap: float) -> ao.Mesh:
 def test_the_walls_of_two_plates_are_those_of_each(gap):
     """A face of one is no wall of the other, where the plates overlap either."""
     assert wall_thickness(plates(gap)) == pytest.approx(0.01, rel=1e-9)
+
+
+def beside_a_step() -> ao.Mesh:
+    """A block of 20 x 20 x 10 mm, cells of 1 mm, whose last 4 mm along x are 1 mm thick, and with a
+    slit of 1 mm through it along y, 1 mm below the top.
+    """
+    x, y, z = np.meshgrid(*(np.arange(n) for n in (20, 20, 10)), indexing="ij")
+    solid = ((x < 16) | (z == 9)) & ~((x == 12) & (z < 9))
+    corner = np.column_stack([axis[solid] for axis in (x, y, z)])
+    around = np.array([(a, b, c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
+    nodes = (corner[:, None] + around).reshape(-1, 3)
+    points, number = np.unique(nodes, axis=0, return_inverse=True)
+    cells = number.reshape(-1, 8).astype(np.int64)
+    return ao.read_mesh(compat.create_mesh(MPI.COMM_SELF, cells, 1e-3 * points, "hexahedron", 1))
+
+
+@pytest.mark.parametrize(
+    ("x", "radius", "thickness"), [(10.5, 5, 10), (12.5, 3, 10), (15, 4, 10), (18.5, 2, 1)]
+)
+def test_the_thickness_under_a_patch_is_that_of_most_of_it(x, radius, thickness):
+    """The roof of a slit, and a thin rim beside the patch, are no plate under it."""
+    faces = Faces(beside_a_step(), sheet=False)
+    place = np.array([x, 10.5, 10.0]) * 1e-3
+    depth, size = under_patch(faces, place, radius * 1e-3)
+    assert (depth, size) == pytest.approx((thickness * 1e-3, 1e-3), rel=1e-9)
+
+
+def test_no_wall_is_thinner_than_nothing():
+    """A face whose inner side does not look at the point is not opposite to it."""
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 2.0, 0.0]])
+    centres = np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, -0.5]])
+    normals = np.array([[0.0, 0.0, 1.0], [0.8, 0.0, -0.6]])
+    skin = _Skin(corners + centres[:, None], normals, np.zeros(2, dtype=int))
+    assert skin.depth(centres[0], 0) == np.inf
+    flat = skin._replace(normals=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    assert flat.depth(centres[0], 0) == pytest.approx(0.5)

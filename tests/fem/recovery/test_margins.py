@@ -18,6 +18,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
+from antiosc.fields.margin import Zones, on_part
 from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
@@ -496,6 +497,45 @@ def test_a_patch_wider_than_a_plate_is_thick_has_the_bending_of_the_contact_in_i
     assert (model + zone.spread_error(points)).max() < 0.8 * contact.max()
     bound = model + zone._replace(depth=thickness).spread_error(points)
     assert contact.max() < bound.max() < 1.4 * contact.max()
+
+
+def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
+    """A block whose rim is thinner, under two patches that both lie on the rim in part.
+
+    The stresses of finite elements rise within the spread outside three radii, but for a tenth of
+    the largest rise, and the spread is at most three times that.
+    """
+    rim = 12e-3
+    block = parts.box((20, 16, 5), (0.02, 0.016, 5e-3))
+    solid = without(block, lambda x: (x[:, 0] > rim) & (x[:, 2] < 3e-3))
+    base = ao.Support(lambda x: x[2] < 1e-9)
+    part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
+    site, radii = np.array([0.01, 8e-3, 5e-3]), (1.5e-3, 5e-3)
+    fields = []
+    for radius in radii:
+        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
+        fields.append(ao.peak_field(part, hit, body="part"))
+    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
+    (measured,) = on_part(part, Zones.about([zone])).contacts
+    assert measured.depth == pytest.approx(5e-3)
+    points = fields[0].points
+    far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
+    change = (fields[0].values - fields[1].values)[far]
+    for thickness in (measured.depth, 2e-3):  # of a thin roof too: the part is thicker below
+        spread = measured._replace(depth=thickness).spread_error(points[far])
+        assert (change <= spread + 0.1 * change.max()).all()
+        assert change.max() < spread.max() < 3 * change.max()
+
+
+def without(mesh: ao.Mesh, is_cut: Callable[[np.ndarray], np.ndarray]) -> ao.Mesh:
+    """A mesh of hexahedra without the cells whose middles are cut."""
+    geometry = mesh.dolfinx.geometry
+    corners = compat.geometry_nodes(mesh.dolfinx)
+    kept = corners[~is_cut(geometry.x[corners].mean(axis=1))]
+    used, cells = np.unique(kept, return_inverse=True)
+    whole = cells.reshape(kept.shape).astype(np.int64)
+    made = compat.create_mesh(mesh.comm, whole, geometry.x[used], mesh.cell, 1)
+    return ao.read_mesh(made)
 
 
 def test_hertz_s_stress_is_small_beyond_what_the_margin_leaves_out():

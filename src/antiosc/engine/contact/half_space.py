@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 
@@ -56,7 +57,7 @@ def spread_difference(
 
 
 def bending_difference(
-    force: float, radii: tuple[float, float], nu: float, r: Array, thickness: float
+    force: float, radii: tuple[float, float], nu: float, r: Array, thickness: ArrayLike
 ) -> Array:
     """Bending stress [Pa] of a plate by a force on the smaller of two circles, less that by the
     same force on the larger; 0 outside it, where both are alike.
@@ -65,11 +66,11 @@ def bending_difference(
     Formulas for Stress and Strain, circular plates).
     """
     smaller, larger = sorted(radii)
-    equivalent = smaller
-    if smaller < 0.5 * thickness:
-        equivalent = np.sqrt(1.6 * smaller**2 + thickness**2) - 0.675 * thickness
+    t = np.asarray(thickness)
+    small = np.sqrt(1.6 * smaller**2 + t**2) - 0.675 * t
+    equivalent = np.where(smaller < 0.5 * t, small, smaller)
     ratio = larger / np.maximum(r, equivalent)
-    of_moment = 3 * force * (1 + nu) / (2 * np.pi * thickness**2)
+    of_moment = 3 * force * (1 + nu) / (2 * np.pi * t**2)
     return np.asarray(of_moment * np.log(np.maximum(ratio, 1.0)))
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, quadrature
 from antiosc.fem.platform import compat
@@ -19,6 +19,8 @@ OPPOSITE = -0.5
 #: Distance behind a face, over the size of the part, up to which an opposite face touches it, as
 #: those of pieces in contact do: their nodes in decks agree to the digits that are written.
 TOUCHING = 1e-5
+#: A line meets a face whose side it passes within this share of the face, for rounding.
+EDGE = 1e-9
 #: Share of the surface over walls that are thinner than the result: edges of holes and chamfers,
 #: which are thin too, have less.
 SHARE = 0.25
@@ -37,39 +39,77 @@ def wall_thickness(mesh: Mesh) -> float:
     areas = np.zeros(len(faces.facets))
     np.add.at(areas, points.entity, points.weight)
     skin = _whole_skin(faces)
-    cumulated = np.cumsum(_everywhere(faces, areas))
-    shares = (np.arange(POINTS) + 0.5) / POINTS
-    chosen = np.unique(np.searchsorted(cumulated, shares * cumulated[-1]))
-    depths = [skin.depth(skin.centres[k], int(k)) for k in chosen]
+    centres = skin.centres
+    chosen = np.unique(_evenly(_everywhere(faces, areas)))
+    depths = [skin.depth(centres[k], int(k)) for k in chosen]
     thickness = float(np.quantile(depths, SHARE, method="higher"))
     return thickness if np.isfinite(thickness) else 0.0
 
 
-def at_point(faces: Faces, point: Array) -> tuple[float, float]:
-    """(thickness of a solid [m], size of the faces [m]) at the face nearest to a point (3,).
+def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float]:
+    """(thickness of a solid under a patch [m], size of the face there [m]).
 
-    The thickness is inf where nothing is opposite.
+    `point` (3,), `radius` : middle and radius of the patch [m]. The thickness is the median over
+    the area of the patch: the roof of a slit, and a rim beside the contact, do not bend as a plate.
+    It is inf where nothing is beneath.
     """
     skin = _whole_skin(faces)
-    k = int(np.argmin(np.linalg.norm(skin.centres - point, axis=1)))
-    return skin.depth(point, k), float(_everywhere(faces, faces.sizes)[k])
+    sizes = _everywhere(faces, faces.sizes)
+    centres = skin.centres
+    distance = np.linalg.norm(centres - point, axis=1)
+    k = int(np.argmin(distance))
+    is_same_side = skin.normals @ skin.normals[k] > -OPPOSITE
+    is_struck = (distance <= radius) & is_same_side & (skin.bodies == skin.bodies[k])
+    is_struck[k] = True
+    struck = np.flatnonzero(is_struck)
+    chosen = struck[_evenly(sizes[struck] ** 2)]
+    depth_of = {j: skin.depth(centres[j], int(j), straight=True) for j in np.unique(chosen)}
+    depths = [depth_of[j] for j in chosen]
+    return float(np.quantile(depths, 0.5, method="higher")), float(sizes[k])
+
+
+def _evenly(areas: Array) -> IntArray:
+    """Numbers (POINTS,) of the faces of these areas at points that each have the same share."""
+    cumulated = np.cumsum(areas)
+    shares = (np.arange(POINTS) + 0.5) / POINTS
+    return np.searchsorted(cumulated, shares * cumulated[-1])
 
 
 class _Skin(NamedTuple):
-    """Centres (F, 3), normals (F, 3) and numbers of the bodies (F,) of the faces of all ranks."""
+    """Corners in order (F, v, 3), normals (F, 3) and numbers of the bodies (F,) of the faces of all
+    ranks.
+    """
 
-    centres: Array
+    corners: Array
     normals: Array
     bodies: IntArray
 
-    def depth(self, point: Array, face: int) -> float:
+    @property
+    def centres(self) -> Array:
+        """Middles of the corners (F, 3)."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    def beneath(self, point: Array, normal: Array) -> BoolArray:
+        """Whether the line (F,) through a point along a normal meets the faces."""
+        sides = np.roll(self.corners, -1, axis=1) - self.corners
+        turns = np.cross(sides, point - self.corners) @ normal
+        level = EDGE * np.abs(turns).max(axis=1, keepdims=True)
+        return np.asarray((turns >= -level).all(axis=1) | (turns <= level).all(axis=1))
+
+    def depth(self, point: Array, face: int, *, straight: bool = False) -> float:
         """Distance [m] from a point of a face along its normal to the nearest opposite face of its
         body; inf without one.
+
+        `straight`: of those alone that the normal meets.
         """
-        gap = self.centres - point
+        gap = self.corners.mean(axis=1) - point
         cosine = self.normals @ self.normals[face]
         behind = gap @ self.normals[face] < -TOUCHING * np.abs(gap).max()
-        is_opposite = (cosine < OPPOSITE) & behind & (self.bodies == self.bodies[face])
+        inside = np.einsum("fd,fd->f", gap, self.normals) > 0  # of the plane of the opposite face
+        is_opposite = (cosine < OPPOSITE) & behind & inside
+        is_opposite &= self.bodies == self.bodies[face]
+        if straight:
+            is_opposite &= self.beneath(point, self.normals[face])
         if not is_opposite.any():
             return np.inf
         distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)
@@ -79,8 +119,10 @@ class _Skin(NamedTuple):
 
 def _whole_skin(faces: Faces) -> _Skin:
     """The faces of all ranks."""
-    centres, normals = (_everywhere(faces, values) for values in (faces.centres, faces.normals))
-    return _Skin(centres, normals, _everywhere(faces, _bodies(faces)))
+    corners = _everywhere(faces, faces.corners)
+    if corners.shape[1] == 4:
+        corners = corners[:, [0, 1, 3, 2]]
+    return _Skin(corners, _everywhere(faces, faces.normals), _everywhere(faces, _bodies(faces)))
 
 
 Values = TypeVar("Values", Array, IntArray)

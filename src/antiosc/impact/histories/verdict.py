@@ -90,8 +90,8 @@ class YieldingZone(NamedTuple):
 
     `point` (3,) [m]; `push` (3,): direction of the force, None if unknown; `radii` [m] of the
     contact and of the patch that carries its force in the model; `force` [N]: the largest;
-    `depth`, `faces` [m]: thickness of the part and size of its faces there; `span`: number of the
-    span of the run to which it belongs (`BodyHistory.spans`).
+    `depth`, `faces` [m]: thickness of the part under the patch, size of its faces there; `span`:
+    number of the span of the run to which it belongs (`BodyHistory.spans`).
     """
 
     point: Array
@@ -148,7 +148,8 @@ class YieldingZone(NamedTuple):
 
         The larger of those on a half-space and of a plate of this thickness: the largest stress of
         plates held at the rim becomes 0.98 to 1.65 times the right one, with the half-space alone
-        0.35 to 1.14 times (benchmarks/plate_under_contact.py). Of an unknown direction the largest
+        0.35 to 1.14 times (benchmarks/plate_under_contact.py). Where a point lies deeper than the
+        plate is thick, the part is no thinner than that depth. Of an unknown direction the largest
         error counts.
         """
         if self.radii[1] in (0.0, self.radii[0]):
@@ -162,7 +163,9 @@ class YieldingZone(NamedTuple):
         r = np.sqrt(np.maximum(distance**2 - depths**2, 0.0))
         error = spread_difference(self.force, self.radii, self.nu, r, depths)
         if np.isfinite(self.depth):
-            plate = bending_difference(self.force, self.radii, self.nu, r, self.depth)
+            plate = bending_difference(
+                self.force, self.radii, self.nu, r, np.maximum(self.depth, depths)
+            )
             error = np.maximum(error, plate)
         return np.asarray(error.max(axis=0))
 
