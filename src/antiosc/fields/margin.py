@@ -144,6 +144,8 @@ class Margin(ReprMixin):
         stress of the bar alone.
     thin : thickness of such a part under the contact over its radius, if the faces of the mesh are
         larger than that radius; else inf.
+    hollow_stress : most by which the stress may be larger beside a hollow under the patch of a
+        contact, Pa, since the patch is larger than the contact; it counts in the bar alone.
     mesh_error : error of the value by the mesh, in its unit; of shells, where it is not estimated,
         40 % of the value.
     others : least and largest stress that some other place has within its own error by the mesh,
@@ -169,6 +171,7 @@ class Margin(ReprMixin):
     spread: float = 0.0
     edge_stress: float = 0.0
     thin_stress: float = 0.0
+    hollow_stress: float = 0.0
     mesh_error: float = 0.0
     others: tuple[float, float] = (0.0, 0.0)
     force_error: float = 0.0
@@ -248,7 +251,7 @@ class Margin(ReprMixin):
         if self.spans:
             return max(self.spans, key=lambda span: span.exposure).stresses
         error, at_edge = self.mesh_error, EDGE_ERROR * self.edge_stress
-        of_mesh = self.value - error, self.value + self.spread + error
+        of_mesh = self.value - error, self.value + self.spread + error + self.hollow_stress
         most_of_hertz = (1 + EDGE_ERROR) * max(self.edge_stress, self.thin_stress)
         of_hertz = self.edge_stress - at_edge, most_of_hertz
         least, largest = map(max, of_mesh, of_hertz, self.others)
@@ -289,6 +292,13 @@ class Margin(ReprMixin):
                 f"at {self.away.names} an elastic stress has no limit: here up to {stress} at"
                 f" {point_text(self.sharp.point)}, more with smaller cells. {self.away.decides}"
                 f" decides whether it {fails} there"
+            )
+        if self.hollow_stress:
+            more = engineering(self.hollow_stress, "Pa", 2)
+            sentences.append(
+                f"a hollow lies under the patch, which is larger than the contact: beside it the"
+                f" stress may be larger by up to {more}, which is in the bar; a patch as large as"
+                f" the contact narrows it ({PATCH_RADIUS})"
             )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
@@ -489,6 +499,11 @@ class Zones(NamedTuple):
         return max((zone.thin_stress for zone in self.contacts), default=0.0)
 
     @property
+    def hollow_stress(self) -> float:
+        """Largest rise of the stress [Pa] beside a hollow under the patch of a contact."""
+        return max((zone.hollow_stress for zone in self.contacts), default=0.0)
+
+    @property
     def thin(self) -> float:
         """Least thickness over the radius of a contact, of those that the mesh does not resolve."""
         return min((zone.unresolved_depth for zone in self.contacts), default=inf)
@@ -539,7 +554,8 @@ def margin_of(
         beyond = replace(beyond, beyond=leave_out, nearer=nearer, asked=zones.asked)
         if not beyond.is_mises:
             return beyond
-        of_zones = {name: getattr(zones, name) for name in ("edge_stress", "thin_stress", "thin")}
+        names = ("edge_stress", "thin_stress", "hollow_stress", "thin")
+        of_zones = {name: getattr(zones, name) for name in names}
         return replace(beyond, **of_zones)
     spread = zones.spread_error(points)
     exposure = (values + spread) / strengths
@@ -817,8 +833,8 @@ def on_part(structure: Structure, zones: Zones) -> Zones:
     faces = cast("MeshedStructure", matrices).faces
     at_contacts = [under_patch(faces, zone.point, zone.radii[1]) for zone in zones.contacts]
     contacts = [
-        zone._replace(depth=depth, faces=size)
-        for zone, (depth, size) in zip(zones.contacts, at_contacts, strict=True)
+        zone._replace(depth=depth, hollow=hollow, faces=size)
+        for zone, (depth, hollow, size) in zip(zones.contacts, at_contacts, strict=True)
     ]
     return zones._replace(contacts=contacts)
 
@@ -830,6 +846,8 @@ def balls_of_edges(structure: Structure, shapes: Array, part: str | None) -> tup
     return sharp_edges(structure, shapes, part)
 
 
+#: Where the radius of a patch is changed.
+PATCH_RADIUS = where_to_change("radius in [sites.NAME]", "patch radius")
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
 

@@ -47,14 +47,15 @@ def beside_a_step() -> ao.Mesh:
 
 
 @pytest.mark.parametrize(
-    ("x", "radius", "thickness"), [(10.5, 5, 10), (12.5, 3, 10), (15, 4, 10), (18.5, 2, 1)]
+    ("x", "radius", "thickness", "least"),
+    [(10.5, 5, 10, 1), (6.5, 4, 10, 10), (12.5, 3, 10, 1), (15, 4, 10, 1), (18.5, 2, 1, 1)],
 )
-def test_the_thickness_under_a_patch_is_that_of_most_of_it(x, radius, thickness):
+def test_the_thickness_under_a_patch_is_that_of_most_of_it(x, radius, thickness, least):
     """The roof of a slit, and a thin rim beside the patch, are no plate under it."""
     faces = Faces(beside_a_step(), sheet=False)
     place = np.array([x, 10.5, 10.0]) * 1e-3
-    depth, size = under_patch(faces, place, radius * 1e-3)
-    assert (depth, size) == pytest.approx((thickness * 1e-3, 1e-3), rel=1e-9)
+    found = under_patch(faces, place, radius * 1e-3)
+    assert found == pytest.approx((thickness * 1e-3, least * 1e-3, 1e-3), rel=1e-9)
 
 
 def test_no_wall_is_thinner_than_nothing():

@@ -18,7 +18,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields.deformed import deformed
-from antiosc.fields.margin import Zones, on_part
+from antiosc.fields.margin import Margin, Zones, on_part
 from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
@@ -525,6 +525,34 @@ def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
         spread = measured._replace(depth=thickness).spread_error(points[far])
         assert (change <= spread + 0.1 * change.max()).all()
         assert change.max() < spread.max() < 3 * change.max()
+
+
+def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
+    """The stress of finite elements under a contact on the rib, below its roof."""
+    block = parts.box((20, 12, 10), (0.02, 0.012, 0.01))
+    solid = without(
+        block, lambda x: (x[:, 2] < 9e-3) & (abs(abs(x[:, 0] - 0.01) - 2.5e-3) < 0.6e-3)
+    )
+    base = ao.Support(lambda x: x[2] < 1e-9)
+    part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
+    site, radii = np.array([0.01, 6e-3, 0.01]), (1.5e-3, 5e-3)
+    fields = []
+    for radius in radii:
+        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
+        fields.append(ao.peak_field(part, hit, body="part"))
+    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
+    (measured,) = on_part(part, Zones.about([zone])).contacts
+    assert measured.hollow == pytest.approx(1e-3)
+    points = fields[0].points
+    far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
+    contact, model = (field.values[far].max() for field in fields)
+    assert model + measured.spread_error(points[far]).max() < contact
+    assert contact < model + measured.hollow_stress
+    assert measured._replace(hollow=np.inf).hollow_stress == 0.0
+    margin = Margin("yield", 1.0, 50.0, site, 0.0, beyond=np.array([[0, 0, 0, 1.0]]))
+    hollow = dataclasses.replace(margin, hollow_stress=2.0)
+    assert hollow.stresses[1] == margin.stresses[1] + 2.0
+    assert "a hollow lies under the patch" in hollow.sentence.lower()
 
 
 def without(mesh: ao.Mesh, is_cut: Callable[[np.ndarray], np.ndarray]) -> ao.Mesh:

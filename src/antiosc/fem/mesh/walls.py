@@ -46,8 +46,8 @@ def wall_thickness(mesh: Mesh) -> float:
     return thickness if np.isfinite(thickness) else 0.0
 
 
-def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float]:
-    """(thickness of a solid under a patch [m], size of the face there [m]).
+def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float, float]:
+    """(thickness of a solid under a patch, the least of it, size of the face there), m.
 
     `point` (3,), `radius` : middle and radius of the patch [m]. The thickness is the median over
     the area of the patch: the roof of a slit, and a rim beside the contact, do not bend as a plate.
@@ -65,7 +65,8 @@ def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float
     chosen = struck[_evenly(sizes[struck] ** 2)]
     depth_of = {j: skin.depth(centres[j], int(j), straight=True) for j in np.unique(chosen)}
     depths = [depth_of[j] for j in chosen]
-    return float(np.quantile(depths, 0.5, method="higher")), float(sizes[k])
+    thickness = float(np.quantile(depths, 0.5, method="higher"))
+    return thickness, float(min(depths)), float(sizes[k])
 
 
 def _evenly(areas: Array) -> IntArray:

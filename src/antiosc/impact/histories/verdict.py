@@ -90,8 +90,9 @@ class YieldingZone(NamedTuple):
 
     `point` (3,) [m]; `push` (3,): direction of the force, None if unknown; `radii` [m] of the
     contact and of the patch that carries its force in the model; `force` [N]: the largest;
-    `depth`, `faces` [m]: thickness of the part under the patch, size of its faces there; `span`:
-    number of the span of the run to which it belongs (`BodyHistory.spans`).
+    `depth`, `hollow`, `faces` [m]: thickness of the part under the patch, the least of it, size of
+    its faces there; `span`: number of the span of the run to which it belongs
+    (`BodyHistory.spans`).
     """
 
     point: Array
@@ -100,6 +101,7 @@ class YieldingZone(NamedTuple):
     force: float
     nu: float
     depth: float = np.inf
+    hollow: float = np.inf
     faces: float = np.inf
     span: int = 0
 
@@ -130,6 +132,19 @@ class YieldingZone(NamedTuple):
     def thin_stress(self) -> float:
         """The same stress within the thickness of a part that is too thin; 0 of others."""
         return self._half_space_stress if self.is_thin else 0.0
+
+    @property
+    def hollow_stress(self) -> float:
+        """Most that the contact loads the part beside a hollow under its patch, beyond what the
+        patch does [Pa]: on a column that does not spread the force; 0 without a hollow.
+
+        A rib of 6.4 x 1.75 mm between slits, 1 mm under a patch of 4 mm radius, has 75 MPa under a
+        contact of 1.5 mm and 36 MPa under the patch (finite elements); this bound is 88 MPa.
+        """
+        contact, patch = self.radii
+        if not (contact < patch and self.hollow < min(patch, self.depth)):
+            return 0.0
+        return self.force / np.pi * (contact**-2 - patch**-2)
 
     @property
     def _half_space_stress(self) -> float:
