@@ -447,7 +447,10 @@ def test_the_mesh_of_a_scene_of_one_simulation_is_varied(tmp_path):
 def test_strike_meshes_a_geometry_whatever_its_size_says(tmp_path, kind):
     source = str(Path(__file__).parents[1] / "meshes" / f"bracket.{kind}")
     sized = f'source = "{source}"\nsize = 0.01\n'
-    text = SCENE.replace('source = "PLATE"\n', sized) + "\n[strike]\ntol = 0.05\nduration = 2e-4\n"
+    text = (
+        SCENE.replace('source = "PLATE"\nsize = 14e-3\n', sized)
+        + "\n[strike]\ntol = 0.05\nduration = 2e-4\n"
+    )
     (tmp_path / "scene.toml").write_text(text)
     given = compiled(read(tmp_path / "scene.toml")).history.arguments["source"]
     assert (given == source) == (kind == "step")  # a finished mesh is read in that size

@@ -193,6 +193,9 @@ from antiosc.reduce.error.remeshing import (
 from antiosc.reduce.extraction.eigenmodes import (
     ModeSolver as ModeSolver,
 )
+from antiosc.reduce.extraction.model import (
+    info_of_places as info_of_places,
+)
 from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT as DEFAULT_COUNT,
 )

@@ -106,7 +106,8 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     hit.error["peak"] = 0.1
     (band,) = plotting.plot_force(hit).collections
     assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.force.max())
-    vars(hit)["error_budget"] = {"peak_force": SimpleNamespace(total=0.3)}  # as it is told beside
+    told_beside = SimpleNamespace(sides=lambda _: (0.3, 0.3), lacking="")
+    vars(hit)["error_budget"] = told_beside
     axes = plotting.plot_force(hit)
     (band,) = axes.collections
     assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.3 * hit.force.max())

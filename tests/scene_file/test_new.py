@@ -448,7 +448,7 @@ def test_a_deck_of_a_sheet_with_a_rigid_body_tells_why_it_has_no_bar_of_the_mesh
     assert cli.main(["run", str(scene), *out]) == 0
     report = re.sub("<script.*?</script>", "", page.read_text(), flags=re.DOTALL)
     for told, below in ((capsys.readouterr().out, "site"), (report, 'class="verdict"')):
-        reason = "a rigid body, a tie, a coupling or a spring of a deck makes one of a single part"
+        reason = "rigid bodies, ties and couplings of a deck keep its elements"
         number = re.search(r"± \S+ %\*", told).start()
         lack = told.index("* These bars lack the mesh")
         assert number < lack < told.index(reason) < told.index(below, number)

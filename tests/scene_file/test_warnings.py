@@ -194,23 +194,22 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
         return stretching._not_enough(30, changes, share, 0.01, left_out)
 
     first = told(last)
-    assert first.startswith("Second-order forces leave an error of 15 % of the deflection: ")
+    assert first.startswith("Second-order forces leave an error of 22 % of the deflection: ")
     assert "The force holds: they change it by 0.02 %" in first
     assert first.endswith("they change it by 0.02 %.")  # a share: of the whole bar it says nothing
     of_both = told({**last, "peak_force": 0.02})
     assert "holds" not in of_both
     assert of_both.endswith("and more are not taken.")
     of_large = told({**last, "peak_force": 0.2})
-    share = 'an error of 60 % of the force (the share "stretch" of its bar) and of 15 %'
+    share = 'an error of 90 % of the force (the share "stretch" of its bar) and of 22 %'
     assert of_large.startswith(f"Second-order forces leave {share}")
     assert of_large.endswith(f"To narrow it, {NARROWED}.")
-    assert NARROWED.index("smaller elements") < NARROWED.index("explicit")
     changes = {**last, "peak_force": 0.02, "impulse": 0.5}
     of_three = told(changes)
     share = stretching.stretch_shares(changes, np.inf)["peak_force"]
     assert f"leave an error of {percent(share)} of the force" in of_three  # as in its bar
     assert "of the impulse (in its bar)" in of_three  # which momentum bounds
-    assert "of 15 % of the deflection" in of_three
+    assert "of 22 % of the deflection" in of_three
     of_impulse = told({**last, "impulse": 0.2}, left_out=(10, 12))
     assert "leave an error of the impulse (in its bar)" in of_impulse
     assert "Runs of 10 and 12 motions" in of_impulse
@@ -238,7 +237,7 @@ def test_a_peak_before_the_sheet_stretches_has_no_share_of_its_later_deflection(
     changes = {"peak_force": 1e-4, "impulse": 1e-3, "contact_time": 0.0, "deflection": 0.2}
     early, late = (stretching.stretch_shares(changes, before) for before in (1e-6, 1.0))
     assert early["peak_force"] < 0.01
-    assert late["peak_force"] == pytest.approx(0.3)
+    assert late["peak_force"] == pytest.approx(stretching.STRETCH_SAFETY * 0.1)
     assert early["impulse"] == late["impulse"]
 
 

@@ -113,7 +113,7 @@ def test_an_automatic_number_states_its_error():
     bar = hit.error_budget["peak_force"]
     names = ("peak_force", "impulse", "deflection")
     force, *others = (hit.error[f"stretch {name}"] for name in names)
-    assert bar.stretch == pytest.approx(3 * max(force, max(others) / 2))
+    assert bar.stretch == pytest.approx(stretching.STRETCH_SAFETY * max(force, max(others) / 2))
     told = str(hit.error_budget)
     assert f"* {hit.error_budget.no_mesh} The contact's law was given" in told
     assert " not in these bars" in hit.error_budget.no_mesh

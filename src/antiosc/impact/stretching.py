@@ -346,11 +346,11 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
     """
     worst = max(changes.get(name, 0.0) for name in DECIDING)
     floors = dict.fromkeys(bars.QUANTITIES, bars.FLOOR * worst)
-    floors["peak_force"] = min(bars.FLOOR * worst, before)
     floors[bars.DEFLECTION] = 0.0  # it is among those that make the floors
+    floors = {name: max(floor, STRETCH_LEAST) for name, floor in floors.items()}
+    floors["peak_force"] = min(floors["peak_force"], before)
     return {
-        name: STRETCH_SAFETY * max(changes.get(name, 0.0), floor, STRETCH_LEAST)
-        for name, floor in floors.items()
+        name: STRETCH_SAFETY * max(changes.get(name, 0.0), floor) for name, floor in floors.items()
     }
 
 

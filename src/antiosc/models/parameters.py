@@ -388,7 +388,7 @@ MASSLESS_SHARE = 1e-12
 JOINTED = (
     "the mesh's error is estimated of one mesh, of joined solids and of decks whose elements can be"
     " halved, and this is another assembly (rigid bodies, ties and couplings of a deck keep its"
-    " elements): compare with smaller cells, or a deck with a finer one."
+    " elements): compare with smaller cells, or with a finer deck."
 )
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (

@@ -24,10 +24,9 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyError, InputError, check_signature
 from antiosc.base.texts import ReprMixin
-from antiosc.extension import refuse_dampers
+from antiosc.extension import info_of_places, refuse_dampers
 from antiosc.fem.linalg.algebra import dot, multiply, rows
 from antiosc.models.body import ModelInfo
-from antiosc.reduce.extraction.model import info_of_places
 from antiosc.reduce.site import functional
 from antiosc_studies.chance.monte_carlo import is_name, quantiles
 
