@@ -499,6 +499,17 @@ def test_a_patch_wider_than_a_plate_is_thick_has_the_bending_of_the_contact_in_i
     assert contact.max() < bound.max() < 1.4 * contact.max()
 
 
+def under_contact_and_patch(part: ao.Structure, site: np.ndarray, radii: tuple[float, float]):
+    """(peak fields of 100 N on patches of both radii, the zone of the contact with the first)."""
+    fields = []
+    for radius in radii:
+        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
+        fields.append(ao.peak_field(part, hit, body="part"))
+    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
+    (measured,) = on_part(part, Zones.about([zone])).contacts
+    return fields, measured
+
+
 def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
     """A block whose rim is thinner, under two patches that both lie on the rim in part.
 
@@ -511,12 +522,7 @@ def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
     base = ao.Support(lambda x: x[2] < 1e-9)
     part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
     site, radii = np.array([0.01, 8e-3, 5e-3]), (1.5e-3, 5e-3)
-    fields = []
-    for radius in radii:
-        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
-        fields.append(ao.peak_field(part, hit, body="part"))
-    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
-    (measured,) = on_part(part, Zones.about([zone])).contacts
+    fields, measured = under_contact_and_patch(part, site, radii)
     assert measured.depth == pytest.approx(5e-3)
     points = fields[0].points
     far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
@@ -536,12 +542,7 @@ def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
     base = ao.Support(lambda x: x[2] < 1e-9)
     part = ao.Structure(solid, ao.Solid(2.1e9, 0.38, 1270.0), [base])
     site, radii = np.array([0.01, 6e-3, 0.01]), (1.5e-3, 5e-3)
-    fields = []
-    for radius in radii:
-        _, hit = held(part, ao.Site(site, (0, 0, -1), radius=radius), 100.0)
-        fields.append(ao.peak_field(part, hit, body="part"))
-    zone = YieldingZone(site, np.array([0.0, 0.0, -1.0]), radii, 100.0, 0.38)
-    (measured,) = on_part(part, Zones.about([zone])).contacts
+    fields, measured = under_contact_and_patch(part, site, radii)
     assert measured.hollow == pytest.approx(1e-3)
     points = fields[0].points
     far = np.linalg.norm(points - site, axis=1) > 3 * radii[0]
