@@ -66,6 +66,7 @@ def test_the_stress_at_a_clamp_is_told_beside_a_larger_one_under_a_contact():
     contact = SimpleNamespace(
         edge_stress=200e6,
         thin_stress=0.0,
+        hollow_stress=0.0,
         unresolved_depth=np.inf,
         spread_error=lambda points: np.zeros(len(points)),
     )
