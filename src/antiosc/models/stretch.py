@@ -126,11 +126,14 @@ class Stretch(ReprMixin):
         k = turn.shape[1]
         quadratic = _transformed(self.quadratic, turn).reshape((k,) * 3)
         cubic = _transformed(self.cubic, turn).reshape((k,) * 4)
-        forces = np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True)
-        work = np.tensordot(forces, self.following(turn, omega), axes=(0, 0))
+        work = np.tensordot(self._of_pairs(turn), self.following(turn, omega), axes=(0, 0))
         ways = (work, work.transpose(0, 2, 1, 3), work.transpose(0, 2, 3, 1))
         cubic = cubic + 2 / 3 * sum((way + way.transpose(2, 3, 0, 1)) / 2 for way in ways)
         return Stretch(self.modes @ turn, quadratic, cubic, k)
+
+    def _of_pairs(self, turn: Array) -> Array:
+        """The quadratic forces on all modes (m, k, k) in products of two amplitudes of `turn`."""
+        return np.asarray(np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True))
 
     def following(self, turn: Array, omega: Array) -> Array:
         """The static motion of the modes that are left out (m, k, k), in products of two amplitudes
@@ -139,7 +142,7 @@ class Stretch(ReprMixin):
         It is -K⁻¹h of all modes under their quadratic forces h, without that of the combinations.
         """
         stiffness = self.modes.T @ (omega[:, None] ** 2 * self.modes)
-        forces = np.einsum("mij,ik,jl->mkl", self.quadratic, turn, turn, optimize=True)
+        forces = self._of_pairs(turn)
         columns = forces.reshape(self.size, -1)
         taken = turn @ np.linalg.solve(turn.T @ stiffness @ turn, turn.T @ columns)
         return np.asarray((taken - np.linalg.solve(stiffness, columns)).reshape(forces.shape))

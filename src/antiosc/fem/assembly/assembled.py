@@ -38,10 +38,10 @@ from antiosc.fem.structure import (
 )
 from antiosc.fem.structure.meshed import Member, MeshedStructure
 from antiosc.fem.structure.support import polynomials
+from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
-from antiosc.models.motion import Inertia
 
 #: A motion satisfies the constraints if their residual over the sizes of their terms is below this.
 SATISFIES = 1e-9

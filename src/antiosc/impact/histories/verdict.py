@@ -139,7 +139,7 @@ class YieldingZone(NamedTuple):
         patch does [Pa]: on a column that does not spread the force; 0 without a hollow.
 
         A rib of 6.4 x 1.75 mm between slits, 1 mm under a patch of 4 mm radius, has 75 MPa under a
-        contact of 1.5 mm and 36 MPa under the patch (finite elements); this bound is 88 MPa.
+        contact of 1.5 mm and 36 MPa under the patch (finite elements); this bound is 89 MPa.
         """
         contact, patch = self.radii
         if not (contact < patch and self.hollow < min(patch, self.depth)):
