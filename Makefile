@@ -14,6 +14,9 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
 export OMPI_MCA_rmaps_base_oversubscribe = 1
 export PRTE_MCA_rmaps_default_mapping_policy = :oversubscribe
 export UCX_LOG_LEVEL ?= fatal
+# A process that runs alone starts no daemon and looks for no network: MPI_Init 0.33 -> 0.05 s.
+export OMPI_MCA_ess_singleton_isolated ?= 1
+export OMPI_MCA_pml ?= ob1
 export HWLOC_HIDE_ERRORS ?= 2
 # What Python has compiled serves the next process too.
 unexport PYTHONDONTWRITEBYTECODE
