@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.engine.contact.peak_error import force_after
 from antiosc_app.fall_caution import caution_of_fall
 from antiosc_studies.drops import trajectory
-from antiosc_studies.drops.beside import BESIDE, BETWEEN, _at_peak, _matter
+from antiosc_studies.drops.beside import BESIDE, BETWEEN, _matter
 from antiosc_studies.drops.blunt import RADIUS, Corner, _tip, _work, flatten
 from antiosc_studies.drops.body import free_body
 from antiosc_studies.drops.drop import onto, tilted
@@ -179,7 +179,7 @@ def test_the_bar_of_an_edge_that_lies_almost_flat_holds_a_half_space(rounded, ti
     floor = ao.Floor("concrete C30/37")
     fall = ao.drop(body, 1.0, (45, tilt, 0), floor, until=1)
     episode = max(fall.episodes, key=lambda episode: episode.peak_force())
-    pressed = _at_peak(episode)
+    pressed = episode.at_peak
     modulus, strength = _matter(floor, episode, int(pressed.points[0]))
     deep = 2 * episode.deepest
     heights, cell = _rounded_edge(radius, asin(abs(pressed.up[0])), deep)

@@ -164,8 +164,6 @@ def probe(
     checks.instance("structure", structure, Structure, "a Structure")
     position = place(surface, layer, fibre, axes, stiffener)
     reach = _reach(point, snap)
-    if (point is None) == (node is None):
-        raise InputError("a probe takes a point or the number of a node.")
     x, part, end = point_of(structure, point, part, node)
     shapes = shapes_of(structure, history, body)
     sample_times = times_of(history, times)

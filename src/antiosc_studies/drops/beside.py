@@ -12,17 +12,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi, sqrt
-from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid, trapezoid
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc_studies.drops.blunt import DEPTHS as OF_EXTENT
 from antiosc_studies.drops.cuts import cut_areas
-from antiosc_studies.drops.episode import SAMPLES, Episode, RoughLine, path_of
+from antiosc_studies.drops.episode import Episode, RoughLine
 from antiosc_studies.drops.floor import Floor
 from antiosc_studies.drops.free_body import FreeBody
 from antiosc_studies.drops.lines import TABOR, force_along
@@ -64,7 +63,7 @@ def share_between(current: Episode) -> float:
     of ABS of 90° that fell inclined by 3° and lay inclined by 1.9° at the largest force had 1.33 to
     1.5 times the force of a half-space with their shape, and 1.31 times that of their one cut.
     """
-    pressed = _at_peak(current)
+    pressed = current.at_peak
     blunt = current.body.blunt.get(int(pressed.points[0])) if len(pressed.points) else None
     line = current.rough_line
     if blunt is None or not current.complete(np.isin(current.which, pressed.points)):
@@ -85,7 +84,7 @@ def _divided(current: Episode, line: RoughLine) -> bool:
     skin = current.body.skin
     if skin is None or skin.half.any():
         return False
-    heights = skin.points @ _at_peak(current).up
+    heights = skin.points @ current.at_peak.up
     is_low = heights - heights.min() < current.deepest
     edges = np.concatenate([skin.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     edges = edges[skin.lines[edges].all(axis=1) & is_low[edges].any(axis=1)]
@@ -94,34 +93,12 @@ def _divided(current: Episode, line: RoughLine) -> bool:
     return bool(len(arcs) and arcs.max() < current.deepest)
 
 
-class AtPeak(NamedTuple):
-    """The points that press at the largest force, the strongest first, the work [J] of the contacts
-    up to then, and the vertical (3,) in the axes of the part.
-    """
-
-    points: IntArray
-    work: float
-    up: Array
-
-
 def _areas(body: FreeBody, up: Array, depths: Array) -> Array:
     """Areas (n,) [m^2] of the cuts of the whole part at depths (n,) [m] below its lowest point."""
     assert body.skin is not None
     triangles = body.skin.points[body.skin.outward]
     heights = triangles @ up
     return cut_areas(triangles, heights - heights.min(), up, depths)
-
-
-def _at_peak(current: Episode) -> AtPeak:
-    """The episode at its largest force."""
-    times, forces = current.forces()
-    peak = int(np.argmax(forces.sum(axis=1)))
-    depths = current.history.run.depth[: peak + 1, : len(current.which)]
-    work = float(trapezoid(forces[: peak + 1], depths, axis=0).sum())
-    path = path_of(current.touch, current.history, np.linspace(0.0, times[peak], SAMPLES + 1))
-    strongest = np.argsort(-forces[peak])
-    pressing = strongest[forces[peak][strongest] > 0]
-    return AtPeak(current.which[pressing], work, path.R[-1, 2])
 
 
 def _force_of_cut(floor: Floor, current: Episode) -> float:
@@ -134,7 +111,7 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     skin = body.skin
     if skin is None or skin.half.any() or not len(skin.triangles):
         return 0.0
-    pressed = _at_peak(current)
+    pressed = current.at_peak
     points = body.points[pressed.points]
     nearest = cKDTree(skin.points).query(points + body.centre)[1]
     presses = np.isin(current.which, pressed.points)

@@ -533,6 +533,16 @@ SHARE = 0.1
 SWITCH = 0.1
 
 
+class AtPeak(NamedTuple):
+    """The points that press at the largest force, the strongest first, the work [J] of the contacts
+    up to then, and the vertical (3,) in the axes of the part.
+    """
+
+    points: IntArray
+    work: float
+    up: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Episode:
     """One episode of contact.
@@ -597,6 +607,18 @@ class Episode:
         run = self.history.run
         R = self.history.assembly.system.R
         return np.asarray((run.depth + run.force @ R.T)[:, : len(self.which)].max(axis=1))
+
+    @cached_property
+    def at_peak(self) -> AtPeak:
+        """The episode at its largest force."""
+        times, forces = self.forces()
+        peak = int(np.argmax(forces.sum(axis=1)))
+        depths = self.history.run.depth[: peak + 1, : len(self.which)]
+        work = float(trapezoid(forces[: peak + 1], depths, axis=0).sum())
+        path = path_of(self.touch, self.history, np.linspace(0.0, times[peak], SAMPLES + 1))
+        strongest = np.argsort(-forces[peak])
+        pressing = strongest[forces[peak][strongest] > 0]
+        return AtPeak(self.which[pressing], work, path.R[-1, 2])
 
     @property
     def error(self) -> float:

@@ -11,6 +11,7 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.extension import check_point
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
@@ -216,6 +217,13 @@ def test_a_strain_gauge_is_the_stretch_between_its_ends(sheet):
     assert np.abs(gauge - tensor).max() < 0.1 * np.abs(tensor).max()
     with pytest.raises(ao.InputError, match="off the structure"):
         ao.strain_gauge(part, hit, (0.195, 0.02), (1, 0), 0.03, times)
+
+
+@pytest.mark.parametrize("place", [{}, {"point": (0.1, 0.0), "node": 1}])
+def test_a_probe_has_one_place_before_the_impact_too(sheet, place):
+    part, *_ = sheet
+    with pytest.raises(ao.InputError, match="a point or the number of a node"):
+        check_point(part, **place)
 
 
 def test_a_loaded_shell_bends():

@@ -43,6 +43,8 @@ def point_of(
     """
     if part is not None:
         checks.text("part", part)
+    if (point is None) == (node is None):
+        raise InputError("a probe takes a point or the number of a node.")
     if node is not None:
         member, point_in_part = node_of(with_parts(structure), whole("node", node), part)
         return member.at.placed(point_in_part[None])[0], member.name or None, None
