@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
@@ -29,7 +29,7 @@ from antiosc import (
     Support,
     Truss,
 )
-from antiosc.base._types import IntArray, SolverChoice
+from antiosc.base._types import Array, IntArray, SolverChoice
 from antiosc.base.checks import (
     choice,
     flag,
@@ -62,7 +62,7 @@ from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
 from antiosc.io.neutral import Model, Piece, RawMesh, UnitSystem
 from antiosc.io.reading import NumberedElements, pieces_error, read_parts
-from antiosc_decks.shared_nodes import NodeConstraints, SharedNodes
+from antiosc_decks.shared_nodes import SAME_PLACE, TIED_NEAR, NodeConstraints, SharedNodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +220,9 @@ def read_model(
     yield_range
         Lowest and highest yield strength of batches of these materials, Pa.
     size, merge, timeout, comm
-        As for `read_mesh`: materials, sections and supports follow the halved elements. Decks whose
-        constraints join nodes keep their elements.
+        As for `read_mesh`: materials, sections and supports follow the halved elements; a new node
+        between nodes that a rigid body or an equation holds follows them. Decks that tie nodes to
+        others in their place keep their elements.
     parts
         Names of parts, instances or sets of elements: only these are read. Constraints, springs
         and masses on nodes of other elements alone are left out; a warning counts them.
@@ -309,10 +310,11 @@ def read_model(
         if not model["joined"]:
             return next(iter(structures.values()))
         numbers = {name: raw.numbers for name, raw in raws.items()}
-        return joined(structures, numbers, model, added_supports, added_attachments, solver)
+        of_raws = _model(next(iter(raws.values())))
+        return joined(structures, numbers, of_raws, added_supports, added_attachments, solver)
 
     structure = of_meshes(raws)
-    if reason := not_halved(model):
+    if reason := not_halved(raws.values()):
         _kept[structure] = reason
     elif isinstance(structure.matrices, AssembledMatrices):
         structure.matrices.halved = lambda: of_meshes(_halved(raws))
@@ -388,7 +390,7 @@ def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any)
     counts = model.get("divided", {}).items()
     words = (f"{count} {SHAPES[shape] if count > 1 else shape}" for shape, count in counts)
     divided = " and ".join(words)
-    return DeckFacts(families, longest, not_halved(model), divided, first.pieces)
+    return DeckFacts(families, longest, not_halved(raws.values()), divided, first.pieces)
 
 
 def _families(raw: RawMesh, strengths: Mapping[str, object]) -> dict[str, Family]:
@@ -480,8 +482,7 @@ def _reader(
 
 def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
     """The parts of a deck with cells of at most `size` [m], and with the directions in each."""
-    model = _model(raws[0])
-    if reason := not_halved(model):
+    if reason := not_halved(raws):
         raise InputError(
             f"{name} keeps its elements, for {reason}: read it without a size, or mesh it in the"
             " program that made it."
@@ -502,16 +503,37 @@ def _finer(raws: Sequence[RawMesh], finer: Sequence[RawMesh]) -> list[RawMesh]:
         (group, kind, _in_each_cell(arguments, group, raws, finer), place)
         for group, kind, arguments, place in model["families"]
     ]
-    return [replace(raw, model={**model, "families": families}) for raw in finer]
+    return [replace(raw, model={**_model(raw), "families": families}) for raw in finer]
 
 
-def not_halved(model: Model) -> str:
+def not_halved(raws: Collection[RawMesh]) -> str:
     """Why the elements of a deck cannot be halved; "" if they can."""
-    if count := len(model["joints"]["equations"]):
-        return f"{count} equations of its constraints join their nodes, and none those between them"
+    model = _model(next(iter(raws)))
+    if count := _ties(model, raws):
+        return f"{count} equations tie nodes to others in their place, and none those between them"
     if any(kind == "Truss" for _, kind, _, _ in model["families"]):
         return "its bars have hinges at their ends, which halves of them must not have"
     return ""
+
+
+def _ties(model: Model, raws: Collection[RawMesh]) -> int:
+    """Number of equations by which a node follows others in its place."""
+    equations = model["joints"]["equations"]
+    places: dict[int, Array] = {}
+    for raw in raws if equations else ():
+        places |= dict(zip(raw.numbers.tolist(), raw.points, strict=True))
+    size = max(float(np.ptp(raw.points)) for raw in raws)
+    count = 0
+    for (node, motion, first), *others in equations:
+        shares = {n: -c / first for n, m, c in others if m == motion and n in places}
+        if node not in places or not shares or len(shares) < len(others):
+            continue
+        leaders = np.array([places[n] for n in shares])
+        weights = np.array([*shares.values()])
+        off = np.linalg.norm(weights @ leaders - places[node])
+        near = max(TIED_NEAR * np.ptp(leaders, axis=0).max(), SAME_PLACE * size)
+        count += bool(abs(weights.sum() - 1) < TIED_NEAR and off < near)
+    return count
 
 
 def _in_each_cell(

@@ -304,7 +304,7 @@ class CoincidentNodes:
         return np.full(3, np.nan)
 
 
-#: node added here, in the middle of a face -> (node of the deck, weight) that give its place
+#: node added here, of a face or by halving -> (node of the deck, weight) that give its place
 Among = Mapping[int, Sequence[tuple[int, float]]]
 
 
@@ -353,7 +353,8 @@ def _dofs(
     numbers = mesh.numbers
     name = (ROTATIONS if motion >= 3 else DISPLACEMENTS)[motion % 3]
     path = member.part.form.components.get(name)
-    touching = np.flatnonzero(np.isin(numbers, np.fromiter(selected, dtype=int)).any(axis=1))
+    between = [n for n, shares in among.items() if any(node in selected for node, _ in shares)]
+    touching = np.flatnonzero(np.isin(numbers, [*selected, *between]).any(axis=1))
     if path is None or not len(touching):
         return
     space = member.part.form.space
@@ -616,7 +617,7 @@ class NodeConstraints(Joint):
     numbers: Mapping[str, IntArray]
     #: (terms of each of k motions, their mass matrix (k, k), kg)
     masses: Sequence[tuple[Sequence[Sequence[Term]], ArrayLike, float]] = ()
-    #: node added here, in the middle of a face -> (node of the deck, weight) that give its place
+    #: as in `Joints`
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
     #: (terms of a relative motion, damping in N s/m)
     dampers: Sequence[tuple[Sequence[Term], float]] = ()

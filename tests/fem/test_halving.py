@@ -172,6 +172,50 @@ def deck(path, n: int, beam: str = "", more: str = "") -> str:
     return str(path)
 
 
+def tied_cell() -> str:
+    """A cell beside the `deck` of n = 2, with two nodes that are tied to those of its edge."""
+    ties = [
+        f"2\n{a}, {dof}, 1., {b}, {dof}, -1."
+        for a, b in ((91, 10), (94, 15))
+        for dof in range(1, 7)
+    ]
+    places = ["91, 0.4, 0.1, 0.", "92, 0.5, 0.1, 0.", "93, 0.5, 0.2, 0.", "94, 0.4, 0.2, 0."]
+    cell = ["*ELEMENT, TYPE=S4, ELSET=THICK", "900, 91, 92, 93, 94"]
+    return "\n".join(["*NODE", *places, *cell, "*EQUATION", *ties])
+
+
+def held_end(n: int, kind: str) -> str:
+    """A body of 50 g before the free end of a `deck`, whose nodes it holds."""
+    held = [f"{(2 * n + 1) * (1 + j)}," for j in range(n + 1)]
+    joints = {
+        "rigid": ["*RIGID BODY, NSET=END, REF NODE=7000"],
+        "coupling": [
+            "*SURFACE, NAME=FACE, TYPE=NODE",
+            "END,",
+            "*COUPLING, REF NODE=7000, SURFACE=FACE, CONSTRAINT NAME=C",
+            "*KINEMATIC",
+            "1, 6",
+        ],
+        "beams": ["*MPC", *(f"BEAM, {(2 * n + 1) * (1 + j)}, 7000" for j in range(n + 1))],
+    }
+    body = ["*NODE", "7000, 0.45, 0.05, 0.03", "*ELEMENT, TYPE=MASS, ELSET=BODY", "7001, 7000"]
+    return "\n".join([*body, "*MASS, ELSET=BODY", "0.05", "*NSET, NSET=END", *held, *joints[kind]])
+
+
+@pytest.mark.parametrize("kind", ["rigid", "coupling", "beams"])
+def test_new_nodes_between_held_ones_follow_the_body_that_holds_these(tmp_path, kind):
+    site = ao.Site((0.25, 0.15, 0.0), (0.0, 0.0, -1.0))
+    structures = []
+    for n, size in ((2, 0.06), (4, 0.06), (8, None)):
+        path = deck(tmp_path / f"{n}.inp", n, more=held_end(n, kind))
+        structures.append(ao.read_model(path, "m", size=size))
+    fine = ao.extract(structures[-1], site, n=10)
+    for part in structures[:-1]:
+        halves = ao.extract(part, site, n=10)
+        assert halves.k0 == pytest.approx(fine.k0, rel=1e-7)
+        assert halves.omega == pytest.approx(fine.omega, rel=1e-7)
+
+
 @pytest.mark.filterwarnings("ignore:.*the area of the offset surface")
 @pytest.mark.parametrize("beam", ["", "rib", "post", "fold"])
 def test_a_halved_deck_is_the_deck_of_halved_elements(tmp_path, beam):
@@ -189,14 +233,15 @@ def test_a_halved_deck_is_the_deck_of_halved_elements(tmp_path, beam):
     assert a.omega == pytest.approx(b.omega, rel=1e-7)
 
 
-@pytest.mark.parametrize("beam", ["triangles", "rib", "post"])
+@pytest.mark.parametrize("beam", ["triangles", "rib", "post", "rigid"])
 def test_the_mesh_error_of_a_deck_of_several_families_is_that_of_the_finer_deck(tmp_path, beam):
     """The static flexibility of a deck with elements of half the size, and its impact."""
     site = ao.Site((0.25, 0.15, 0.0), (0.0, 0.0, -1.0), part="faces" if beam == "post" else None)
     ball = ao.RigidMass(mass=1e-2, velocity=1e-3)
     models, forces = [], []
     for n in (4, 8):
-        part = ao.read_model(deck(tmp_path / f"{n}.inp", n, beam), "m")
+        more = held_end(n, beam) if beam == "rigid" else ""
+        part = ao.read_model(deck(tmp_path / f"{n}.inp", n, beam, more), "m")
         models.append(ao.extract(part, site, n=60, error="estimate"))
         forces.append(ao.simulate(models[-1], ball, ao.Linear(1e5), duration=4e-3))
     (coarse, fine), (hit, finer_hit) = models, forces
@@ -250,8 +295,8 @@ def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path
 
 
 def test_decks_that_cannot_be_halved_say_why(tmp_path):
-    path = deck(tmp_path / "a.inp", 2, more="*EQUATION\n2\n5, 3, 1., 10, 3, -1.")
-    with pytest.raises(InputError, match="1 equations of its constraints"):
+    path = deck(tmp_path / "a.inp", 2, more=tied_cell())
+    with pytest.raises(InputError, match="12 equations tie nodes"):
         ao.read_model(path, "m", size=0.05)
     bars = tmp_path / "bars.inp"
     bars.write_text(

@@ -8,7 +8,7 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -122,18 +122,62 @@ def longest_cell(corners: Array) -> float:
 
 def halved(raws: Sequence[RawMesh]) -> list[RawMesh]:
     """Meshes with all cells halved once; nodes of common edges and faces keep common numbers."""
-    results, parents = zip(*map(_halved, raws), strict=True)
+    halves = [_halved(raw) for raw in raws]
     first = 1 + max(int(raw.numbers.max()) for raw in raws)
+    parents = [half.parents for half in halves]
     _, index = np.unique(keys(np.vstack(parents)), return_inverse=True)
-    of_meshes = np.split(index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
+    of_meshes = np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
+    model = raws[0].model
+    if model is not None and model["joints"]["equations"]:
+        among = dict(model["joints"].get("among", ()))
+        for half, new in zip(halves, of_meshes, strict=True):
+            among |= _among(new, half, among)
+        model = {**model, "joints": {**model["joints"], "among": [*among.items()]}}
     return [
-        replace(raw, numbers=np.concatenate([raw.numbers, first + new]))
-        for raw, new in zip(results, of_meshes, strict=True)
+        replace(half.mesh, model=model, numbers=np.concatenate([half.mesh.numbers, new]))
+        for half, new in zip(halves, of_meshes, strict=True)
     ]
 
 
-def _halved(raw: RawMesh) -> tuple[RawMesh, IntArray]:
-    """(the halved mesh, numbers (n, 8) of the nodes between which each new node lies)."""
+class Halves(NamedTuple):
+    """A halved mesh.
+
+    Attributes
+    ----------
+    mesh : without the numbers of its new nodes.
+    parents : (n, 8) numbers of the nodes between which each new node lies, -1: fewer.
+    nodes, weights : (n, nodes of a cell) numbers of the nodes that give its place, by weights.
+    """
+
+    mesh: RawMesh
+    parents: IntArray
+    nodes: IntArray
+    weights: Array
+
+
+#: Smaller weights of nodes are rounding of the shape functions.
+LEAST_WEIGHT = 1e-12
+
+
+def _among(
+    new: IntArray, half: Halves, known: Mapping[int, Sequence[tuple[int, float]]]
+) -> dict[int, list[tuple[int, float]]]:
+    """Number of a new node -> (node of the deck, weight) that give its place."""
+    among = {}
+    for number, nodes, weights in zip(
+        new.tolist(), half.nodes.tolist(), half.weights.tolist(), strict=True
+    ):
+        of_deck: dict[int, float] = {}
+        for node, weight in zip(nodes, weights, strict=True):
+            if abs(weight) > LEAST_WEIGHT:
+                for parent, share in known.get(node, ((node, 1.0),)):
+                    of_deck[parent] = of_deck.get(parent, 0.0) + weight * share
+        among[number] = [*of_deck.items()]
+    return among
+
+
+def _halved(raw: RawMesh) -> Halves:
+    """A mesh with all cells halved once."""
     kind = raw.kind
     shape = scheme(kind.shape)
     order = compat.node_order(kind.shape, kind.nodes, raw.convention)
@@ -162,7 +206,9 @@ def _halved(raw: RawMesh) -> tuple[RawMesh, IntArray]:
         labels=labels,
     )
     padded = np.where(rows >= 0, raw.numbers[rows], -1)
-    return result, padded
+    cell, place = np.divmod(first, weights.shape[0] * weights.shape[1])
+    of_places = weights.reshape(-1, weights.shape[2])[place]
+    return Halves(result, padded, raw.numbers[nodes[cell]], of_places)
 
 
 def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:
