@@ -31,9 +31,12 @@ from antiosc.io.cad_volume import CUT, FOLLOW
 from antiosc.io.remade import ANEW
 from antiosc_app.scene_file.document import GEOMETRIES
 from antiosc_app.units import (
+    OF_KILOGRAMS_FORCE,
     UNITS,
     UNITS_OF_MESHES,
     UNITS_OF_SURFACES,
+    UNREAL,
+    are_real,
     unit_of,
     unit_of_length,
 )
@@ -354,8 +357,11 @@ def _of_deck(path: Path, options: Read, units: Sequence[str], size: float | None
     guesses = {"density": STEEL["rho"], "modulus": STEEL["E"]}
     read = dict(options)
     unit, facts, pieces = _first_unit(materials_of_deck, path, units, read, guesses)
-    best, modulus = unit_of(facts.families, facts.length, unit, units, read)
+    best, modulus, off = unit_of(facts.families, facts.length, unit, units, read)
     inferred = len(units) > 1
+    if inferred and off > UNREAL:
+        in_kgf = materials_of_deck(path, OF_KILOGRAMS_FORCE, **read)
+        best = OF_KILOGRAMS_FORCE if are_real(in_kgf.families) else best
     if modulus is not None:
         guesses["density"] = density_like(modulus * UnitSystem.of(best).stress)
     units = list(dict.fromkeys([best, *units]))

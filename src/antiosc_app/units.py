@@ -37,6 +37,10 @@ DECADES_OF_MODULUS = 5.0
 #: state 1.0, or 1e-4, as a density), and neither is this number: with it steel in inches (3e7)
 #: was a plastic in feet.
 DUMMY, PLACEHOLDER = 2.0, 1.0
+#: The unit of decks with moduli in kgf/mm², taken where their materials are real ones in it up to the
+#: first difference, decades, and not in any other unit up to the second: they were 0.01 and 1.0 of a
+#: wing of aluminium, 0 and 0.29 of steel (a foam in inches), 0.36 and 1.5 of lead in MPa.
+OF_KILOGRAMS_FORCE, REAL, UNREAL = "mm-kgf", 0.1, 0.25
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.
 EQUAL = 0.5
@@ -56,8 +60,9 @@ def unit_of(
     unit: str,
     units: Sequence[str],
     guessed: Mapping[str, float],
-) -> tuple[str, float | None]:
-    """(the likeliest of some units of a deck that was read in `unit`, its median modulus there).
+) -> tuple[str, float | None, float]:
+    """(the likeliest of some units of a deck that was read in `unit`, its median modulus there, and
+    the decades between its materials and size there and the nearest real ones).
 
     `families`, `extent` [m]: of its elements; `guessed`: "density" and "modulus" of materials that
     state none. The median is None if all moduli are guessed.
@@ -70,11 +75,19 @@ def unit_of(
     length = extent / read.length
     if not len(materials):
         known = {name: UNITS_OF_MESHES[name] for name in UNITS_OF_MESHES if name in units}
-        return unit_of_length(length, known or dict.fromkeys(units, 0.0)), None
+        return unit_of_length(length, known or dict.fromkeys(units, 0.0)), None, 0.0
     materials /= [read.stress, read.density]
     moduli = materials[np.isfinite(materials[:, 0]), 0]
     median = float(np.quantile(moduli, 0.5, method="lower")) if len(moduli) else None
-    return likeliest(materials, length, units), median
+    best = likeliest(materials, length, units)
+    return best, median, _decades_of_unit(materials, length, best)
+
+
+def are_real(families: Sequence[Any]) -> bool:
+    """Whether the materials of a deck are real ones; False where none states a density."""
+    materials = np.array([_modulus_and_density(family) for family in families])
+    known = materials[np.isfinite(materials).all(axis=1)]
+    return bool(len(known)) and _decades_off(known) <= REAL
 
 
 def likeliest(materials: Array, extent: float, units: Sequence[str] = UNITS) -> str:

@@ -85,8 +85,7 @@ def _in_kilograms_force(name: str, modulus: float, rho: float) -> str:
     return (
         f"The modulus of elasticity of {name}, {modulus / 1e9:.3g} GPa, is that of no common"
         f" material of {rho:.4g} kg/m³; in kgf per area it would be"
-        f" {GRAVITY * modulus / 1e9:.3g} GPa: if it is, multiply E and G of the deck, and its"
-        f" strengths, by {GRAVITY:g}."
+        f" {GRAVITY * modulus / 1e9:.3g} GPa: if it is, the unit is 'mm-kgf' (unit)."
     )
 
 

@@ -203,9 +203,9 @@ def read_model(
         A deck of Abaqus or CalculiX (`.inp`), of Nastran (`.bdf`, `.nas`, `.fem`), or of
         Ansys (`.cdb`).
     unit
-        Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "cm"
-        (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force, slug), or metres per unit
-        of length (forces in N). Masses and densities follow: force = mass × length / s².
+        Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "mm-kgf"
+        (mm, kgf, kgf/mm²), "cm" (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force,
+        slug), or metres per unit of length (forces in N). Masses and densities follow: force = mass × length / s².
     supports, attached
         Added to those of the deck.
     density

@@ -36,6 +36,7 @@ UNITS = {
     "mm-kg": (1e-3, 210e6, 7.85e-6),
     "in": (0.0254, 30.46e6, 7.345e-4),
     "ft": (0.3048, 4.386e9, 15.23),
+    "mm-kgf": (1e-3, 210e9 / 9.80665e6, 7.85e-6),  # with kg/mm³ beside it
 }
 SIDES = (0.3, 0.1, 0.05)
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
@@ -73,6 +74,30 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
     assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
     assert f"mass {found.mass_text()}" in opened._told_of_file(found)
+
+
+@pytest.mark.parametrize(
+    ("E", "stated", "unit"),
+    [
+        (72.35e9 / 9.80665, 2820e-9, "mm-kgf"),  # aluminium in kgf/mm² and kg/mm³
+        (16e9, 11340e-12, "mm"),  # lead
+        (21e9, 1800e-12, "mm"),  # a moulded sheet of glass fibres
+        (45e9, 1770e-9, "mm"),  # magnesium, in kg/mm³
+        (3.6e9, 1300e-9, "mm"),  # a plastic
+    ],
+)
+def test_kilograms_force_are_inferred_of_real_materials_alone(
+    tmp_path, monkeypatch, E, stated, unit
+):
+    """A deck in them has E times standard gravity; the mass is that of kg/mm³."""
+    monkeypatch.setitem(UNITS, "mm", (1e-3, E / 1e6, stated))
+    found = inspect_part(deck(tmp_path / "a.inp", "mm"))
+    assert found.read == {"unit": unit}
+    rho = stated * (1e9 if stated > 1e-7 else 1e12)
+    assert found.mass == pytest.approx(rho * np.prod(SIDES), rel=1e-3)
+    ((material, _),) = found.structure.matrices.parts
+    assert material.E == pytest.approx(E * (9.80665 if unit == "mm-kgf" else 1.0))
+    assert ("mm: 300 mm, E = 7.38 GPa" in found.unit_text()) == (unit == "mm-kgf")
 
 
 def test_all_kinds_of_cells_of_a_deck_are_counted(tmp_path):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from antiosc.base.checks import positive, shown
 from antiosc.base.errors import InputError
+from antiosc.base.plausible import GRAVITY
 
 #: Names of the flat sides of a mesh in its bounding box, where no group has them.
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -391,10 +392,11 @@ def _check_indices(rows: IntArray, most: int, what: str) -> None:
         raise ValueError(f"{what} that the file does not hold")
 
 
-#: Name -> (m, N). "mm" is mm, N, t, MPa; "mm-kg" is mm, mN, kg, kPa;
-#: "in" is inch, pound-force, psi, lbf s²/in; "ft" is foot, pound-force, lbf/ft², slug.
+#: Name -> (m, N). "mm" is mm, N, t, MPa; "mm-kg" is mm, mN, kg, kPa; "mm-kgf" is mm, kgf,
+#: kgf/mm²; "in" is inch, pound-force, psi, lbf s²/in; "ft" is foot, pound-force, lbf/ft², slug.
 SYSTEMS = {
     **{"m": (1.0, 1.0), "mm": (1e-3, 1.0), "mm-kg": (1e-3, 1e-3), "cm": (1e-2, 1.0)},
+    "mm-kgf": (1e-3, GRAVITY),
     "in": (0.0254, 4.4482216152605),
     "ft": (0.3048, 4.4482216152605),
 }

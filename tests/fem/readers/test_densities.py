@@ -44,6 +44,7 @@ def test_a_modulus_in_kilograms_force_is_told(tmp_path, modulus, doubted):
     assert len(told) == doubted
     assert not doubted or "7.38 GPa" in told[0]
     assert not doubted or "72.4 GPa" in told[0]
+    assert not doubted or "'mm-kgf'" in told[0]
 
 
 @pytest.mark.parametrize(
