@@ -409,6 +409,20 @@ class Inspection:
         ]
         return f"{unit}, inferred from its materials ({'; '.join(texts)})"
 
+    @property
+    def strengths(self) -> list[str]:
+        """Names of materials with a yield strength that are like one of a deck."""
+        if self.structure is None:
+            return []
+        from antiosc.extension import source
+
+        parts = source(self.structure).materials_of(self.structure, None)
+        known = {(one.E, one.rho) for one in parts if hasattr(one, "yield_strength")}
+        strong = [one for one in map(materials.record, materials.names()) if one.yield_strength]
+        alike = materials.same_kind
+        of_deck = (m for m in strong if any(alike((E, m.E), (rho, m.rho)) for E, rho in known))
+        return [one.name for one in of_deck]
+
     def unstated(self) -> dict[str, str]:
         """Key -> what is taken for it because the deck does not state it."""
         units = {"density": "kg/m³", "modulus": "Pa"}
@@ -456,7 +470,8 @@ class Inspection:
             rows.append(("elements", f"{at_most}{self.size:.3g} m{finer}", key))
         rows += [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
         if self.of_deck:
-            rows.append(("yield strength", NO_YIELD, "[deck] yield_strength"))
+            like = f" ({self.strengths[0]!r} and others are like it)" if self.strengths else ""
+            rows.append(("yield strength", NO_YIELD + like, "[deck] yield_strength"))
         else:
             rows.append(("material", self.material, "[material] name"))
         if self.family == "Shell" and not self.of_deck:

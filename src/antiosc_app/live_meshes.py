@@ -47,8 +47,11 @@ STEPS = 32767
 BEAM = 0.012
 
 
-def of_structure(structure: Structure, hit: History) -> Data | None:
-    """Surface and fields for the page, the same on all ranks; None for a part without a surface."""
+def of_structure(structure: Structure, hit: History, edges: bool = False) -> Data | None:
+    """Surface and fields for the page, the same on all ranks; None for a part without a surface.
+
+    `edges`: with those of its cells.
+    """
     try:
         shapes = shapes_of(structure, hit, "structure")
         points, cells, displacements = source(structure).at_nodes(structure, shapes)
@@ -57,14 +60,12 @@ def of_structure(structure: Structure, hit: History) -> Data | None:
     except AntioscError:  # without shapes, elements or outline there is nothing to turn
         return None
     skin, displacements, stress = structure.comm.bcast((skin, displacements, stress), root=0)
-    used_nodes, faces = np.unique(skin.faces, return_inverse=True)
+    page, used_nodes = drawn(skin, edges)
     node = skin.node[used_nodes]
-    faces = faces.reshape(-1, 3)
     displacements = displacements[node]
     times = np.linspace(0.0, float(hit.run.time[-1]), TIMES)
     x = _coordinates(hit, times)
     to_shapes = _by_coordinates(hit)
-    page = geometry(skin.points[used_nodes], faces)
     page["held"] = _held(displacements).astype(np.uint8)
     motion = displacements @ to_shapes
     page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
@@ -94,12 +95,39 @@ def geometry(points: Array, faces: IntArray) -> Data:
 class PageSurface:
     """The surface of a structure on the page.
 
-    points (P, 3), faces (T, 3); `node` (P,): the mesh node of each point.
+    points (P, 3), faces (T, 3); `node` (P,): the mesh node of each point; `cells`: (F, 3 or 4)
+    corners of the outer faces of the cells, in order around each.
     """
 
     points: Array
     faces: IntArray
     node: IntArray
+    cells: Sequence[IntArray]
+
+
+def drawn(skin: PageSurface, edges: bool) -> tuple[Data, IntArray]:
+    """(geometry of a surface, the points of it that are used); `edges`: with those of its cells."""
+    used_points, faces = np.unique(skin.faces, return_inverse=True)
+    page = geometry(skin.points[used_points], faces.reshape(-1, 3))
+    if edges:
+        page |= edges_of(skin.points, skin.cells, used_points)
+    return page, used_points
+
+
+def edges_of(points: Array, faces: Sequence[IntArray], used_points: IntArray) -> Data:
+    """`edges` of faces (F, 3 or 4), and the `seams` of them at which more than two faces meet, as
+    ribs do under a skin: (E, 2) indices of `used_points`. Points at one place are one.
+    """
+    around = [np.stack([face, np.roll(face, -1, axis=1)], axis=-1) for face in faces]
+    pairs = np.vstack([np.zeros((0, 2), dtype=int), *(ends.reshape(-1, 2) for ends in around)])
+    steps = np.round(STEPS * points / (float(np.ptp(points, axis=0).max()) or 1.0))
+    _, place = np.unique(steps, axis=0, return_inverse=True)
+    ends = np.sort(place.ravel()[pairs], axis=1)
+    _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    known = {"edges": pairs[first], "seams": pairs[first[count > 2]]}
+    return {
+        name: np.searchsorted(used_points, one).astype(np.uint32) for name, one in known.items()
+    }
 
 
 def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface:
@@ -109,8 +137,10 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
     """
     pieces: list[tuple[Array, IntArray]] = [(points, np.arange(len(points)))]
     faces: list[IntArray] = []
+    outer: list[IntArray] = []
     for block in cells:
         block_faces = outer_faces([block])
+        outer += [block_faces] * (block_faces.shape[1] > 2)
         if block_faces.shape[1] == 2:
             start = sum(len(node) for _, node in pieces)
             corners, block_faces, node = _bars(points, block_faces)
@@ -124,7 +154,7 @@ def surface(points: Array, cells: Sequence[tuple[str, IntArray]]) -> PageSurface
     if not faces:
         raise InputError("nodes alone have no surface.")
     places, nodes = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return PageSurface(places, np.vstack(faces), nodes)
+    return PageSurface(places, np.vstack(faces), nodes, outer)
 
 
 def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:

@@ -160,7 +160,7 @@ MOST_STEPS, STEP = 4, 1.5
 JOINED, ALL = 0, "all joined"
 ANOTHER = "another piece of the file was opened meanwhile: load this page again."
 #: Where the yield strength of a deck is given, and of a structure that was made in Python.
-OF_DECK = "the fields yield strength and its range"
+OF_DECK = 'the list "yields like", or the fields yield strength and its range'
 IN_PYTHON = "yield_strength and yield_range of its material"
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
@@ -363,7 +363,9 @@ class Opened:
             if source is not None and source.look.of_deck:
                 fields[live.OWN_STRENGTH] = IN_PYTHON if self._given else OF_DECK
                 if self._given is None:
-                    fields[live.ASKED_STRENGTH] = "give the yield strength in its field"
+                    fields[live.ASKED_STRENGTH] = (
+                        'choose what it yields like ("yields like"), or type the yield strength'
+                    )
             told = {name: _in_words(value, fields) for name, value in result.items()}
             texts = [
                 [weight(one), capitalised(str(_in_words(str(one), fields)))] for one in warnings
@@ -501,6 +503,7 @@ class Opened:
             "n": inspection.count,
             "saves": self._given is None,
             "yields": _may_yield(structure),
+            "strengths": inspection.strengths if self._given is None else [],
             "engine": live.engine(),
             "setup": asdict(replace(set_up, held=tuple(faces_held))),
         }
@@ -748,7 +751,8 @@ class Opened:
         from antiosc_app import live_meshes
 
         blow = self._struck(set_up)
-        return {"part": live_meshes.of_structure(blow.structure, blow.hit)}
+        edges = self._opened().look.of_deck
+        return {"part": live_meshes.of_structure(blow.structure, blow.hit, edges)}
 
     def _verdict(self, set_up: SetUp, _: Table) -> Data:
         """The verdict with the margins of the material's strengths, and the stress that decides."""

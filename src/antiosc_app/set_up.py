@@ -206,9 +206,10 @@ class SetUp:
     finer: bool | None = None
     #: places of the largest stress around which it is refined then, too
     stressed: tuple[Sequence[float], ...] = ()
-    #: yield strength of the materials of a deck that state none [Pa]; None: unknown
-    yield_strength: float | None = None
-    #: range of that strength [Pa]; None: it is exact
+    #: yield strength of the materials of a deck that state none [Pa], or the name of a material
+    #: whose strength those of its kind have; None: unknown
+    yield_strength: float | str | None = None
+    #: range of that strength [Pa]; None: it is exact, or that of the name
     yield_range: tuple[float, float] | None = None
     #: number of anti-oscillators; None: as a new scene has
     n: int | None = None
@@ -225,11 +226,15 @@ class SetUp:
         for name in ("radius", "thickness", "size"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
-        of_deck = (("yield_strength", "Pa"), ("density", "kg/m³"), ("modulus", "Pa"))
+        of_deck = [("density", "kg/m³"), ("modulus", "Pa")]
+        if isinstance(self.yield_strength, str):
+            checks.choice("the material of the yield strength", self.yield_strength, MATERIALS)
+        else:
+            of_deck.append(("yield_strength", "Pa"))
         for name, unit in (("duration", "s"), *of_deck):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), unit)
-        if self.yield_range is not None:
+        if self.yield_range is not None and not isinstance(self.yield_strength, str):
             checks.strength_range(self.yield_range, self.yield_strength)
         if self.damping is not None:
             checks.nonnegative("damping", self.damping)

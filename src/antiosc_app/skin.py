@@ -16,7 +16,7 @@ from antiosc_app.guessed_sites import sides_of
 from antiosc_app.guessed_supports import ON_PLANE
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import geometry, surface
+from antiosc_app.live_meshes import drawn, edges_of, geometry, surface
 
 #: What the sides along z are called besides.
 DOWNWARD = {"-z": ", below", "+z": ", on top"}
@@ -48,8 +48,7 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     if len(members) > 1 or mesh.tdim == 1:
         points, cells, _ = source(structure).at_nodes(structure, np.zeros((structure.rows, 0)))
         page_surface = surface(points, cells)
-        used_points, faces = np.unique(page_surface.faces, return_inverse=True)
-        shape = geometry(page_surface.points[used_points], faces.reshape(-1, 3))
+        shape, _ = drawn(page_surface, look.of_deck)
         shape["tags"] = np.zeros(len(page_surface.faces), dtype=np.uint32)
         all_faces, held_first = ({}, []) if look.of_deck else _with_usual(_groups(mesh), look)
         shape["sets"] = shape["nodes"] = [np.zeros(0, dtype=np.uint32) for _ in all_faces]
@@ -69,13 +68,16 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
         sides = _flat_sides(mesh, outer, owner, len(groups))
         masks |= {name: owner == k for k, name in enumerate(sides, start=len(groups) + 1)}
         groups |= sides
-    corners = outer.vertices
+    corners = around = outer.vertices
     doubled = corners.shape[1] == 4
     if doubled:  # in tensor order: 0 1 / 2 3
+        around = corners[:, [0, 1, 3, 2]]
         corners = np.vstack([corners[:, [0, 1, 2]], corners[:, [1, 3, 2]]])
         owner = np.tile(owner, 2)
     used_points, faces = np.unique(corners, return_inverse=True)
     shape = geometry(mesh.dolfinx.geometry.x[used_points], faces.reshape(-1, 3))
+    if look.of_deck:
+        shape |= edges_of(mesh.dolfinx.geometry.x, [around], used_points)
     on_plane = _faces_on(outer, look.plane, mesh.extent())
     numbers = np.unique(owner[on_plane][owner[on_plane] > 0])
     has_others = np.isin(np.delete(owner[: len(outer)], on_plane), numbers).any()

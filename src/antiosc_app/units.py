@@ -37,9 +37,9 @@ DECADES_OF_MODULUS = 5.0
 #: state 1.0, or 1e-4, as a density), and neither is this number: with it steel in inches (3e7)
 #: was a plastic in feet.
 DUMMY, PLACEHOLDER = 2.0, 1.0
-#: The unit of decks with moduli in kgf/mm², taken where their materials are real ones in it up to the
-#: first difference, decades, and not in any other unit up to the second: they were 0.01 and 1.0 of a
-#: wing of aluminium, 0 and 0.29 of steel (a foam in inches), 0.36 and 1.5 of lead in MPa.
+#: The unit of decks with moduli in kgf/mm². It is taken where their materials are real ones in it
+#: up to the first difference, decades, and in no other unit up to the second: they were 0.01 and
+#: 1.0 of a wing of aluminium, 0 and 0.29 of steel (a foam in inches), 0.36 and 1.5 of lead in MPa.
 OF_KILOGRAMS_FORCE, REAL, UNREAL = "mm-kgf", 0.1, 0.25
 #: Up to this difference, decades, units are equally likely; densities are taken as weights where
 #: that is nearer to real ones by more.

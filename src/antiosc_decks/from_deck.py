@@ -42,7 +42,7 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, NotTakenWarning
-from antiosc.base.materials import growth_like
+from antiosc.base.materials import MaterialRecord, growth_like, record, same_kind
 from antiosc.base.texts import engineering
 from antiosc.extension import (
     AssembledMatrices,
@@ -181,7 +181,7 @@ def read_model(
     attached: Sequence[Attachment] = (),
     density: float | None = None,
     modulus: float | None = None,
-    yield_strength: float | None = None,
+    yield_strength: float | str | None = None,
     yield_range: tuple[float, float] | None = None,
     size: float | None = None,
     merge: float | None = None,
@@ -205,7 +205,8 @@ def read_model(
     unit
         Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "mm-kg" (mm, mN, kg, kPa), "mm-kgf"
         (mm, kgf, kgf/mm²), "cm" (cm, N), "in" (inch, pound-force, psi), "ft" (foot, pound-force,
-        slug), or metres per unit of length (forces in N). Masses and densities follow: force = mass × length / s².
+        slug), or metres per unit of length (forces in N). Masses and densities follow: force =
+        mass × length / s².
     supports, attached
         Added to those of the deck.
     density
@@ -216,9 +217,11 @@ def read_model(
     yield_strength
         Yield strength in Pa of all isotropic materials, which decks do not state; margins and
         contacts that yield need it. It grows with the strain rate, in the error of the contact's
-        law, as that of the material of the table with like E and density.
+        law, as that of the material of the table with like E and density. Or the name of a material
+        of the table (`antiosc materials`), whose strength, range and growth those get whose E and
+        density differ from its own by 10 % or less.
     yield_range
-        Lowest and highest yield strength of batches of these materials, Pa.
+        Lowest and highest yield strength of batches of these materials, Pa; of a name its own.
     size, merge, timeout, comm
         As for `read_mesh`: materials, sections and supports follow the halved elements; a new node
         between nodes that a rigid body or an equation holds follows them. Decks that tie nodes to
@@ -288,7 +291,7 @@ def read_model(
         root=root,
         timeout=timeout,
     )
-    strengths = _strengths(yield_strength, yield_range)
+    strengths = Strengths.given(yield_strength, yield_range)
     added_supports = list_of("supports", supports, Support, "Support objects")
     added_attachments = attachments_of(attached)
     raws = on_root(comm, read)
@@ -299,8 +302,8 @@ def read_model(
     if model["ignored"]:
         ignored = ", ".join(model["ignored"])
         warn(comm, f"of {file.name} are not taken: {ignored}.", NotTakenWarning)
-    if shared := _shared_strength(raws.values(), strengths):
-        warn(comm, f"{shared} {file.name}: {EACH_STRENGTH}.")
+    if told := _told_of_strength(raws.values(), strengths, file.name):
+        warn(comm, told)
 
     def of_meshes(raws: Mapping[str, RawMesh]) -> Structure:
         structures = {
@@ -383,7 +386,7 @@ def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any)
     `read_model` for its reader.
     """
     raws = _reader(checked_path("path", path), unit, **options, massless=True)()
-    families = [family for raw in raws.values() for family in _families(raw, {}).values()]
+    families = [family for raw in raws.values() for family in _families(raw, Strengths()).values()]
     longest = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws.values())
     first = next(iter(raws.values()))
     model = _model(first)
@@ -393,7 +396,7 @@ def materials_of_deck(path: str | Path, unit: str | float = "m", **options: Any)
     return DeckFacts(families, longest, not_halved(raws.values()), divided, first.pieces)
 
 
-def _families(raw: RawMesh, strengths: Mapping[str, object]) -> dict[str, Family]:
+def _families(raw: RawMesh, strengths: Strengths) -> dict[str, Family]:
     """The family of each group of a part's cells."""
     model = _model(raw)
     return {
@@ -579,7 +582,7 @@ def _part(
     solver: SolverChoice,
     added_supports: Sequence[Support],
     added_attachments: Sequence[Attachment],
-    strengths: Mapping[str, object],
+    strengths: Strengths,
 ) -> Structure:
     """The structure of one part's cells; parts to be joined get their supports later."""
     model = _model(raw)
@@ -594,39 +597,81 @@ def _part(
     )
 
 
-def _strengths(
-    yield_strength: float | None, yield_range: tuple[float, float] | None
-) -> dict[str, object]:
-    """The given strengths of the isotropic materials."""
-    given: dict[str, object] = {}
-    if yield_strength is not None:
-        given["yield_strength"] = yield_strength = positive("yield_strength", yield_strength, "Pa")
-    if yield_range is not None:
-        given["yield_range"] = strength_range(yield_range, yield_strength)
-    return given
+class Strengths(NamedTuple):
+    """The yield strength that is given for the isotropic materials of a deck.
+
+    strength, range : Pa; None: unknown, or exact.
+    of : material of the table whose strength it is, of materials of its kind alone.
+    """
+
+    strength: float | None = None
+    range: tuple[float, float] | None = None
+    of: MaterialRecord | None = None
+
+    @classmethod
+    def given(cls, strength: float | str | None, ends: tuple[float, float] | None) -> Strengths:
+        """Those of the arguments `yield_strength` and `yield_range` of `read_model`."""
+        named = None
+        if isinstance(strength, str):
+            named = record(strength)
+            if named.yield_strength is None:
+                raise InputError(f"{named.name} has no yield strength.")
+            strength, ends = named.yield_strength, ends or named.yield_range
+        if strength is not None:
+            strength = positive("yield_strength", strength, "Pa")
+        if ends is not None:
+            ends = strength_range(ends, strength)
+        return cls(strength, ends, named)
+
+    def suits(self, E: float, rho: float) -> bool:
+        """Whether the strength is that of a material with this modulus [Pa] and density [kg/m³]."""
+        return self.of is None or same_kind((E, self.of.E), (rho, self.of.rho))
+
+    def options(self, family: Callable[..., Family], E: float, rho: float) -> dict[str, object]:
+        """The arguments of a family that state the strength of its material; {}: it has none."""
+        if self.strength is None or not self.suits(E, rho):
+            return {}
+        rate = self.of.rate if self.of else growth_like(E, rho, self.strength)
+        options = {"yield_strength": self.strength, "yield_range": self.range, "rate": rate}
+        known = signature(family).parameters
+        return {name: value for name, value in options.items() if name in known}
 
 
 #: What is told of a strength of several materials.
 EACH_STRENGTH = (
     "what is said of yield, and contacts that yield, hold where this is the own strength of the"
-    " material; to give each its own, read the mesh alone (read_mesh; in a scene [geometry] source)"
-    " with a material for each group ([material.GROUP]), and the supports"
+    " material; the name of a material (yield_strength) is for those of its kind alone; to give"
+    " each its own, read the mesh alone (read_mesh; in a scene [geometry] source) with a material"
+    " for each group ([material.GROUP]), and the supports"
 )
 
 
-def _shared_strength(raws: Iterable[RawMesh], given: Mapping[str, object]) -> str:
-    """Start of a sentence, before the name of the deck, that several materials have the strength
-    that is given; "" of one material, or without a strength.
+def _told_of_strength(raws: Iterable[RawMesh], given: Strengths, name: str) -> str:
+    """Sentence that several materials of a deck have the strength that is given, or that some have
+    none; "" of one material, or without a strength. InputError if none has it.
     """
-    strength: Any = given.get("yield_strength")
-    families: list[Any] = [one for raw in raws for one in _families(raw, given).values()]
-    strong = (one for one in families if getattr(one, "yield_strength", None) == strength)
-    moduli = sorted({(one.E, one.nu, one.rho) for one in strong}) if strength else []
-    if len(moduli) < 2:
+    if given.strength is None:
         return ""
-    told = ", ".join(engineering(E, "Pa") for E, _, _ in moduli)
-    value = engineering(strength, "Pa")
-    return f"the yield strength {value} is taken for all {len(moduli)} materials (E = {told}) of"
+    families: list[Any] = [one for raw in raws for one in _families(raw, given).values()]
+    able = sorted({(one.E, one.rho) for one in families if hasattr(one, "yield_strength")})
+    strong, weak = ([one for one in able if given.suits(*one) is suits] for suits in (True, False))
+    if given.of is None:
+        value = engineering(given.strength, "Pa")
+        told = (
+            f"the yield strength {value} is taken for all {len(strong)} materials ({_told(strong)})"
+        )
+        return f"{told} of {name}: {EACH_STRENGTH}." if len(strong) > 1 else ""
+    of_kind = f"a material like {given.of.name} ({given.of.line})"
+    if not strong:
+        raise InputError(f"{name} has not {of_kind}: {_told(weak)}; give yield_strength in Pa.")
+    if not weak:
+        return ""
+    return f"of {name} have no yield strength, for they are not {of_kind}: {_told(weak)}."
+
+
+def _told(materials: Sequence[tuple[float, float]]) -> str:
+    """Young's moduli [Pa] and densities [kg/m³] of materials in words."""
+    return ", ".join(f"E = {engineering(E, 'Pa')}, {rho:.4g} kg/m³" for E, rho in materials)
 
 
 def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -646,9 +691,7 @@ def _of_one_material(kind: str, values: dict[str, Any]) -> tuple[str, dict[str, 
     return "Shell", {**shell, **kept}
 
 
-def _family(
-    kind: str, arguments: dict[str, Any], place: str, strengths: Mapping[str, object]
-) -> Family:
+def _family(kind: str, arguments: dict[str, Any], place: str, strengths: Strengths) -> Family:
     """The family of a section; InputError with the deck's line if its arguments are refused."""
     try:
         values = dict(arguments)
@@ -661,10 +704,7 @@ def _family(
         if "section" in values:
             values["section"] = Section(**values["section"])
         family = FAMILIES[kind]
-        known = signature(family).parameters
-        given: dict[str, Any] = {name: strengths[name] for name in strengths if name in known}
-        if "yield_strength" in given and "rate" in known:
-            given["rate"] = growth_like(values["E"], values["rho"], given["yield_strength"])
+        given = strengths.options(family, values["E"], values["rho"]) if "E" in values else {}
         return family(**values, **given)
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -180,7 +180,7 @@ class Bench {
     wide.onchange = place; // below the picture there is room for the sentences beside the numbers
     place();
     if (this.view) {
-      this.view.put("part", this.rest, this.shade(), this.skin.faces);
+      this.view.put("part", this.rest, this.shade(), this.skin.faces, 1, this.skin);
       this.view.face(this.setup.direction);
       this.view.fit();
       this.view.draw();
@@ -203,6 +203,8 @@ class Bench {
   divide() {
     const { points, faces, middle, half } = this.skin;
     this.skin.of = faces; // the point of the mesh at each corner
+    const corners = new Map(Array.from(faces, (point, corner) => [point, corner])), of_corners = (lines = []) => Uint32Array.from(lines, (point) => corners.get(point));
+    Object.assign(this.skin, { edges: of_corners(this.skin.edges), seams: of_corners(this.skin.seams) });
     this.skin.points = Int16Array.from({ length: 3 * faces.length }, (_, i) => points[3 * faces[Math.floor(i / 3)] + i % 3]);
     this.skin.faces = Uint32Array.from(faces.keys());
     this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
@@ -425,6 +427,20 @@ class Bench {
     return `The growth of its strength with the strain rate is that of ${origin}, in proportion to the yield strength.${range}`;
   }
 
+  // The yield strength of a deck and its range, be they those of a name.
+  strength() {
+    const { yield_strength: own, yield_range: range } = this.setup, named = this.facts.constants[own];
+    return named ? { ...named, ...(range ? { yield_range: range } : {}) } : this.setup;
+  }
+
+  // The names of materials that are like those of a deck, for its yield strength.
+  strength_list() {
+    const names = this.facts.strengths, by_name = () => (names.includes(this.setup.yield_strength) ? this.setup.yield_strength : "");
+    if (!names.length) return;
+    this.choice(find("part"), "yields like", ["", ...names], by_name, (name) => this.change({ yield_strength: name || null, yield_range: null }),
+      { "": "none of these" });
+  }
+
   // The range of the yield strength of a deck, once that is given.
   deck_range() {
     const [name, label, unit] = STRENGTHS, row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit];
@@ -434,11 +450,11 @@ class Bench {
       const values = typed(inputs, size, ABOVE_0, true);
       if (!values) return;
       if (values.includes(null) && values.some((one) => one !== null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
-      this.change({ yield_range: values.includes(null) ? null : values }, true, inputs);
+      this.change({ yield_strength: this.strength().yield_strength, yield_range: values.includes(null) ? null : values }, true, inputs);
     };
     inputs.forEach((input) => { input.onchange = set; });
     this.shown.push(() => {
-      const { yield_strength: strength, yield_range: range } = this.setup;
+      const { yield_strength: strength, yield_range: range } = this.strength();
       row.hidden = !strength;
       inputs.forEach((input, i) => fill(input, range ? exact(range[i] / size) : ""));
     });
@@ -537,13 +553,14 @@ class Bench {
     if (open && name === "thickness") return;
     if (name === "yield_strength" && !(this.of_deck() && this.facts.yields)) return; // others have materials with a name, or layers
     if (UNSTATED.includes(name) && !this.facts.unstated[name]) return;
+    if (name === "yield_strength") this.strength_list(); // above it
     const row = made("label", find(where), label, { className: "slider" });
     const range = made("input", row, "", { type: "range", min: 0, max: 1, step: 0.002, name, ariaLabel: label });
     const number = made("input", row, "", { type: "number", step: "any", min: 0, name, ariaLabel: `${label} in ${unit || "1"}` });
     made("span", row, unit);
     const size = SIZES[unit] || 1, [of, seen, meant] = DERIVED[name] || [name, (x) => x, (x) => x];
     number.placeholder = OPTIONAL[name] || "";
-    const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: grown(this.setup, value) } : {}) });
+    const change = (value) => ({ [name]: value, ...(name === "yield_strength" ? { yield_range: grown(this.strength(), value) } : {}) });
     const set = (value, done, inputs) => (kinds ? this.striker({ [of]: value && exact(meant(value)) }, done, inputs) : this.change(change(value), done, inputs));
     const value = () => {
       const value = least ? least * (most / least) ** range.value : range.value * most;
@@ -560,7 +577,7 @@ class Bench {
     const own = made("small", row, SET, { className: "own-value", hidden: true });
     made("button", own, "automatic", { type: "button", title: "let the page choose it", onclick: () => set(null, true, []) });
     this.shown.push(() => {
-      const { kind } = this.setup.striker, given = seen((kinds ? this.setup.striker : this.setup)[of]);
+      const { kind } = this.setup.striker, given = seen((kinds ? this.setup.striker : name === "yield_strength" ? this.strength() : this.setup)[of]);
       const now = given === null || given === undefined ? rounded(this.taken(name) / size) : exact(given / size), wanted = kinds || (where === "site-fields" ? STRUCK : [kind]);
       row.hidden = !wanted.includes(kind) || !now && !(name in OPTIONAL) || name.startsWith("layer_") && !this.layered();
       own.hidden = !open || name === "radius" && !kinds && this.is_lent() || name in OPTIONAL || given === null || given === undefined;

@@ -102,7 +102,7 @@ class Part {
       sizes.forEach((size, p) => { values[p] = size / top; });
       if (place) way = this.touching(u, moved);
     }
-    this.view.put("part", at, values, data.faces);
+    this.view.put("part", at, values, data.faces, 1, data);
     if (place) this.striker(way, !kind);
     this.view.draw();
   }
