@@ -379,14 +379,26 @@ class Inspection:
             return text
         thickness = self.thickness
         if self.structure is not None:
-            from antiosc.extension import source
-
-            parts = source(self.structure).materials_of(self.structure, None)
-            thickness = min(getattr(material, "thickness", thickness) for material in parts)
-            return f"{text}, {1e3 * thickness:.4g} mm thick"
+            return f"{text}{self._thick(self.structure)}"
         return (
             f"{text}, taken as {1e3 * thickness:.4g} mm thick at first: the file has no thickness"
         )
+
+    def _thick(self, structure: Structure) -> str:
+        """Text: the thicknesses of the sheets of a deck, and that at the site."""
+        from antiosc.extension import source
+        from antiosc.reduce.site.surface import material_at
+
+        parts = source(structure).materials_of(structure, None)
+        known = [1e3 * one.thickness for one in parts if hasattr(one, "thickness")]
+        if not known:
+            return ""
+        least, most = f"{min(known):.4g}", f"{max(known):.4g}"
+        if least == most:
+            return f", {least} mm thick"
+        struck = material_at(structure, np.array(self.point), np.array(self.direction))
+        at_site = f"{1e3 * struck.thickness:.4g} mm at the first site"
+        return f", {least} to {most} mm thick ({at_site})"
 
     def unit_text(self) -> str:
         """The unit of the file and why it is taken, with the part's size in other units."""

@@ -493,6 +493,7 @@ class Opened:
             "layers": [NO_LAYER, *LAYERS],
             "moduli": {name: modulus for name, (modulus, *_) in LAYERS.items()},
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
+            "family": inspection.family,
             "geometry": inspection.meshed,
             "size": 0.0 if self._given or inspection.kept else inspection.size,
             "sizes": [] if self._given or inspection.kept else _finer_sizes(inspection),

@@ -14,13 +14,14 @@ import pytest
 
 import antiosc as ao
 from abaqus_decks import plate_deck
-from antiosc.base import progress
+from antiosc.base import materials, progress
 from antiosc.base.progress import seconds_text
 from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
 from antiosc.reduce.error import divided
-from antiosc_app import conditions, inspection, live, opened as page, report
+from antiosc_app import conditions, inspection, live, live_meshes, opened as page, report, set_up
+from antiosc_app.inspecting import inspect_part
 from antiosc_app.opened import Opened
 from antiosc_app.until_parted import OSCILLATORS
 from antiosc_app.view import View
@@ -244,6 +245,73 @@ def test_a_yield_strength_with_its_range_is_typed_for_a_deck_of_plies_of_one_mat
     assert "yield strength 2.00 MPa (1.50 MPa to 3.00 MPa)" in " ".join(told[0])
 
 
+def test_a_yield_strength_is_named_by_a_material_like_that_of_the_deck(opened):
+    """The plate has 3 GPa and 1200 kg/m³; its answer is that of the numbers of the name."""
+    look = json.loads(json.dumps(opened.calls["look"]({}), default=str))
+    known = [materials.record(name) for name in materials.names() if "wood" not in name]
+    like = [m.name for m in known if abs(3e9 / m.E - 1) <= 0.1 and abs(1200 / m.rho - 1) <= 0.1]
+    assert look["strengths"] == [name for name in like if materials.record(name).yield_strength]
+    named = materials.record("PMMA")
+    numbers = {"yield_strength": named.yield_strength, "yield_range": list(named.yield_range)}
+    told = []
+    for turn, given in enumerate(({"yield_strength": "PMMA"}, numbers), start=20):
+        setup = look["setup"] | {"duration": 0.01, "n": 10} | given
+        asked = {"tab": "named", "turn": turn, "setup": setup}
+        assert opened.calls["settle"](asked)["blow"]["law"]["yields"]["unknown"] == ""
+        told.append(opened.calls["verdict"](asked)["verdict"])
+    assert told[0] == told[1]
+    assert "yield strength 72.0 MPa (53.8 MPa to 73.1 MPa)" in " ".join(told[0])
+    by_name, wrong = (look["setup"] | {"yield_strength": name} for name in ("PMMA", "steel S235"))
+    scene = set_up.scene_of(opened._opened(), set_up.read(by_name), 0.01)
+    assert 'yield_strength = "PMMA"' in set_up.toml(scene)
+    with pytest.raises(ao.InputError, match="has not a material like steel S235"):
+        opened.calls["blow"]({"tab": "named", "turn": 30, "setup": wrong})
+
+
+def test_the_edges_of_the_cells_of_a_deck_are_drawn(opened):
+    """6 × 6 squares have 2 × 6 × 7 edges along x and y, in the set-up and under its fields."""
+    look = opened.calls["look"]({})
+    setup = json.loads(json.dumps(look["setup"])) | {"duration": 0.01, "n": 10}
+    part = opened.calls["fields"]({"tab": "edges", "turn": 1, "setup": setup})["part"]
+    for skin in (look["skin"], part):
+        ends = skin["points"].reshape(-1, 3)[skin["edges"]] * skin["half"] / live_meshes.STEPS
+        sides = np.sort(np.abs(ends[:, 1] - ends[:, 0]), axis=1)
+        np.testing.assert_allclose(sides, 84 * [[0, 0, 1 / 6]], atol=1e-4)
+        assert len(np.unique(ends.mean(axis=1).round(3), axis=0)) == 84
+        assert len(skin["seams"]) == 0
+
+
+def test_a_rib_under_a_skin_is_drawn_where_it_meets_it():
+    """Two squares of a skin and one of a rib, with nodes of its own at the same places."""
+    x = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+    rib = [(1, 0, 0), (1, 1, 0), (1, 1, -1), (1, 0, -1)]
+    cells = [np.array([[0, 1, 4, 3], [1, 2, 5, 4]]), np.array([[6, 7, 8, 9]])]
+    lines = live_meshes.edges_of(np.array(x + rib, dtype=float), cells, np.arange(10))
+    assert len(lines["edges"]) == 7 + 3
+    assert [sorted(pair) for pair in lines["seams"].tolist()] in ([[1, 4]], [[6, 7]])
+
+
+@pytest.mark.parametrize("thick", [["2e-3", "2e-3"], ["2e-3", "8e-3"]])
+def test_the_thicknesses_of_a_deck_are_told(thick, tmp_path):
+    """Its right half may be thicker; the site lies somewhere in one of both."""
+    deck = tmp_path / "plate.inp"
+    halves = [
+        [str(1 + i + 6 * j) for j in range(6) for i in range(6) if (i > 2) == k] for k in (0, 1)
+    ]
+    sets = "".join(f"*ELSET, ELSET=e{k}\n" + ",\n".join(one) + "\n" for k, one in enumerate(halves))
+    section = "*SHELL SECTION, ELSET=all, MATERIAL=m\n2e-3\n"
+    sections = "".join(
+        section.replace("all", f"e{k}").replace("2e-3", t) for k, t in enumerate(thick)
+    )
+    deck.write_text(
+        plate_deck(6).replace("*MATERIAL", sets + "*MATERIAL").replace(section, sections)
+    )
+    look = inspect_part(deck, unit="m")
+    at_site = 2 if thick[1] == "2e-3" or look.point[0] < 0.5 else 8
+    told = {"2e-3": "2 mm thick", "8e-3": f"2 to 8 mm thick ({at_site} mm at the first site)"}
+    assert look.sides_text().endswith(f"1000 × 1000 mm, {told[thick[1]]}")
+
+
 @pytest.mark.parametrize("wrong", [[3e6, 4e6], [1e6], [0.0, 3e6]])
 def test_a_range_of_a_deck_holds_its_yield_strength(wrong, opened):
     setup = json.loads(json.dumps(opened.calls["look"]({})["setup"]))
@@ -378,6 +446,8 @@ def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(tmp_path):
             assert "density" in places["fields"]
             at_edge = [value > max(places["x"]) - 1e-4 for value in places["x"]]
             assert [bool(one) for one in places["held"]] == at_edge  # no triangle beside it
+            chosen = "select[name='yields like']"
+            assert browser.run("return document.querySelector(arguments[0]).value", chosen) == ""
             triangles = [at_edge[k : k + 3] for k in range(0, len(at_edge), 3)]
             assert not any(all(one) for one in triangles)
             assert {round(one, 2) for one in places["shades"]} == {-1.0, -2.4}

@@ -262,3 +262,42 @@ def test_bars_end_where_those_of_the_program_do(share):
     assert told["restitution"][1] is None
     within = share < 0.1
     assert (told["impulse"][1] == told["impulse"][0]) == within
+
+
+NORMALS = """
+const given = JSON.parse(require("fs").readFileSync(0, "utf8"));
+const normals = ({ points, faces, places, through }) =>
+  places.map((place) => normal_at(points, faces, place, through));
+process.stdout.write(JSON.stringify(given.map(normals)));
+"""
+
+
+@node
+def test_a_typed_place_is_struck_along_the_normal_there():
+    """Into a hollow cube, however its triangles turn; through a sheet on the side of before."""
+    rng = np.random.default_rng(3)
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    squares = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+    triangles = np.array([[q[0], q[k], q[k + 1]] for q in squares for k in (1, 2)])
+    hollow = np.vstack([corners, 0.4 * corners + 0.3])  # a cube inside, which is empty
+    faces = np.vstack([triangles, 8 + triangles])
+    faces = np.array([rng.permutation(face) for face in faces])
+    axis, end = rng.integers(0, 3, 40), rng.integers(0, 2, 40)
+    places = rng.uniform(0.05, 0.95, (40, 3))
+    places[:3] = 0.5  # the line through it meets edges of the other faces
+    places[np.arange(40), axis] = end + 0.02 * (2 * end - 1)  # somewhat outside
+    inward = np.zeros((40, 3))
+    inward[np.arange(40), axis] = 1 - 2 * end
+    tilted = np.array([0.5, 0.1, -0.8])
+    sheet = {"points": [0, 0, 0, 1, 0, 0, 0, 1, 0], "faces": [0, 1, 2], "through": tilted.tolist()}
+    cube = {"points": hollow.ravel().tolist(), "faces": faces.ravel().tolist(), "through": None}
+    cases = [cube | {"places": places.tolist()}, sheet | {"places": [[0.2, 0.3, 0.1], [2, 2, 0.5]]}]
+    scripts = "".join((assets.FOLDER / f"{name}.js").read_text() for name in ("view", "part"))
+    browser = "globalThis.matchMedia = () => ({});"
+    done = subprocess.run(
+        ["node", "-e", browser + scripts + NORMALS], input=json.dumps(cases), capture_output=True,
+        text=True, check=True, timeout=60,
+    )  # fmt: skip
+    of_cube, of_sheet = json.loads(done.stdout)
+    np.testing.assert_allclose(of_cube, inward, atol=1e-9)
+    np.testing.assert_allclose(of_sheet, [[0, 0, -1], [0, 0, -1]], atol=1e-9)

@@ -195,8 +195,8 @@ class Bench {
 
   // The set-up, and those of Undo and Redo, for a reload of the page.
   keep() {
-    const { setup, past, future, face, lent, facts: { opening } } = this;
-    STORAGE.setItem(this.token, JSON.stringify({ opening, setup, past, future, face, lent }));
+    const { setup, past, future, face, lent, turned, facts: { opening } } = this;
+    STORAGE.setItem(this.token, JSON.stringify({ opening, setup, past, future, face, lent, turned }));
   }
 
   // Each triangle of the skin gets points of its own, so that faces end sharply.
@@ -300,8 +300,23 @@ class Bench {
       const up = Math.sqrt(Math.max(reach ** 2 - across ** 2, 0)), direction = aimed(unit(near.map((c, i) => up * d[i] - c)));
       place.direction = direction;
       page.picture();
-      if (done) this.change({ direction });
+      if (done) this.turn_to(direction);
     };
+  }
+
+  // A direction that the user has chosen: a place that is typed keeps it.
+  turn_to(direction, inputs = []) {
+    this.turned = direction;
+    this.change({ ...this.chosen, direction }, true, inputs);
+  }
+
+  is_turned() { return String(this.turned) === String(this.setup.direction); }
+
+  // The place that is typed, with the direction into the surface there unless the user has turned it.
+  move_to(point, inputs) {
+    const { facts, setup, chosen, skin, rest } = this, before = { ...setup, ...chosen }.direction;
+    const normal = facts.family === "Beam" || this.is_turned() ? null : normal_at(rest, skin.faces, point, facts.family === "Solid" ? null : before);
+    this.change({ ...chosen, point, ...(normal ? { direction: aimed(normal) } : {}) }, true, inputs);
   }
 
   // -- fields
@@ -534,11 +549,12 @@ class Bench {
     made("span", row, unit ? `${label} (${unit})` : label);
     const inputs = [0, 1, 2].map((i) =>
       made("input", row, "", { type: "number", step: "any", name: `${name} ${"xyz"[i]}`, ariaLabel: `${label}, ${"xyz"[i]}${unit && ` in ${unit}`}` }));
-    const set = (values) => (kinds ? this.striker(values, true, inputs) : this.change({ ...this.chosen, ...values }, true, inputs));
+    const set = { point: (values) => this.move_to(values, inputs), direction: (values) => this.turn_to(values, inputs) }[name]
+      || ((values) => this.striker({ [name]: values }, true, inputs));
     inputs.forEach((input) => {
       input.onchange = () => {
         const values = typed(inputs, size, ANY);
-        if (values) set({ [name]: values });
+        if (values) set(values);
       };
     });
     this.shown.push(() => {

@@ -25,7 +25,7 @@ import numpy as np
 
 import antiosc
 from antiosc import ContactLaw, LinearBody
-from antiosc.base import checks
+from antiosc.base import checks, materials
 from antiosc.models.modal import as_damping
 
 # -- kinds of values
@@ -317,7 +317,10 @@ CHECKS: dict[str, Check] = {
     ),
     "read_frf.unit": checks.positive,
     "until": _check_named("antiosc_studies.drops.drop:end_of"),
-    **dict.fromkeys(("read_model.yield_strength", "read_model.modulus"), _in_unit("Pa")),
+    "read_model.modulus": _in_unit("Pa"),
+    "read_model.yield_strength": lambda name, value: (
+        materials.record(value) if isinstance(value, str) else checks.positive(name, value, "Pa")
+    ),
     "Sphere.radius": _in_unit("m"),
     "Support.fix": lambda _, value: [
         checks.choice("fix", component, COMPONENTS) for component in np.ravel(value).tolist()
