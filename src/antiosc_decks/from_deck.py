@@ -42,7 +42,7 @@ from antiosc.base.checks import (
     whole,
 )
 from antiosc.base.errors import InputError, NotTakenWarning
-from antiosc.base.materials import MaterialRecord, growth_like, record, same_kind
+from antiosc.base.materials import MaterialRecord, growth_like, same_kind, yielding
 from antiosc.base.texts import engineering
 from antiosc.extension import (
     AssembledMatrices,
@@ -613,9 +613,7 @@ class Strengths(NamedTuple):
         """Those of the arguments `yield_strength` and `yield_range` of `read_model`."""
         named = None
         if isinstance(strength, str):
-            named = record(strength)
-            if named.yield_strength is None:
-                raise InputError(f"{named.name} has no yield strength.")
+            named = yielding(strength)
             strength, ends = named.yield_strength, ends or named.yield_range
         if strength is not None:
             strength = positive("yield_strength", strength, "Pa")

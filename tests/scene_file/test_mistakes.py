@@ -235,6 +235,11 @@ def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
     for key, near in {'point = "fixed xx"': "fixed x", 'where = "bar"': "BAR"}.items():
         assert f"'{near}'" in found.pop(lines.index(key) + 1)
     assert not found
+    for name, told in (("glass, soda-lime", "has no yield strength"), ("steal S235", "is not in")):
+        text = right.replace('unit = "mm"', f'unit = "mm"\nyield_strength = "{name}"')
+        ((_, sentence),) = sentences(written(tmp_path, text), capsys)
+        assert sentence.startswith("deck.yield_strength: ")
+        assert told in sentence
     deck.write_text(deck.read_text().replace("TYPE=B31", "TYPE=B77"))
     ((line, sentence),) = sentences(written(tmp_path, right), capsys)
     assert line == right.splitlines().index("[deck]") + 1

@@ -95,6 +95,14 @@ def record(name: object) -> MaterialRecord:
     )
 
 
+def yielding(name: str) -> MaterialRecord:
+    """As `record`; InputError for a material that does not yield."""
+    found = record(name)
+    if found.yield_strength is None:
+        raise InputError(f"{found.name} has no yield strength.")
+    return found
+
+
 def names() -> list[str]:
     """The names of all materials."""
     return list(_table()["material"])

@@ -319,7 +319,7 @@ CHECKS: dict[str, Check] = {
     "until": _check_named("antiosc_studies.drops.drop:end_of"),
     "read_model.modulus": _in_unit("Pa"),
     "read_model.yield_strength": lambda name, value: (
-        materials.record(value) if isinstance(value, str) else checks.positive(name, value, "Pa")
+        materials.yielding(value) if isinstance(value, str) else checks.positive(name, value, "Pa")
     ),
     "Sphere.radius": _in_unit("m"),
     "Support.fix": lambda _, value: [
