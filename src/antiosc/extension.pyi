@@ -98,6 +98,7 @@ from antiosc.fields.probe import (
 from antiosc.fields.second_order import (
     tensors_at_nodes as tensors_at_nodes,
 )
+from antiosc.fields.yield_speed import yield_speeds as yield_speeds
 
 # Impacts: bodies, scenes, and what a history tells.
 from antiosc.impact.batch import (

@@ -893,6 +893,8 @@ def stress_sentences(fields: Mapping[str, PeakField], force: float | None) -> li
             sentences.append(f"{capitalised(judgement(peak, force))}.")
         if note := stress_note(peak, force):
             sentences.append(f"{capitalised(note)}.")
+        if peak.yield_speeds is not None and (told := peak.yield_speeds.sentence):
+            sentences.append(f"{capitalised(told)}.")
         if peak.doubt:
             sentences.append(f"{capitalised(peak.doubt).rstrip('.')}.")
     return sentences

@@ -95,6 +95,7 @@ from antiosc_app.until_parted import (
     until_parted,
     why_more,
 )
+from antiosc_app.yielding import with_yield_speeds
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
@@ -1160,7 +1161,8 @@ def _with_less_error(
 def _strengths(blow: PageImpact) -> dict[str, Any]:
     """The stress fields for which strengths are known; {} if the stress is unknown."""
     with contextlib.suppress(AntioscError):
-        return dict(by_strengths(blow.structure, blow.hit))
+        fields = dict(by_strengths(blow.structure, blow.hit))
+        return with_yield_speeds(blow.structure, blow.hit, fields)
     return {}
 
 

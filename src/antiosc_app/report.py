@@ -51,6 +51,7 @@ from antiosc_app.results import (
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
+from antiosc_app.yielding import with_yield_speeds
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -232,7 +233,9 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
         page_results.impactor = None if isinstance(reported, SceneHistory) else reported.impactor
         if page_results.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
-                page_results.stresses = by_strengths(page_results.structure, reported)
+                fields = by_strengths(page_results.structure, reported)
+                known = page_results.structure, reported, fields
+                page_results.stresses = with_yield_speeds(*known)
     return page_results
 
 

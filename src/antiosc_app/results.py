@@ -684,6 +684,8 @@ def _stress_rows(peaks: Mapping[str, PeakField], force: float | None) -> Rows:
         rows.append((_spaced(name), sentence))
         if note := stress_note(peak, force):
             rows.append(("", note))
+        if peak.yield_speeds is not None and (told := peak.yield_speeds.sentence):
+            rows.append(("", told))
         if peak.doubt:
             rows.append(("", peak.doubt))
     return rows
@@ -698,6 +700,8 @@ def _stress_numbers(peaks: Mapping[str, PeakField]) -> Columns:
         content[name]["doubt"] = peak.doubt
         if peak.largest_mesh_error:
             content[name]["mesh_error"] = peak.largest_mesh_error
+        if peak.yield_speeds is not None:
+            content[name]["yield_speeds"] = peak.yield_speeds._asdict()
         content[name] |= _margin_numbers(peak)
     return content
 

@@ -6,9 +6,11 @@ import pytest
 
 pytest.importorskip("matplotlib")
 import base64
+import contextlib
 import hashlib
 import html
 import html.parser
+import io
 import json
 import re
 from types import SimpleNamespace
@@ -338,3 +340,66 @@ def test_a_browser_shows_the_page(tmp_path):
     assert np.mean(pixels.max(axis=2) < 0.3) > 2e-3
     curve = np.array([0x1F, 0x77, 0xB4]) / 255
     assert np.sum(np.abs(pixels - curve).max(axis=2) < 0.02) > 500
+
+
+#: A beam of two spans, held at its ends, that a mass with a round tip strikes in the middle.
+LINE = """\
+Point(1) = {0, 0, 0, 0.02}; Point(2) = {0.75, 0, 0, 0.02}; Point(3) = {1.5, 0, 0, 0.02};
+Line(1) = {1, 2}; Line(2) = {2, 3};
+Physical Point("left") = {1}; Physical Point("right") = {3}; Physical Line("beam") = {1, 2};
+"""
+STRUCK_BEAM = """\
+[geometry]
+source = "line.geo"
+unit = "m"
+size = 0.05
+[material]
+name = "steel S235"
+section = {kind = "Section.rectangle", width = 0.04, height = 0.04}
+[[supports]]
+where = "left"
+fix = ["x", "y", "z", "rx"]
+[[supports]]
+where = "right"
+fix = ["y", "z"]
+[sites.tip]
+point = [0.75, 0.0, 0.0]
+direction = [0.0, 0.0, -1.0]
+[extract]
+n = 16
+error = "estimate"
+[impactor]
+kind = "RigidMass"
+mass = 5.0
+tip_radius = 0.05
+material = "steel S235"
+velocity = 2.0
+[contact]
+kind = "auto"
+[simulate]
+duration = 0.02
+[output]
+json = true
+"""
+
+
+@pytest.fixture(scope="module")
+def struck_beam(tmp_path_factory):
+    """(text of a run, its numbers, its report as text)."""
+    folder = tmp_path_factory.mktemp("beam")
+    (folder / "line.geo").write_text(LINE)
+    path = written(folder, STRUCK_BEAM)
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told):
+        assert antiosc("run", path, "--out", folder / "out", "--report", folder / "r.html") == 0
+    return told.getvalue(), numbers(folder / "out"), (folder / "r.html").read_text()
+
+
+def test_the_speed_from_which_a_part_yields_is_told_everywhere(struck_beam):
+    told, found, report = struck_beam
+    speeds = found["stress"]["von_mises"]["yield_speeds"]
+    assert 2.0 < speeds["possible"] < speeds["certain"]
+    ends = (engineering(speeds[name], "m/s", 2) for name in ("possible", "certain"))
+    sentence = "may be reached from about {} on, and is certain from about {} on".format(*ends)
+    assert f"yield at this place {sentence}" in told
+    assert f"Yield at this place {sentence}" in html.unescape(report)

@@ -156,6 +156,8 @@ class Margin(ReprMixin):
     impact : number of the impact of a fall, from 1, in which it occurs; 0: of another run.
     spans : margins of the impacts of a fall, with the force errors of each; the verdict is that of
         all of them.
+    row : number of the worst among the values that were judged; `columns` (c, B): its stress for
+        each coordinate of the body, whose length over time is the value; None: not known.
     """
 
     criterion: str
@@ -182,6 +184,8 @@ class Margin(ReprMixin):
     asked: int = 0
     sharp: Margin | None = None
     away: Away | None = None
+    row: int = 0
+    columns: Array | None = None
 
     @property
     def is_stress(self) -> bool:
@@ -566,7 +570,7 @@ def margin_of(
     side = str(places[k].surface) if places[k].layer is not None else None
     stress_and_strength = float(values[k]), float(strengths[k])
     at = points[k], float(times[k])
-    return Margin(criterion, *stress_and_strength, *at, layer, side, spread=float(spread[k]))
+    return Margin(criterion, *stress_and_strength, *at, layer, side, spread=float(spread[k]), row=k)
 
 
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:
@@ -719,6 +723,8 @@ def stresses(
         places = [tensors.origins[k].place for k in tensors.origin]
         positions = points[tensors.nodes]
         margin = margin_of(criterion, extremes, strengths, positions, times_of_plies, places, zones)
+        if margin is not None and criterion == "yield":
+            margin = replace(margin, columns=columns[margin.row])
         if quantity == "yield":
             extremes = share
             error = error and error / float(strengths.min())

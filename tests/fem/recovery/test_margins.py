@@ -11,14 +11,17 @@ import pytest
 import antiosc as ao
 import parts
 import sheets
+from antiosc.base.errors import RangeError
 from antiosc.base.stresses import extreme_principal
 from antiosc.base.texts import engineering
 from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.fields import yield_speed
 from antiosc.fields.deformed import deformed
 from antiosc.fields.margin import Margin, Zones, on_part
+from antiosc.fields.yield_speed import CLOSE, YieldSpeeds, yield_speeds
 from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
 from antiosc.recovery.place import Place
@@ -921,3 +924,59 @@ def test_balls_that_are_given_do_not_replace_the_zone_of_the_contact():
     assert len(alone.beyond) == 1
     before = "outside the balls of leave_out, and "
     assert with_ball.scope == alone.scope.replace("outside ", before)
+
+
+def test_the_speeds_of_yield_of_a_linear_impact_follow_its_stress():
+    """Beam and contact are linear: the stress is proportional to the speed."""
+    low, high = 200e6, 400e6
+    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
+    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
+    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
+    peak = ao.peak_field(part, hit)
+    worst = dataclasses.replace(peak.margin(), strength_range=(low, high))
+    found = yield_speeds(part, hit, worst, lambda _: 0.1)
+    stress = (1 - worst.mesh_error / worst.value) * 0.9, (1 + worst.mesh_error / worst.value) * 1.1
+    expected = 3.0 * low / (worst.value * stress[1]), 3.0 * high / (worst.value * stress[0])
+    np.testing.assert_allclose(found[:2], expected, rtol=CLOSE)
+    assert expected[0] < 3.0 < expected[1]
+    assert f"may be reached from about {engineering(found.possible, 'm/s', 2)} on" in found.sentence
+
+
+def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
+    """The contact yields: its force, and what the patch adds, are no multiples of the speed."""
+    alu = ao.material("aluminium 6082-T6")
+    part = ao.Structure(parts.box((10, 4, 2), (0.1, 0.04, 0.02)), alu, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.07, 0.02, 0.02), (0, 0, -1), radius=0.01), n=12)
+
+    def struck(speed: float) -> ao.History:
+        return ao.simulate(model, ao.RigidMass(0.3, speed, tip_radius=0.01, material="steel S235"),
+                           duration=4e-3)  # fmt: skip
+
+    hit = struck(2.0)
+    found = yield_speeds(part, hit, ao.peak_field(part, hit, sharp_edges=False).margin(),
+                         lambda _: 0.2)  # fmt: skip
+    for speed, end in zip(found[:2], (1, 0), strict=True):
+        worst = ao.peak_field(part, struck(speed), sharp_edges=False).margin()
+        bounds = dataclasses.replace(worst, force_error=0.2).bounds
+        assert bounds[end] == pytest.approx(1.0, rel=0.05)
+
+
+@pytest.mark.parametrize(("exposure", "found"), [(0.5, True), (0.2, False)])
+def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
+    """The exposure is a power of the speed; above 1.2 times that of the impact there is no run."""
+    speed, power = 3.0, 0.9
+
+    def of_log(x: float) -> float:
+        if x > np.log(1.2 * speed):
+            raise RangeError("the patch is too small")
+        return float(np.log(exposure) + power * (x - np.log(speed)))
+
+    certain = yield_speed._speed_of(of_log, speed)
+    if not found:
+        assert certain.speed is None
+        return
+    assert certain.speed == pytest.approx(speed * exposure ** (-1 / power), rel=1e-9)
+    told = YieldSpeeds(speed, certain.speed, (certain.speed,)).sentence
+    assert told.count("extrapolated") == 1
+    assert told.index("is certain") < told.index("extrapolated")

@@ -1,0 +1,167 @@
+"""Speeds of a striker from which a part yields outside the contact, by impacts at other speeds.
+
+Place, mesh and patch are those of one impact; force, contact and errors those of each speed. The
+stress at the place is that of the motion there, no share of the force: the longer a contact takes,
+the more of its force arrives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache, partial
+from math import exp, log
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError, InputError, RangeError
+from antiosc.base.stresses import length
+from antiosc.base.texts import engineering
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.fields import shapes_of, stress_amplitudes
+from antiosc.fields.margin import NO_ZONES, Margin, Zones, on_part, only_solids, zones_of
+from antiosc.impact.histories import History
+
+#: Largest ratio of the speeds to that of the impact, either way.
+FURTHEST = 30.0
+#: Logarithm of the ratio of two speeds between which that of yield is sought, and its error.
+STEP, CLOSE = log(1.5), 0.01
+#: Logarithm that stands for an exposure of 0.
+NOTHING = -50.0
+#: Largest ratio of a speed to that of the impact, where the patch is too small for the contact, so
+#: that the growth of the exposure from half the speed of the impact to it is extrapolated.
+EXTRAPOLATED = 3.0
+#: Times at which a stress is evaluated besides those of the history.
+TIMES = 2000
+#: Name of the struck part of an impact of two bodies.
+PART = "structure"
+
+
+class YieldSpeeds(NamedTuple):
+    """Speeds of the striker [m/s] from which yield may be reached, and is reached for certain,
+    within the errors of the stress and the range of the strength; None: not found.
+
+    `extrapolated`: those that are extrapolated, since the patch is too small for their contacts.
+    """
+
+    possible: float | None
+    certain: float | None
+    extrapolated: tuple[float | None, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """Both speeds with what is held; "" without any."""
+        ends = {"may be reached": self.possible, "is certain": self.certain}
+        told = [
+            f"{what} from about {engineering(speed, 'm/s', 2)} on{self._how(speed)}"
+            for what, speed in ends.items()
+            if speed is not None
+        ]
+        if not told:
+            return ""
+        held = "the same striker, mesh and patch at other speeds"
+        return f"yield at this place {', and '.join(told)}: {held}"
+
+    def _how(self, speed: float) -> str:
+        """Text: that a speed is extrapolated; "" of others."""
+        return " (extrapolated, as the patch is too small for it)" * (speed in self.extrapolated)
+
+
+def yield_speeds(
+    structure: Structure, hit: History, worst: Margin, force: Callable[[History], float]
+) -> YieldSpeeds:
+    """The speeds of the striker from which the worst point of an impact yields.
+
+    `force`: relative error of the force of an impact. All ranks must call it.
+    """
+    speed, at_speed = getattr(hit.impactor, "velocity", None), hit.at_speed
+    columns = worst.columns
+    if not isinstance(speed, float) or speed <= 0 or at_speed is None or columns is None:
+        return YieldSpeeds(None, None)
+    is_solid = only_solids(structure, shapes_of(structure, hit, PART), None)
+    here = _largest(structure, hit, columns)
+
+    @cache
+    def bounds(x: float) -> tuple[float, float]:
+        """Logarithms of the bounds of the exposure at the speed exp(x)."""
+        run = at_speed(exp(x))
+        zones = on_part(structure, zones_of(run, PART)) if is_solid else NO_ZONES
+        factor = _largest(structure, run, columns) / here
+        least, most = _scaled(worst, factor, zones, force(run)).bounds
+        return (log(least) if least > 0 else NOTHING), log(most)
+
+    certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
+    extrapolated = (one.speed for one in (possible, certain) if one.extrapolated)
+    return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated))
+
+
+class _Found(NamedTuple):
+    """A speed [m/s], None if it was not found, and whether it is extrapolated."""
+
+    speed: float | None
+    extrapolated: bool = False
+
+
+def _end(bounds: Callable[[float], tuple[float, float]], end: int, x: float) -> float:
+    """One of two bounds at x."""
+    return bounds(x)[end]
+
+
+def _speed_of(of_log: Callable[[float], float], speed: float) -> _Found:
+    """The speed at which a logarithm is 0, from that of an impact."""
+    with suppress(AntioscError):
+        try:
+            return _Found(_root(of_log, log(speed)))
+        except RangeError:  # the patch is too small for a contact at that speed
+            before, here = (of_log(log(share * speed)) for share in (0.5, 1.0))
+            return _Found(_extrapolated(before, here, speed), True)
+    return _Found(None)
+
+
+def _extrapolated(before: float, here: float, speed: float) -> float | None:
+    """The speed at which a logarithm is 0, from those at half a speed and at it; None: too far."""
+    growth = (here - before) / log(2)
+    if not -here < growth * log(EXTRAPOLATED):
+        return None
+    return speed * exp(-here / growth)
+
+
+def _largest(structure: Structure, hit: History, columns: Array) -> float:
+    """Largest stress over a run from the stress of each coordinate, with that of a prestress."""
+    times = np.union1d(hit.time, np.linspace(0.0, hit.time[-1], TIMES))
+    factors = stress_amplitudes(structure, hit, times, PART)
+    static = int(structure.matrices.preload is not None)
+    factors = np.pad(factors, ((0, 0), (0, static)), constant_values=1.0)
+    if factors.shape[1] != columns.shape[1]:
+        raise InputError("the part stretches in other motions at this speed.")
+    return float(length(factors @ columns.T).max())
+
+
+def _scaled(worst: Margin, factor: float, zones: Zones, force: float) -> Margin:
+    """A margin in which the stresses of the mesh are so many times as large."""
+    low, high = worst.others
+    return replace(
+        worst,
+        value=factor * worst.value,
+        mesh_error=factor * worst.mesh_error,
+        others=(factor * low, factor * high),
+        spread=float(zones.spread_error(worst.point[None])[0]),
+        edge_stress=zones.edge_stress,
+        thin_stress=zones.thin_stress,
+        hollow_stress=zones.hollow_stress,
+        force_error=force,
+    )
+
+
+def _root(of_log: Callable[[float], float], start: float) -> float | None:
+    """The speed at which a logarithm is 0, from that of a speed; None: too far from it."""
+    x, step = start, STEP if of_log(start) < 0 else -STEP
+    while of_log(x + step) * step < 0:
+        x += step
+        if abs(x + step - start) > log(FURTHEST):
+            return None
+    return exp(float(brentq(of_log, x, x + step, xtol=CLOSE)))

@@ -1,0 +1,40 @@
+"""The speeds from which a part yields, of the stress fields of an impact that has been computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from antiosc import History, SceneHistory
+from antiosc.base.errors import finite_element_packages
+from antiosc_app.live import force_bar
+from antiosc_app.scene_file.run import error_budget
+
+if TYPE_CHECKING:
+    from antiosc import PeakField, Structure
+
+
+def with_yield_speeds(
+    structure: Structure | None, history: History, fields: Mapping[str, PeakField]
+) -> dict[str, PeakField]:
+    """The fields, with the speeds of the striker from which those judged by yield reach it."""
+    return {name: _with_speeds(structure, history, field) for name, field in fields.items()}
+
+
+def _with_speeds(structure: Structure | None, history: History, field: PeakField) -> PeakField:
+    """A field with its speeds; as it is where it is of no impact of two bodies."""
+    worst = field.worst_point
+    if isinstance(history, SceneHistory) or worst is None or worst.criterion != "yield":
+        return field
+    struck: Any = history.structure if structure is None else structure
+    if struck is None:
+        return field
+    with finite_element_packages():
+        from antiosc.extension import yield_speeds
+    return replace(field, yield_speeds=yield_speeds(struck, history, worst, _force))
+
+
+def _force(hit: History) -> float:
+    """Relative error of the force of an impact, as its verdict takes it."""
+    return force_bar(error_budget(hit)) or 0.0
