@@ -44,6 +44,28 @@ def test_the_force_of_a_blow_is_lognormal():
     assert "400" in repr(many)
 
 
+def test_a_normal_input_has_a_variation_in_place_of_its_sigma():
+    drawn = ao.normal(-2.0, variation=0.1)
+    assert (drawn.mean(), drawn.std()) == pytest.approx((-2.0, 0.2))
+    for both in ({}, {"sigma": 0.2, "variation": 0.1}):
+        with pytest.raises(ao.InputError, match="takes one of them"):
+            ao.normal(-2.0, **both)
+
+
+def test_the_same_quantiles_stand_in_text_numbers_and_figure():
+    """By default the middle 90 %; others in their order, each once."""
+    usual = ao.monte_carlo(lambda x: x, {"x": np.arange(100.0)}, 200)
+    assert list(usual.numbers()["value"]) == ["5 %", "50 %", "95 %"]
+    many = ao.monte_carlo(lambda x: x, {"x": np.arange(100.0)}, 200, quantiles=(0.99, 0.5, 0.5))
+    assert list(many.numbers()["value"]) == ["50 %", "99 %"]
+    assert "at 50 and 99 %" in many.summary()
+    told = [text.get_text() for text in many.plot().axes[0].get_legend().get_texts()]
+    assert [text.split(":")[0] for text in told] == ["50 %", "99 %"]
+    for wrong in ((), (0.0,), (1.5,)):
+        with pytest.raises(ao.InputError, match="quantiles"):
+            ao.monte_carlo(lambda x: x, {"x": np.arange(3.0)}, 3, quantiles=wrong)
+
+
 @pytest.mark.parametrize("q", [0.05, 0.5, 0.99])
 def test_a_bar_without_an_end_says_how_many_results_have_one(q):
     def bar(n):

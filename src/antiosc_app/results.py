@@ -64,6 +64,7 @@ from antiosc_app.live import (
     COMPARED_DECKS,
     OWN_STRENGTH,
     bar_of_fall,
+    caution_of,
     cautions_of,
     deflection,
     force_bar,
@@ -78,7 +79,7 @@ from antiosc_app.live import (
 )
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import GEOMETRIES, label
-from antiosc_app.scene_file.run import RowFacts, SceneResults, error_budget, varied
+from antiosc_app.scene_file.run import Nominal, RowFacts, SceneResults, error_budget, varied
 from antiosc_app.scene_file.scene import probe_times
 from antiosc_app.words import of_scenes
 
@@ -286,10 +287,10 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     """Quantiles of an ensemble's quantities with their confidence intervals."""
     rows = []
     for name, unit in units.items():
-        values = [ensemble.quantile(name, q) for q in (0.5, 0.9, 0.99)]
+        values = [ensemble.quantile(name, q) for q in ensemble.quantiles]
         rows += [
             (f"{_spaced(name)} ({unit})", q, quantile.value, quantile.low, quantile.high)
-            for q, quantile in zip((0.5, 0.9, 0.99), values, strict=True)
+            for q, quantile in zip(ensemble.quantiles, values, strict=True)
         ]
     names = ("quantity", "quantile", "value", "low", "high")
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
@@ -960,6 +961,9 @@ def _fall(results: SceneResults) -> Presentation:
     ]
     if worst is not None:
         rows += _stress_rows({worst.quantity: worst}, bar_of_fall(fall, worst))
+    if not is_single:
+        rows.append(("contact", f"yields in {fall.yields.sum()} of {len(fall)} falls"))
+        rows.append(("low, high", BARS_OF_FALLS))
     numbers: Columns = {"fall": table | {"status": fall.status, "message": fall.message}}
     numbers["accelerometers"] = {n: vars(p) | {"g": p.g} for n, p in peaks.items()}
     pictures = []
@@ -1151,6 +1155,38 @@ def _yield_columns(rows: Sequence[RowFacts]) -> Columns:
     }
 
 
+#: What the bars of quantiles hold.
+BARS_OF_FALLS = (
+    "the bar of a quantile by the number of falls alone: the errors of the model and of the"
+    " contact's law, which all falls have, are not in it"
+)
+BARS_OF_QUANTILES = (
+    "low, high: the bar of a quantile by the number of runs alone. The errors of the model, which"
+    " all runs have, and the verdicts are those of the run without random values:"
+)
+
+
+def nominal_rows(nominal: Nominal | None) -> Rows:
+    """The error bars of a study's run without random values, its contact and its stress."""
+    if nominal is None:
+        return []
+    hit = nominal.hit
+    budget = error_budget(hit)
+    bars = caution_of(hit, None, nominal.structure) if budget is None else str(budget)
+    first, *others = bars.splitlines()
+    rows = [("errors", first), *(("", line) for line in others)]
+    rows += [("contact", hit.verdict)] if hit.verdict else []
+    return rows + _stress_rows(nominal.fields, force_bar(budget))
+
+
+def _nominal_numbers(nominal: Nominal | None) -> Columns:
+    """The numbers of a study's run without random values; {} if there is none."""
+    if nominal is None:
+        return {}
+    of_run = {"result": nominal.hit.numbers(), "stress": _stress_numbers(nominal.fields)}
+    return {"nominal": of_run}
+
+
 def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
@@ -1159,12 +1195,13 @@ def _sample(results: SceneResults) -> Presentation:
     caption = (
         "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     )
+    nominal = nominal_rows(results.nominal)
     return Presentation(
-        text=[format_columns(table)],
+        text=[format_columns(table), BARS_OF_QUANTILES, format_rows(nominal)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
-        numbers={"monte_carlo": table},
+        numbers={"monte_carlo": table, **_nominal_numbers(results.nominal)},
         plotted={"monte_carlo": sample},
-        sections={"Random values": [table]},
+        sections={"Random values": [table, BARS_OF_QUANTILES, nominal]},
         pictures=[Picture("Random values", caption, sample.plot, ".svg")],
     )
 

@@ -403,3 +403,25 @@ def test_the_speed_from_which_a_part_yields_is_told_everywhere(struck_beam):
     sentence = "may be reached from about {} on, and is certain from about {} on".format(*ends)
     assert f"yield at this place {sentence}" in told
     assert f"Yield at this place {sentence}" in html.unescape(report)
+
+
+def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
+    struck_beam, tmp_path
+):
+    """They are those of `antiosc run`, line by line; the table has the quantiles of the key."""
+    (tmp_path / "line.geo").write_text(LINE)
+    drawn = 'impactor.velocity = {kind = "normal", mean = 2.0, variation = 0.1}\n'
+    study = f"{STRUCK_BEAM}[monte_carlo]\nn = 12\nquantiles = [0.95, 0.5, 0.99]\n{drawn}"
+    path = written(tmp_path, study)
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told):
+        assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
+    of_run = {re.sub(r"^[a-z ]*  +", "", line) for line in struck_beam[0].splitlines()}
+    of_study = told.getvalue().partition("without random values:")[2].split("wrote ")[0]
+    lines = [re.sub(r"^[a-z ]*  +", "", line) for line in of_study.splitlines() if line]
+    assert set(lines) <= of_run
+    for start in ("peak force ", "The contact yields", "yield is", "yield at this place"):
+        assert any(line.startswith(start) for line in lines)
+    found = numbers(tmp_path / "out")
+    assert found["monte_carlo"]["quantile"][:3] == [0.5, 0.95, 0.99]
+    assert found["nominal"]["result"]["peak_force"] == struck_beam[1]["result"]["peak_force"]

@@ -136,6 +136,10 @@ def compiled(document: Document) -> CompiledScene:
     scene.facts = run.facts_of_sweep(scene.batch)
     scene.map = run.surface(build, scene)
     scene.sample = run.monte_carlo(build, scene)
+    if scene.sample is not None:
+        fields = Call(dict, {}) if scene.stresses is None else scene.stresses
+        known = {"hit": scene.history, "structure": scene.structure, "fields": fields}
+        scene.nominal = Call(run.Nominal, known)
     scene.output = build.table("output")
     document.problems.raise_if_any()
     return scene

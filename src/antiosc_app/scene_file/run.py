@@ -45,7 +45,7 @@ from antiosc_app.words import of_scenes
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc import Batch, History, Structure
+    from antiosc import Batch, History, PeakField, Structure
     from antiosc.extension import Tradeoff
 
 
@@ -372,6 +372,15 @@ def _model(build: Builder) -> Call | None:
 
 
 # -- [monte_carlo]
+
+
+class Nominal(NamedTuple):
+    """The run of a study without random values: its history, structure and stress fields."""
+
+    hit: History
+    structure: Structure | None
+    fields: Mapping[str, PeakField]
+
 
 #: Options of [extract] that models of a drawn structure do not take, and their default.
 NOT_NEARBY: dict[str, object] = {

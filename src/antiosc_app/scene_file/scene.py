@@ -63,6 +63,7 @@ class Objects(Generic[T]):
     probes : name -> signal of [probes].
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
+    nominal : the run of [monte_carlo] without random values.
     facts : the error budget of each impact of [sweep], and whether its contact yields.
     fall : result of [drop].
     peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
@@ -82,6 +83,7 @@ class Objects(Generic[T]):
     facts: T = MISSING
     map: T = MISSING
     sample: T = MISSING
+    nominal: T = MISSING
     fall: T = MISSING
     peaks: Mapping[str, T] = field(default_factory=dict)
     worst: T = MISSING
@@ -152,7 +154,7 @@ STUDIES = {
         "sample",
         "no [monte_carlo]; one is, for instance, [monte_carlo] with"
         ' impactor.velocity = {kind = "normal", mean = 2.0, sigma = 0.1}',
-        ("structure", "impactor", "sample"),
+        ("structure", "impactor", "nominal", "sample"),
     ),
 }  # fmt: skip
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log
 from pathlib import Path
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 RESAMPLES = 200
 #: Share of the samples within a confidence interval.
 CONFIDENCE = 0.95
+#: Shares of the results below the quantiles that are told, unless others are asked for.
+QUANTILES = (0.05, 0.5, 0.95)
 #: Least number of runs for indices of sensitivity.
 LEAST = 50
 
@@ -83,6 +86,20 @@ def probability(count: int, size: int, confidence: float = 0.95) -> Quantile:
     return Quantile(count / size, float(interval.low), float(interval.high))
 
 
+def levels_text(shares: Sequence[float]) -> str:
+    """Shares as text: "5, 50 and 95 %"."""
+    *others, last = (f"{100 * share:g}" for share in shares)
+    return f"{' and '.join(filter(None, [', '.join(others), last]))} %"
+
+
+def checked_levels(quantiles: Sequence[float]) -> tuple[float, ...]:
+    """Different shares between 0 and 1, in order; InputError for others."""
+    shares = checks.floats("quantiles", quantiles, (None,))
+    if not len(shares):
+        raise InputError("quantiles is empty: give shares such as (0.05, 0.5, 0.95).")
+    return tuple(_share("each of quantiles", float(share)) for share in np.unique(shares))
+
+
 def _share(name: str, value: float) -> float:
     share = checks.number(name, value)
     if not 0 < share < 1:
@@ -99,11 +116,13 @@ class Sample(Result):
     inputs : name -> (n,) draws of each input; indices into it, if it is a sequence of values.
     values : name -> (n,) results in SI units, NaN where a run failed or lacks the result.
     failed : number of each run that failed -> its message.
+    quantiles : shares of the results below the quantiles that tables and pictures have.
     """
 
     inputs: dict[str, Array]
     values: dict[str, Array]
     failed: dict[int, str]
+    quantiles: tuple[float, ...] = QUANTILES
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))
@@ -120,7 +139,7 @@ class Sample(Result):
 
     def numbers(self) -> dict[str, object]:
         """Quantiles of each quantity with a finite result: name -> JSON value."""
-        levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
+        levels = {f"{100 * share:g} %": share for share in self.quantiles}
         available = [name for name, results in self.values.items() if np.isfinite(results).any()]
         return {
             "runs": len(self),
@@ -199,7 +218,7 @@ class Sample(Result):
         results = self.finite(name)
         figure, ((axes,),) = panels(1, 1, (6.4, 4.0), shown=path is None)
         axes.hist(results, bins="auto", color="tab:blue", alpha=0.6)
-        for q in (0.05, 0.5, 0.95):
+        for q in self.quantiles:
             estimate = self.quantile(name, q)
             line = axes.axvline(estimate.value, color="black", linestyle="--" if q != 0.5 else "-")
             line.set_label(f"{100 * q:g} %: {estimate.value:.4g}")
@@ -220,10 +239,10 @@ class Sample(Result):
     def _facts(self) -> list[tuple[str, str]]:
         facts = [("runs", f"{len(self)} of {', '.join(self.inputs)}; {len(self.failed)} failed")]
         for name in list(self.values)[:3]:
-            q = [self.quantile(name, s).value for s in (0.05, 0.5, 0.95)]
+            values = ", ".join(f"{self.quantile(name, s).value:.4g}" for s in self.quantiles)
             lacking = len(self) - len(self.finite(name))
             note = f", without {lacking} runs" if lacking else ""
-            facts.append((name, "{:.4g}, {:.4g}, {:.4g} at 5, 50 and 95 %".format(*q) + note))
+            facts.append((name, f"{values} at {levels_text(self.quantiles)}{note}"))
         return facts
 
 

@@ -25,7 +25,7 @@ from antiosc.base.texts import FieldsRepr, Result
 from antiosc.extension import check_executor
 from antiosc.models.motion import unit_vector
 from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
-from antiosc_studies.chance.sample import Quantile, Sample, quantile
+from antiosc_studies.chance.sample import QUANTILES, Quantile, Sample, levels_text, quantile
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.fall import Fall, fall_of
 from antiosc_studies.drops.flight import rotation_matrices
@@ -178,6 +178,7 @@ class Drops(Result):
     failed : number of each fall that failed -> its message.
     yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
         part; whether contact forces miss `tol`.
+    quantiles : as of `Sample`.
     """
 
     values: dict[str, Array]
@@ -186,6 +187,7 @@ class Drops(Result):
     failed: dict[int, str]
     yields: BoolArray
     missed: BoolArray
+    quantiles: tuple[float, ...] = QUANTILES
 
     def __len__(self) -> int:
         return len(self.impacts)
@@ -204,7 +206,7 @@ class Drops(Result):
 
     def numbers(self) -> dict[str, object]:
         """Quantiles of the largest values of the falls: name -> JSON value."""
-        levels = {"5 %": 0.05, "50 %": 0.5, "95 %": 0.95}
+        levels = {f"{100 * share:g} %": share for share in self.quantiles}
         return {
             "falls": len(self),
             **{
@@ -247,13 +249,13 @@ class Drops(Result):
         return quantile(values, q, confidence)
 
     def _facts(self) -> list[tuple[str, str]]:
-        q = [self.quantile("peak_force", s).value for s in (0.05, 0.5, 0.95)]
+        q = [f"{self.quantile('peak_force', s).value:.4g}" for s in self.quantiles]
         remarks = [f"{len(self.failed)} of them failed"]
         remarks += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
         remarks += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
         return [
             ("falls", ", ".join([f"{len(self)}", *remarks])),
-            ("peak force", "{:.4g}, {:.4g}, {:.4g} N at 5, 50 and 95 %".format(*q)),
+            ("peak force", f"{', '.join(q)} N at {levels_text(self.quantiles)}"),
         ]
 
 
