@@ -28,9 +28,9 @@ from antiosc import (
     ImpactMap,
     LinearBody,
     ModalBody,
-    RigidMass,
     SceneHistory,
     YangSun,
+    named_impactor,
     simulate,
 )
 from antiosc.base import materials
@@ -837,12 +837,9 @@ def striker_text(body: LinearBody | None) -> str:
 
 
 def _name_of(body: LinearBody | None) -> str:
-    """The name of a striker of a standard, whose mass, tip and speed it has; "" of others."""
-    if not isinstance(body, RigidMass) or body.tip_radius is None:
-        return ""
-    own = body.mass, body.tip_radius, body.velocity
+    """The name of a striker of a standard, which it is in all its properties; "" of others."""
     for name, known in IMPACTORS.items():
-        if own == (known.mass, known.tip_radius, known.speed):
+        if known.speed is not None and body == named_impactor(name):
             return f"{name} hammer" if name.startswith("IK") else name
     return ""
 

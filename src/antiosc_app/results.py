@@ -377,6 +377,8 @@ def advice_of(results: SceneResults) -> Rows:
     if results.structure is None:
         return []
     rows = [("structure", results.structure.describe()), *mass_of(results.structure)]
+    if largest := _longest_cell(results.structure):
+        rows.append(("largest element of the mesh", engineering(largest, "m")))
     if not hasattr(results.impactor, "hertz"):
         return rows
     try:
@@ -386,10 +388,25 @@ def advice_of(results: SceneResults) -> Rows:
     return [
         *rows,
         ("sufficient element family", advice.family),
-        ("largest element", f"{1e3 * advice.element_size:.3g} mm"),
+        ("elements suffice up to", engineering(advice.element_size, "m")),
         ("highest relevant frequency", engineering(advice.frequency, "Hz")),
         ("reasons", "; ".join(advice.reasons)),
     ]
+
+
+def _longest_cell(structure: Structure) -> float:
+    """Largest length [m] of a cell of a structure, on all ranks; 0 of matrices."""
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        return 0.0
+    from antiosc.extension import longest_cell, with_parts  # they need the finite elements
+
+    largest = 0.0
+    for member in with_parts(structure).members():
+        cells = member.part.mesh.geometry
+        corners = cells.nodes[:, : len(cells.corners)]
+        own = longest_cell(corners) if len(corners) else 0.0
+        largest = max(largest, *structure.comm.allgather(own))
+    return largest
 
 
 def mass_of(structure: Structure) -> Rows:

@@ -124,7 +124,10 @@ def counts_from(n: int, dofs: float) -> list[int]:
 
 def why_more(n: int, more: int, truncation: float) -> str:
     """Why more than n anti-oscillators were taken."""
-    return f"{more} anti-oscillators were taken: {n} leave {percent(truncation)} of error."
+    return (
+        f"{more} anti-oscillators were taken: with {n}, those left out were estimated to change the"
+        f" peak force by {percent(truncation)}."
+    )
 
 
 def tell_radius(first: float | None, taken: float | None) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+import parts
 from antiosc.base.texts import engineering
 from antiosc_app import info, live as assets, report as output, results as shown
 from antiosc_app.new import write_scene
@@ -425,3 +426,34 @@ def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     found = numbers(tmp_path / "out")
     assert found["monte_carlo"]["quantile"][:3] == [0.5, 0.95, 0.99]
     assert found["nominal"]["result"]["peak_force"] == struck_beam[1]["result"]["peak_force"]
+
+
+def test_a_report_has_the_longest_cell_of_the_mesh_and_not_the_one_that_would_do(struck_beam):
+    report = re.sub(r"<[^>]+>", "|", struck_beam[2])
+    (told,) = re.findall(r"largest element of the mesh\|+\s*\|*([\d.]+) mm", report)
+    (cells,) = re.findall(r"(\d+) interval cells", struck_beam[0])
+    assert float(told) == pytest.approx(1500 / int(cells), rel=0.01)  # they are alike
+    assert "elements suffice up to" in report
+
+
+def test_only_a_striker_chosen_by_name_has_the_name_of_a_standard(struck_beam):
+    """A steel mass of 5 kg with a tip of 50 mm at 2 m/s has the energy of IK09, and is none."""
+    assert "striker       rigid mass of 5.00 kg at 2.00 m/s, tip radius 50.0 mm" in struck_beam[0]
+    assert "A rigid mass of 5.00 kg at 2.00 m/s strikes" in struck_beam[2]
+    assert not re.search("IK\\d+", struck_beam[0] + struck_beam[2])
+    assert assets.striker_text(ao.named_impactor("IK09")) == "IK09 hammer of 5.00 kg at 2.00 m/s"
+    assert "hammer" not in assets.striker_text(ao.named_impactor("IK09", 3.0))
+
+
+def test_the_force_has_one_error_in_a_summary():
+    """It told 0.039 % of a force of ± 15 %."""
+    section = ao.Section.circle(0.02)
+    bar = ao.Structure(parts.line(0.5, 10, (1, 0, 0)), ao.Beam(7e10, 0.3, 2700.0, section),
+                       [ao.Support("left")])  # fmt: skip
+    model = ao.extract(bar, ao.Site((0.5, 0, 0), (0, 0, -1)), n=4, error="estimate")
+    barred = ao.simulate(model, ao.RigidMass(0.2, 1.5), ao.Hertz(1e9), 2e-3)
+    assert "numerical" in HIT.summary()  # made by hand: it has no bar
+    assert "numerical" not in barred.summary()
+    assert "force error   see hit.error_budget" in barred.summary()
+    share = re.search("± ([^ ]+) %", str(barred.error_budget))[1]
+    assert f"± {share} %" in barred.summary()

@@ -78,6 +78,7 @@ def test_advice_names_no_function_of_python(monkeypatch):
 
     monkeypatch.setattr(results, "advise", refused)
     monkeypatch.setattr(results, "mass_of", lambda _: [])
+    monkeypatch.setattr(results, "_longest_cell", lambda _: 0.0)
     striker = SimpleNamespace(hertz=None)
     part = SimpleNamespace(describe=lambda: "a part")
     rows = results.advice_of(SimpleNamespace(structure=part, impactor=striker))

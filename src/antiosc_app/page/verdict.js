@@ -82,7 +82,8 @@ function contact_time_note(hit) {
   if (from === hit.touches[0][0] && to === hit.touches.at(-1)[1]) return "of all contacts, flights included";
   const flights = hit.touches.some(([start, end]) => start === from && end < to), at = (time) => engineering(time, "s");
   const peak = hit.time[hit.force.reduce((best, force, i) => (force > hit.force[best] ? i : best), 0)];
-  const elsewhere = from <= peak && peak <= to ? "" : `; the peak force falls outside it, at ${at(peak)}`;
+  const own = hit.force.reduce((most, force, i) => (from <= hit.time[i] && hit.time[i] <= to ? Math.max(most, force) : most), 0);
+  const elsewhere = from <= peak && peak <= to ? "" : `, with at most ${engineering(own, "N")}; the peak force falls outside it, at ${at(peak)}`;
   return `of the main impact${flights ? ", flights included" : ""}${elsewhere}; last release at ${at(hit.last)}`;
 }
 

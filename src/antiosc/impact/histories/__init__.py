@@ -331,9 +331,9 @@ def error_text(history: History) -> str:
     if budget:
         return budget.causes_text("peak_force")
     error_text = percent(history.error["force"]) if "force" in history.error else "not estimated"
-    numerical = f"numerical {error_text} ({error_scope(history)})"
     if has_budget(history) or (has_estimate(history) and history.budget is not None):
-        return numerical
+        return f"see hit.error_budget; that of the time integration alone is {error_text}"
+    numerical = f"numerical {error_text} ({error_scope(history)})"
     strongest = max(history.contact_histories, key=lambda contact: contact.peak_force)
     return ", ".join(filter(None, [verdict.law_error_text(strongest), numerical]))
 

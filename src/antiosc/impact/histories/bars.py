@@ -347,7 +347,11 @@ def contact_time_note(result: Any) -> str:
     flights = ", flights included" if last > first else ""
     start, end = result.contacts[first][0], result.contacts[last][1]
     peak = float(result.time[int(np.argmax(result.force))])
-    elsewhere = "" if start <= peak <= end else f"; the peak force falls outside it, at {_at(peak)}"
+    elsewhere = ""
+    if not start <= peak <= end:
+        within = (result.time >= start) & (result.time <= end)
+        own = engineering(float(result.force[within].max()), "N")
+        elsewhere = f", with at most {own}; the peak force falls outside it, at {_at(peak)}"
     return f"of the main impact{flights}{elsewhere}; last release at {_at(result.contacts[-1][1])}"
 
 
