@@ -1049,7 +1049,8 @@ def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
 def touches_text(fall: Fall) -> str:
     """Sentence on the impacts in which the part touches several times; "" if there are none."""
     told = [
-        f"impact {k + 1} has {impact.touches} touches"
+        f"impact {k + 1} has {impact.touches} touches, the hardest of"
+        f" {engineering(impact.hardest_touch, 's')}"
         for k, impact in enumerate(fall.impacts)
         if impact.touches > 1
     ]

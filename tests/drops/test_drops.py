@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import progress
-from antiosc.base.texts import percent
+from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
 from antiosc_app import falls
@@ -94,6 +94,21 @@ def test_a_dent_that_is_larger_than_its_corner_says_that_the_corner_is_crushed()
     assert trajectory._crushed(SimpleNamespace(dent=None, radius_of_surface=5e-4)) == ""
 
 
+def test_the_dent_of_one_of_several_places_has_its_own_force() -> None:
+    """Four alike below a symmetric body: each has a quarter of the force."""
+    feet = {f"{x}{y}": ((x, y, -0.01), (0, 0, 1)) for x in (-0.03, 0.03) for y in (-0.02, 0.02)}
+    law = ao.contact_between(HARD, ao.Sphere(0.02, material=SOFT))
+    told = []
+    for sites in (feet, {"foot": ((0, 0, -0.01), (0, 0, 1))}):
+        body = ao.RigidBody(0.2, [1e-4] * 3, sites)
+        fall = ao.drop(body, 0.3, floor=ao.Floor(law=law), until=1)
+        told.append((fall.contact_verdict, fall.peak_force))
+    (several, force), (single, _) = told
+    assert f"places that touch, under {engineering(force / 4, 'N')} of the force)" in several
+    assert "the contact yields: a dent of" in single
+    assert "places" not in single
+
+
 @pytest.mark.fem
 def test_a_crushed_corner_is_compared_with_the_radius_that_was_given() -> None:
     """The ball that stands for the flattened corner has another one."""
@@ -160,10 +175,18 @@ def test_the_acceleration_of_the_centre_of_mass_is_told() -> None:
         fall = ao.drop(BALL, 0.1, floor=ao.Floor(law=ao.Hertz(stiffness)), until=1)
         (told,) = (note for note in fall.notes if note.startswith("the centre of mass has"))
         in_g = float(told.split()[7])
+        assert "no error bar: that of the force is not known" in told  # the law was given
         whole = fall.peak_force / BALL.mass / 9.80665
         assert (abs(in_g / whole - 1) < 0.02) == passed
         assert in_g < 1.02 * whole
         assert "through CFC1000, in impact 1" in told
+
+
+def test_the_g_of_the_centre_of_mass_have_the_bar_of_their_force() -> None:
+    fall = ao.drop(HARD, 0.5, floor=ao.Floor(SOFT), until=1)
+    (told,) = (note for note in fall.notes if note.startswith("the centre of mass has"))
+    assert f" g ± {percent(fall.law_error)} (the error of the force" in told
+    assert "Fall.peak" not in told
 
 
 def test_a_floor_that_is_rigid_because_none_was_given_is_told() -> None:

@@ -20,7 +20,7 @@ from antiosc_app.fall_caution import caution_of_fall
 from antiosc_studies.drops import corners, lines
 from antiosc_studies.drops.beside import share_beside
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.trajectory import Impacts
+from antiosc_studies.drops.trajectory import Impacts, force_of
 from parts import box, line
 
 pytestmark = pytest.mark.fem
@@ -629,26 +629,40 @@ def chattering() -> ao.Fall:
     return ao.drop(part, 0.1, (1, 0.5, 0), ao.Floor(STEEL), until=3, modes=12)
 
 
-def _merged(fall: ao.Fall, impact: int) -> int:
-    """Number of contacts by the marches' own times of touch and release, of all points together."""
+def _merged(fall: ao.Fall, impact: int) -> list[list[float]]:
+    """Contacts by the marches' own times of touch and release, of all points together."""
     pairs = []
     for episode in (fall.episodes[i] for i in fall.groups[impact]):
         of_points = (c.contacts for c in episode.history.contact_histories)
         pairs += [(episode.start.time + np.array(p)) for ps in of_points for p in ps]
-    count, last = 0, -np.inf
+    merged: list[list[float]] = []
     for start, end in sorted(map(tuple, pairs)):
-        count += start > last + 1e-12
-        last = max(last, end)
-    return count
+        if not merged or start > merged[-1][1] + 1e-12:
+            merged.append([start, end])
+        merged[-1][1] = max(merged[-1][1], end)
+    return merged
+
+
+def _hardest(fall: ao.Fall, impact: int) -> float:
+    """Duration [s] of the merged contact that holds the largest of all forces."""
+    time, force = force_of([fall.episodes[i] for i in fall.groups[impact]])
+    top = fall.episodes[fall.groups[impact][0]].start.time + time[np.argmax(force)]
+    ((start, end),) = [one for one in _merged(fall, impact) if one[0] <= top <= one[1]]
+    return end - start
 
 
 def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chattering) -> None:
     touches = [impact.touches for impact in chattering.impacts]
-    assert touches == [_merged(chattering, k) for k in range(3)]
+    assert touches == [len(_merged(chattering, k)) for k in range(3)]
+    durations = [impact.hardest_touch for impact in chattering.impacts]
+    assert durations == pytest.approx([_hardest(chattering, k) for k in range(3)], rel=1e-6)
+    assert durations[0] == pytest.approx(chattering.impacts[0].contact_time, rel=1e-6)
     assert touches[0] == 1
     assert {len(chattering.groups[k]) for k in range(3) if touches[k] > 1} == {1, 2}
     notes = [impact.contact_time_note for impact in chattering.impacts]
-    assert notes == ["" if n == 1 else "of all contacts, flights included" for n in touches]
+    of_all = "of all contacts, flights included"
+    ends = [f"{of_all}; the hardest touch takes {engineering(t, 's')}" for t in durations]
+    assert notes == ["" if n == 1 else end for n, end in zip(touches, ends, strict=True)]
     numbers = dict(falls.headline_of_fall(chattering, None).numbers)
     hardest = int(np.argmax(chattering.impacts.column("peak_force")))
     assert numbers["contact time"].endswith(f" {notes[hardest]}")
@@ -659,7 +673,7 @@ def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chatteri
     counts = re.findall(r"mpact (\d) has (\d) touches", results.touches_text(chattering))
     assert [(int(k) - 1, int(n)) for k, n in counts] == [*enumerate(touches)][1:]
     head, _, *rows, note = str(chattering.impacts).splitlines()
-    assert [head.split()[7:9], note] == [["contact", "touches"], f"contact: {notes[1]}"]
+    assert [head.split()[7:9], note] == [["contact", "touches"], f"contact: {of_all}"]
     assert [int(row.split()[-5]) for row in rows] == touches
     assert "touches" not in str(Impacts(chattering.impacts[:1]))
 

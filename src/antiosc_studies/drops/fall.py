@@ -400,10 +400,14 @@ class Fall(Trajectory, Result):
         if not self.groups:
             return ""
         peak = self.peak("acceleration", filter=SHOCK_FILTER)
+        by_force = self.impacts[peak.impact].law_error
+        bar = " (no error bar: that of the force is not known)"
+        if by_force is not None:
+            bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
         return (
-            f"the centre of mass has at most {peak.g:.3g} g through {SHOCK_FILTER}, in impact"
-            f" {peak.impact + 1}, as that of a rigid part; accelerometers of a scene and Fall.peak"
-            " give those of points"
+            f"the centre of mass has at most {peak.g:.3g} g{bar} through {SHOCK_FILTER}, in impact"
+            f" {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a point"
+            " of the part are those of an accelerometer there (in a scene: [accelerometers.NAME])"
         )
 
     @property

@@ -251,6 +251,7 @@ class FallImpact:
     ----------
     time : time of the first touch [s]; contact_time : from there to the last release [s].
     touches : number of times that the part touches in the contact time, with flights in between.
+    hardest_touch : duration [s] of the touch with the largest force.
     place : (3,) point that takes the largest impulse, in the axes of the mesh [m].
     contacts : number of points that touched.
     peak_force : largest sum of the normal forces [N]; impulse : sum of the normal impulses [N s].
@@ -265,6 +266,7 @@ class FallImpact:
     time: float
     contact_time: float
     touches: int
+    hardest_touch: float
     place: Array
     contacts: int
     peak_force: float
@@ -279,7 +281,9 @@ class FallImpact:
     @property
     def contact_time_note(self) -> str:
         """What the contact time is of, where the part touches several times; "" of once."""
-        return OF_ALL_CONTACTS if self.touches > 1 else ""
+        if self.touches < 2:
+            return ""
+        return f"{OF_ALL_CONTACTS}; the hardest touch takes {engineering(self.hardest_touch, 's')}"
 
 
 #: Scalars of an impact, and their units.
@@ -389,6 +393,7 @@ def impact_of(body: FreeBody, setting: Setting, episodes: Sequence[Episode]) -> 
         time=first_state.time,
         contact_time=final_state.time - first_state.time,
         touches=_touches(force_of(episodes)[1]),
+        hardest_touch=_hardest_touch(*force_of(episodes)),
         place=body.points[strongest] - body.balls[strongest] * first_state.R[2] + body.centre,
         contacts=sum(value > 0 for value in impulses.values()),
         peak_force=peak,
@@ -416,6 +421,16 @@ def _touches(force: Array) -> int:
     return int(np.sum(touching[1:] & ~touching[:-1]))
 
 
+def _hardest_touch(time: Array, force: Array) -> float:
+    """Duration [s] of the touch with the largest of the forces (n,) at these times."""
+    top = int(np.argmax(force))
+    off = np.flatnonzero(force <= 0)
+    before, after = off[off < top], off[off > top]
+    first = before[-1] if len(before) else 0
+    last = after[0] if len(after) else len(time) - 1
+    return float(time[last] - time[first])
+
+
 def _rising(body: FreeBody, state: State, point: int) -> float:
     """Upward velocity [m/s] of a point of the rigid body."""
     (arm,) = state.arms(body, [point])
@@ -438,16 +453,16 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
                 _elastic_contact(part, law_at(part, floor, i), i, force) if force > 0 else None
             )
             pressures += [] if contact is None else [contact]
-    dents = {
-        current.dent: current
-        for current in point_contacts(body, floor, episodes)
-        if current.dent is not None
-    }
+    points = list(point_contacts(body, floor, episodes))
+    dents = {current.dent: current for current in points if current.dent is not None}
     if dents:
         worst = max(dents, key=lambda dent: dent.depth)
         deepest = dents[worst]
         side = deepest.side(body, floor)
         text = f"the contact yields: {worst.text}, in {side}{_crushed(deepest)}"
+        if len({point.which for point in points}) > 1:
+            own = engineering(deepest.force, "N")
+            text += f" (the dent of one of the places that touch, under {own} of the force)"
         bar = law_error(body, floor, episodes)
         note = unknown_error(body, floor, episodes) or _law_error(deepest, body, floor, bar)
         return f"{text}; {note}"
