@@ -94,6 +94,7 @@ from antiosc.fields.pictures import (
 from antiosc.fields.probe import (
     check_point as check_point,
     error_of_largest as error_of_largest,
+    probed_point as probed_point,
 )
 from antiosc.fields.second_order import (
     tensors_at_nodes as tensors_at_nodes,

@@ -174,7 +174,7 @@ class Inspection:
     others : tuples (point, direction, radius, room) of sites to try if the first cannot be struck.
     count : number of anti-oscillators, at most a quarter of the number of dofs.
     cell : largest allowed cell at the site [m] of a part meshed here; None if `size` suffices.
-    material : name of the material; unused for a deck.
+    material : name of the material; unused for a deck; asked : whether it was asked for.
     bars : whether its models have error bars of mesh and truncation.
     plate : whether it is a solid as thin as a plate.
     measure : volume [m³], area [m²] or length [m] of its cells.
@@ -222,6 +222,7 @@ class Inspection:
     modulus: float | None = None
     cell: float | None = None
     material: str = MATERIAL
+    asked: bool = False
     bars: bool = True
     plate: bool = False
     meshed: bool = False
@@ -485,7 +486,8 @@ class Inspection:
             like = f" ({self.strengths[0]!r} and others are like it)" if self.strengths else ""
             rows.append(("yield strength", NO_YIELD + like, "[deck] yield_strength"))
         else:
-            rows.append(("material", self.material, "[material] name"))
+            guess = "" if self.asked else ", a guess: the file has none"
+            rows.append(("material", f"{self.material}{guess}", "[material] name"))
         if self.family == "Shell" and not self.of_deck:
             rows.append(("thickness", f"{self.thickness:g} m", "[material] thickness"))
         elif self.family == "Beam" and not self.of_deck:
@@ -521,6 +523,18 @@ class Inspection:
             return f"radius {self.radius:g} m"
         return "as small as the mesh resolves, larger if the force needs it"
 
+    def plane_text(self) -> str:
+        """Text of the plane whose nodes are held: "the underside, z = 0 mm"; "" without one."""
+        if self.plane is None:
+            return ""
+        point, normal = self.plane
+        axis = normal.index(1.0)
+        side = "the side"
+        if axis == 2:
+            is_low = 2 * point[axis] < self.low[axis] + self.high[axis]
+            side = "the underside" if is_low else "the top"
+        return f"{side}, {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
+
     def _held(self) -> str:
         """Text of the support."""
         if self.of_deck and not self.free_deck:
@@ -530,9 +544,7 @@ class Inspection:
         if self.where:
             return f"at {len(self.where)} groups, {self.where[0]!r} to {self.where[-1]!r}"
         if self.plane:
-            point, normal = self.plane
-            axis = normal.index(1.0)
-            plane = f"the plane {'xyz'[axis]} = {1e3 * point[axis]:g} mm"
+            plane = self.plane_text()
             if self.foot:
                 plane += ", a small foot of the part: hold what holds it in use"
             if not self.on_plane:

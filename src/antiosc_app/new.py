@@ -254,7 +254,8 @@ def write_scene(
         raise InputError(f"{source.name} could not be looked at: {error.strerror}.") from None
     if not inspection.of_deck:
         flat = None if inspection.flat is None else (metal.E, metal.nu)
-        inspection = replace(inspection, material=metal.name, flat=flat)
+        asked = material is not None
+        inspection = replace(inspection, material=metal.name, flat=flat, asked=asked)
     elif material is not None:
         raise InputError(
             f"{source.name} is a deck with materials of its own: leave --material away."

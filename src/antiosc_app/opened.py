@@ -482,6 +482,8 @@ class Opened:
             "contacts": CONTACT_TEXTS if "contact" in inspection.read else {},
             "told": _told_of_file(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
+            "first_held": _first_held(inspection),
+            "first_material": _first_material(inspection),
             "skin": shape,
             "faces": list(faces),
             "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
@@ -1075,6 +1077,17 @@ def _told_of_file(look: Inspection) -> str:
         choices += f"; the deck keeps its elements, for {look.kept}"
     notes = (note for note in look.notes if not any(words in note for words in OF_PIECES))
     return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, notes)])
+
+
+def _first_held(look: Inspection) -> str:
+    """Sentence where the faces lie that are held at first; "" if they are not those of a plane."""
+    plane = look.plane_text()
+    return f"Held at first: {plane}, a guess." if plane else ""
+
+
+def _first_material(look: Inspection) -> str:
+    """Sentence that the first material is a guess; "" for a deck, which has its own."""
+    return "" if look.of_deck else f"The material {FIRST} is a guess: the file has none."
 
 
 def _smaller_cells(look: Inspection, has_size: bool, finer: bool) -> str:

@@ -439,6 +439,7 @@ def _impact(results: SceneResults) -> Presentation:
     hit = results.history
     peaks = results.stresses or {}
     probes = [Probe(results, name) for name in results.probes or ()]
+    _place(results, probes)
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
@@ -481,7 +482,7 @@ def _impact(results: SceneResults) -> Presentation:
         tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
         numbers={
             "result": hit.numbers() | known,
-            "probes": {probe.name: probe.peak() for probe in probes},
+            "probes": {probe.name: probe.peak() | _point_of(probe) for probe in probes},
             "stress": _stress_numbers(peaks),
         },
         plotted={**({} if is_scene else {"force": hit}), **peaks},
@@ -587,6 +588,8 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
     for probe in probes:
         p = probe.peak()
         rows.append((f"probe {probe.name}", _peak_text(p)))
+        if probe.place is not None:
+            rows.append(("", probe.place.text))
         if probe.is_unsettled:
             further = NOR_BY_FILTER if "filtered" in p and not probe.settled else ""
             rows.append(("", f"this peak has not converged{further}"))
@@ -599,6 +602,50 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
         rows.append(("", f"{NOT_CONVERGED}{OF_ACCELERATIONS * of_accelerations}"))
     note = _note_on_probes(probes, left_out)
     return [*rows, ("", note)] if note else rows
+
+
+class ProbePlace(NamedTuple):
+    """The point [m] of the part at which a probe lies, and its distance [m] from that given."""
+
+    point: tuple[float, ...]
+    off: float | None
+
+    @property
+    def text(self) -> str:
+        """The place in words."""
+        off = "" if self.off is None else f", {engineering(self.off, 'm')} from the point given"
+        return f"it lies at {placed(self.point)}{off}"
+
+
+#: Distance [m] of a probe from the point given that is rounding.
+ON_POINT = 1e-9
+
+
+def _place(results: SceneResults, probes: Sequence[Probe]) -> None:
+    """Find where probes lie. All ranks must call it."""
+    if results.structure is None or not probes:
+        return
+    from antiosc.extension import probed_point
+
+    for probe in probes:
+        arguments = results.compiled.probes[probe.name].arguments
+        keys = ("point", "node", "part", "snap")
+        asked = {key: arguments[key] for key in keys if key in arguments}
+        with suppress(AntioscError):
+            x = probed_point(results.structure, **asked)
+            if x is None:
+                continue
+            given = asked.get("point")
+            off = None
+            if isinstance(given, list | tuple):
+                off = float(np.linalg.norm(x[: len(given)] - given))
+                off = None if off < ON_POINT else off
+            probe.place = ProbePlace(tuple(x.tolist()), off)
+
+
+def _point_of(probe: Probe) -> Columns:
+    """The point [m] of a probe among the numbers; {} if it is not known."""
+    return {} if probe.place is None else {"point": probe.place.point}
 
 
 def _note_on_probes(probes: Sequence[Probe], left_out: bool) -> str:
@@ -844,6 +891,7 @@ class Probe:
     `filter` : the channel frequency class of its filter, or None.
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
     `force` : relative error of the force beside that by their number; None if it is not known.
+    `place` : where it lies; None if it is not known.
     `settled` : the probe through the widest filter through which it has converged, if it has not
         without one.
     """
@@ -851,6 +899,7 @@ class Probe:
     fewer: Probe | None = None
     force: float | None = None
     settled: Probe | None = None
+    place: ProbePlace | None = None
 
     def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments

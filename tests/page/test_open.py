@@ -142,6 +142,8 @@ def test_a_part_shows_its_faces_and_what_holds_it(opened):
     points = first["skin"]["points"].reshape(-1, 3)
     low = points[first["skin"]["faces"].reshape(-1, 3)[tags == held[0]]]
     assert (low[:, :, 2] == points[:, 2].min()).all()  # the face below
+    assert "the underside, z = 0 mm" in first["first_held"]
+    assert f"The material {first['setup']['material']} is a guess" in first["first_material"]
     hole = first["skin"]["sets"][first["faces"].index("hole 10 mm (1)")]  # "face 7" beside
     step = first["skin"]["half"] / 32767
     corners = points[first["skin"]["faces"].reshape(-1, 3)[hole]] * step + first["skin"]["middle"]

@@ -53,7 +53,16 @@ def test_a_scene_lists_all_groups_and_a_held_plane_names_its_face(tmp_path):
     text = template.text("scene.toml", "part.msh", look)
     assert all(f'"{name}"' in text for name in names)
     held = next(value for name, value, _ in look.taken(drop=False) if name == "held")
-    assert held.startswith("below: ")
+    assert held == "below: the nodes on the underside, z = 0 mm"
+    upside = replace(look, low=look.low - [0, 0, 1.0], high=look.high - [0, 0, 0.06])
+    assert upside.plane_text() == "the top, z = 0 mm"
+
+
+def test_a_material_that_nobody_named_is_told_as_a_guess():
+    look = inspecting._inspect_mesh(ao.box_mesh((0.1, 0.08, 0.06), size=0.02), {}, None)
+    for asked in (False, True):
+        rows = {name: value for name, value, _ in replace(look, asked=asked).taken(drop=False)}
+        assert ("a guess" in rows["material"]) == (not asked)
 
 
 def test_a_plate_is_held_at_an_end_and_not_at_its_underside():

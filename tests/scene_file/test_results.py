@@ -389,7 +389,8 @@ def struck_beam(tmp_path_factory):
     """(text of a run, its numbers, its report as text)."""
     folder = tmp_path_factory.mktemp("beam")
     (folder / "line.geo").write_text(LINE)
-    path = written(folder, STRUCK_BEAM)
+    probe = "[probes.p]\npoint = [0.3, 0.012, 0.005]\nsnap = 0.02\n"
+    path = written(folder, STRUCK_BEAM + probe)
     told = io.StringIO()
     with contextlib.redirect_stdout(told):
         assert antiosc("run", path, "--out", folder / "out", "--report", folder / "r.html") == 0
@@ -457,3 +458,11 @@ def test_the_force_has_one_error_in_a_summary():
     assert "force error   see hit.error_budget" in barred.summary()
     share = re.search("± ([^ ]+) %", str(barred.error_budget))[1]
     assert f"± {share} %" in barred.summary()
+
+
+def test_a_probe_tells_where_it_lies(struck_beam):
+    """The axis of the beam is 13 mm off the point given."""
+    off = "it lies at (300, 0, 0) mm, 13.0 mm from the point given"
+    assert off in struck_beam[0]
+    assert off in struck_beam[2]
+    np.testing.assert_allclose(struck_beam[1]["probes"]["p"]["point"], [0.3, 0, 0], atol=1e-12)

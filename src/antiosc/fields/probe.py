@@ -221,6 +221,25 @@ def check_point(
         source(structure).at_point(structure, nothing, x, part, _reach(point, snap))
 
 
+def probed_point(
+    structure: Structure,
+    point: Sequence[float] | str | None = None,
+    node: int | None = None,
+    part: str | None = None,
+    snap: float | None = None,
+) -> Array | None:
+    """The point (3,) [m] at which a probe lies; None of matrices, and of points without a mesh."""
+    matrices = structure.matrices
+    if not (matrices.meshed or matrices.assembled):
+        return None
+    x, part, end = point_of(structure, point, part, node)
+    if end is not None:
+        return None
+    from antiosc.recovery.mesh_fields import nearest_point  # needs dolfinx
+
+    return nearest_point(structure, x, part, _reach(point, snap))
+
+
 def probe_error(
     structure: Structure,
     history: History,

@@ -203,6 +203,17 @@ def at_point(
     return with_parts(structure).decided(lambda: _displacements(parts, x, reach))
 
 
+def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach) -> Array:
+    """The point (3,) [m] of a structure that is nearest to x (3,), as `at_point` takes it."""
+    parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), part)
+
+    def nearest() -> Array:
+        number, found = _nearest(parts, x[None], reach)
+        return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
+
+    return with_parts(structure).decided(nearest)
+
+
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
     """Displacements (gdim, columns) at the point of all parts that is nearest to x (3,)."""
     number, closest = _nearest(parts, x[None], reach)

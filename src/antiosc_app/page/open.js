@@ -611,6 +611,13 @@ class Bench {
 
   falls() { return this.setup.striker.kind === "floor"; }
 
+  // The sentences on what the page guessed at first, as long as it is so.
+  guesses() {
+    const { facts, setup } = this, first = facts.setup;
+    const kept = { striker: this.is_first_striker(), held: !this.falls() && String(setup.held) === String(first.held), material: setup.material === first.material };
+    return Object.keys(kept).filter((name) => kept[name]).map((name) => facts[`first_${name}`]);
+  }
+
   // Whether the striker is still the one with which the page began, be it faster.
   is_first_striker() {
     const { facts, setup } = this;
@@ -658,8 +665,8 @@ class Bench {
   show_fields() {
     for (const one of this.shown) one();
     forget("[hidden]");
-    const falls = this.falls(), { told, first_striker: first } = this.facts;
-    find("file").textContent = this.is_first_striker() ? [told, first].filter(Boolean).join(" ") : told;
+    const falls = this.falls();
+    find("file").textContent = [this.facts.told, ...this.guesses()].filter(Boolean).join(" ");
     find("site-fields").hidden = find("strikes").hidden = falls;
     const clicks_hold = !falls && this.facts.faces.length;
     for (const one of document.querySelectorAll(".of-click")) one.hidden = !clicks_hold;
