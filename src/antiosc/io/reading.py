@@ -478,7 +478,7 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             raise UnmeshableError(sentence) from error
     kept_surfaces.save(key, surface, reason)
     own = [remark.replace(file.name, asked.name) for remark in raw.remarks]
-    raw.remarks = [f"{reason}; therefore {surface.remarks[-1]}", *own]
+    raw.remarks = [f"gmsh cannot mesh {asked.name} as it is; {surface.remarks[-1]}", *own]
     if SAMPLE in surface.cells:
         raw.groups = _named_by_samples(raw, surface, asked.unit)
     return raw
@@ -539,6 +539,12 @@ MOST_OFF = 2e-3
 NEARER_TIME = 40.0
 
 
+#: Words of what is told of a mesh that another attempt made in the shape of the file.
+MESHED_OTHERWISE = "is meshed in the shape of the file, by another attempt than the first,"
+#: Words of remarks on how a mesh was made that has the shape of its file.
+HOW_MADE = (MESHED_OTHERWISE, remade.ANEW)
+
+
 #: Attempts after the first that succeeded, by the state of the file, and what is told of them: the
 #: next reading of that file, with other elements, begins with it.
 _worked: dict[tuple[Path, int, int | None, bool], tuple[int, str]] = {}
@@ -588,8 +594,9 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         first_remarks = raw.remarks
         if reason is not None:
             sentence = str(reason).rstrip(".")
-            shape = " in the shape of the file" if raw.off <= MOST_OFF else ""
-            told = f"{sentence}; it is meshed {attempt.about}{shape}."
+            told = f"{sentence}; it is meshed {attempt.about}."
+            if raw.off <= MOST_OFF:  # gmsh's error asks for nothing then
+                told = f"{name} {MESHED_OTHERWISE} {attempt.about}."
             raw.remarks = [*first_remarks, told]
             if raw.off <= MOST_OFF and asked.path.exists():
                 _worked[asked.state] = number, raw.remarks[-1]

@@ -16,7 +16,7 @@ import antiosc as ao
 pytest.importorskip("dolfinx")
 pytest.importorskip("jinja2")
 
-from antiosc.base.errors import UnmeshableError
+from antiosc.base.errors import ChoiceWarning, UnmeshableError
 from antiosc.fem.platform import compat
 from antiosc.io import facets, kept_surfaces, remade
 from antiosc.io.cad import ATTEMPTS
@@ -442,7 +442,7 @@ def test_a_surface_that_pierces_itself_is_made_anew(tmp_path, monkeypatch):
         with pytest.raises(ao.MeshError, match="pip install pytetwild"):
             ao.read_mesh(file, size=0.2, solid=True, unit="m")
     pytest.importorskip("pytetwild")
-    with pytest.warns(ao.AntioscWarning, match="made anew by fTetWild, within 0.1 % of"):
+    with pytest.warns(ChoiceWarning, match="made anew by fTetWild, within 0.1 % of"):
         mesh = ao.read_mesh(file, size=0.2, solid=True, unit="m")
     held = 1 - (1.3 - 0.3**3 / 1.3**2) / 3  # the cube without the pyramid above its bottom
     with pytest.warns(ao.AntioscWarning, match="of the diagonal"):

@@ -25,7 +25,7 @@ from antiosc.base.checks import (
     text,
     whole,
 )
-from antiosc.base.errors import InputError, MeshError
+from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshError
 from antiosc.fem.mesh import Mesh, distributed, parallel
 from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
@@ -34,7 +34,7 @@ from antiosc.io import cad_volume
 from antiosc.io.by_gmsh import GEOMETRY
 from antiosc.io.cad import STATES_UNIT
 from antiosc.io.neutral import RawMesh, UnitSystem
-from antiosc.io.reading import NumberedElements, Wanted, read
+from antiosc.io.reading import HOW_MADE, NumberedElements, Wanted, read
 from antiosc.io.request import Refinement
 
 if TYPE_CHECKING:
@@ -223,7 +223,8 @@ def read_mesh(
 
     raw = on_root(comm, work)
     for sentence in [*raw.remarks, *cad_volume.told(raw, file.name, order == 1)]:
-        warn(comm, sentence)
+        made = any(words in sentence for words in HOW_MADE)
+        warn(comm, sentence, ChoiceWarning if made else AntioscWarning)
     unit_stated = unit is not None or file.suffix.lower() in STATES_UNIT
     return replace(distributed(raw, file.name, comm), stated=unit_stated)
 
