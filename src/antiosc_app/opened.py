@@ -481,6 +481,7 @@ class Opened:
             "contact": inspection.read.get("contact", ""),
             "contacts": CONTACT_TEXTS if "contact" in inspection.read else {},
             "told": _told_of_file(inspection),
+            "mass": _mass(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "first_held": _first_held(inspection),
             "first_material": _first_material(inspection),
@@ -1077,6 +1078,13 @@ def _told_of_file(look: Inspection) -> str:
         choices += f"; the deck keeps its elements, for {look.kept}"
     notes = (note for note in look.notes if not any(words in note for words in OF_PIECES))
     return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, notes)])
+
+
+def _mass(look: Inspection) -> float:
+    """Mass [kg] of the part with its first material; 0 if it is not known."""
+    with contextlib.suppress(InputError):
+        return look.mass
+    return 0.0
 
 
 def _first_held(look: Inspection) -> str:

@@ -1254,6 +1254,14 @@ def test_a_refused_set_up_keeps_all_that_was_typed(command):
         browser.run(CHOOSE, "input[name=yield_strength]", "470")
         doubled = reached(browser, "complete", turn + 5)
         assert doubled["setup"]["own"]["yield_range"] == pytest.approx([470e6, 720e6])
+        # a striker that is much heavier than the part, told before it strikes
+        browser.run("bench.strike = () => {}; bench.setup.striker.kind = 'mass'")
+        over = "return [0.9, 1.1].map((f) => { const s = bench.setup.striker;"
+        over += " s.mass = 1000 * f * bench.facts.mass; bench.warn(''); return bench.caution; })"
+        below, above = browser.run(over)
+        assert below == ""
+        assert "has 1100 times the mass of the part" in above
+        assert above in browser.run("return document.getElementById('wrong').textContent")
         assert first["setup"]["own"] is None
         assert browser.said() == []
 

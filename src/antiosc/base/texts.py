@@ -258,6 +258,10 @@ PREFIXED = ("m", "s", "J", "Pa", "Hz", "g")
 PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 
 
+#: Numbers of units without a prefix that are written without an exponent: 1220 m/s².
+WHOLE = 1e6
+
+
 def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     """A number with this many significant digits and a prefix of its unit, as "2.20 kN".
 
@@ -280,8 +284,9 @@ def engineering(value: float, unit: str = "", digits: int = 3) -> str:
     power = 3 * floor(log10(abs(rounded)) / 3 + 1e-12) if prefixed else 0
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     scaled = rounded / 10**power
-    exponent = prefixed and abs(scaled) >= 10**digits  # which two digits of 690 would have
-    digits_text = f"{scaled:.0f}" if exponent else f"{scaled:#.{digits}g}".rstrip(".")
+    exponent = abs(scaled) >= 10**digits  # which two digits of 690 would have
+    whole = exponent and (prefixed or abs(scaled) < WHOLE)
+    digits_text = f"{scaled:.0f}" if whole else f"{scaled:#.{digits}g}".rstrip(".")
     return f"{digits_text} {PREFIXES[power]}{unit}".rstrip()
 
 

@@ -420,7 +420,7 @@ def with_count(model: AntiOscillators, count: int) -> AntiOscillators:
 #: Note where the truncation may change the force by more than `WARN_SHARE`.
 TOO_FEW = (
     "The {} anti-oscillators are too few for this contact: the bar of the truncation is a rough"
-    " one; extract with a band."
+    " one."
 )
 
 

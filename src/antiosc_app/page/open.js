@@ -48,6 +48,7 @@ const MOST_NUMBERED = 12; // faces without a name of their own that are not fold
 const is_numbered = (name) => /^(face|flat side) \d+$/.test(name);
 const NOTE = 3; // weight of a note of what was chosen
 const MOST_DIGITS = 6; // of a number that fits into its field
+const HEAVY = 1000; // times the mass of the part from which on a striker's mass is questioned before it strikes
 const GRIP = 22; // pixels around the tail of the arrow that drag it
 const SEE_THROUGH = 0.6; // cover of a face that stands out
 // What a tab keeps over a reload; nothing where the browser forbids it.
@@ -739,7 +740,7 @@ class Bench {
     this.outdated(true);
     delete document.documentElement.dataset.failed;
     this.warned = [];
-    this.wrong("", false);
+    this.warn("");
     this.wrote("");
     if (this.page) this.last = this.page.hit;
     if (this.page && this.page.sites) this.page = null;
@@ -867,9 +868,17 @@ class Bench {
     globalThis.page = this.page;
   }
 
+  // The sentence on a striker whose mass may be a slip; "" of others.
+  heavy() {
+    const { kind, mass, radius, material } = this.setup.striker, { mass: part, constants } = this.facts;
+    const found = { mass, ball: 4 / 3 * Math.PI * radius ** 3 * (constants[material] || {}).rho }[kind];
+    if (!(part && found > HEAVY * part)) return "";
+    return `The striker of ${engineering(found, "kg")} has ${Number((found / part).toPrecision(2))} times the mass of the part, ${engineering(part, "kg")}: if that is not meant, change its field.`;
+  }
+
   // What must be read before the numbers.
   warn(caution) {
-    this.caution = caution;
+    this.caution = [this.heavy(), caution].filter(Boolean).join(" ");
     this.wrong("", false);
   }
 

@@ -12,8 +12,8 @@ function engineering(value, unit = "", digits = 3) {
   let power = PREFIXED.includes(unit) || unit[0] === "N" ? Math.floor(Math.log10(Math.abs(rounded)) / 3 + 1e-12) : 0;
   power = Math.min(Math.max(power, -5), 4);
   const scaled = rounded / 10 ** (3 * power), size = Math.abs(scaled);
-  const plain = size >= 1e-4 && size < 10 ** digits, hundreds = !plain && size >= 10 && size < 1e3;
-  const shown = hundreds ? scaled.toFixed() : plain ? scaled.toPrecision(digits) : scaled.toExponential(digits - 1).replace(/e([+-])(.)$/, "e$10$2");
+  const plain = size >= 1e-4 && size < 10 ** digits, whole = !plain && size >= 10 && size < 1e6;
+  const shown = whole ? scaled.toFixed() : plain ? scaled.toPrecision(digits) : scaled.toExponential(digits - 1).replace(/e([+-])(.)$/, "e$10$2");
   return `${shown} ${PREFIXES[power + 5]}${unit}`.trim();
 }
 

@@ -115,7 +115,8 @@ class ModelErrors:
 
     Attributes
     ----------
-    skipped : why the models of a part that has an estimator get no estimate; "" if they do.
+    skipped : why the models of an assembly, or of a mesh that is too large for its estimator, get
+        no estimate, and their bars tell it; "" if they get one.
     """
 
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
@@ -123,12 +124,14 @@ class ModelErrors:
             raise InputError(
                 "the error 'estimate' is for models of one site: extract each site by itself."
             )
-        if reason := _refusal(structure):
+        reason = _refusal(structure)
+        if reason and not structure.matrices.assembled:
             raise InputError(reason)
-        self._errors = _of_structure(structure)
-        self.skipped = _skipped(structure)
+        self.skipped = reason or _skipped(structure)
         self._structure = structure
-        self._errors.prepare()
+        if not self.skipped:
+            self._errors = _of_structure(structure)
+            self._errors.prepare()
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""

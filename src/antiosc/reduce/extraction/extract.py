@@ -302,8 +302,8 @@ def extract(
         Estimate the error of the mesh: the model gets its `strain_error`, so that `corrected()`
         and the `error_budget` of a `simulate` are available. Solids, joined too, beams and shells;
         no named sites. It takes at most one further solve (of beams, and of shells of
-        quadrilaterals, one on a mesh of half the size; a mesh that is too large for it has a model
-        without).
+        quadrilaterals, one on a mesh of half the size; a mesh that is too large for it, and other
+        assemblies, have a model without, whose bars hold the other causes and say so).
     stretch : int, "auto" or False
         Number of modes with second-order forces: a sheet or a beam with fixed edges stretches as it
         bends, which stiffens it; a curved sheet is softer where it is pushed toward flat. "auto":
