@@ -90,8 +90,8 @@ def yield_speeds(
         """Logarithms of the bounds of the exposure at the speed exp(x)."""
         run = at_speed(exp(x))
         zones = on_part(structure, zones_of(run, PART)) if is_solid else NO_ZONES
-        factor = _largest(structure, run, columns) / here
-        least, most = _scaled(worst, factor, zones, force(run)).bounds
+        factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
+        least, most = _scaled(worst, factors, zones, force(run)).bounds
         return (log(least) if least > 0 else NOTHING), log(most)
 
     certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
@@ -141,8 +141,13 @@ def _largest(structure: Structure, hit: History, columns: Array) -> float:
     return float(length(factors @ columns.T).max())
 
 
-def _scaled(worst: Margin, factor: float, zones: Zones, force: float) -> Margin:
-    """A margin in which the stresses of the mesh are so many times as large."""
+def _scaled(worst: Margin, factors: tuple[float, float], zones: Zones, force: float) -> Margin:
+    """A margin in which the stresses of the mesh, and the forces, are so many times as large.
+
+    The stress beside a hollow grows with the force: under a smaller contact, which zones would take
+    as a column down to the hollow, the load has spread there to that of the larger one.
+    """
+    factor, of_force = factors
     low, high = worst.others
     return replace(
         worst,
@@ -152,7 +157,7 @@ def _scaled(worst: Margin, factor: float, zones: Zones, force: float) -> Margin:
         spread=float(zones.spread_error(worst.point[None])[0]),
         edge_stress=zones.edge_stress,
         thin_stress=zones.thin_stress,
-        hollow_stress=zones.hollow_stress,
+        hollow_stress=min(zones.hollow_stress, of_force * worst.hollow_stress),
         force_error=force,
     )
 

@@ -980,3 +980,14 @@ def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
     told = YieldSpeeds(speed, certain.speed, (certain.speed,)).sentence
     assert told.count("extrapolated") == 1
     assert told.index("is certain") < told.index("extrapolated")
+
+
+def test_beside_a_hollow_a_smaller_contact_has_no_more_than_its_share_of_the_force():
+    """At 1 % of the force the pressure of a contact that yields is the same, on a hundredth."""
+    margin = Margin("yield", 30e6, 50e6, np.zeros(3), 0.0, hollow_stress=100e6)
+    zone = YieldingZone(np.zeros(3), None, (0.1e-3, 4e-3), 10.0, 0.3, depth=9e-3, hollow=1e-3)
+    zones = Zones.about([zone])
+    assert zones.hollow_stress > 100e6
+    at_speed = yield_speed._scaled(margin, (0.01, 0.01), zones, 0.0)
+    assert at_speed.hollow_stress == pytest.approx(1e6)
+    assert at_speed.value == pytest.approx(0.3e6)
