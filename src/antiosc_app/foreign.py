@@ -204,6 +204,7 @@ def _of_mesh(
         ways = [{**alone, "size": size} if alone.get("solid") else alone]
     mesh, options, pieces, told = _first(path, read, ways)
     read |= options
+    made_with = dict(read)
     meshed = "size" in read
     if meshed and given is None and mesh.n_cells > MOST_CELLS:
         larger = rounded_up(read["size"] * (mesh.n_cells / MOST_CELLS) ** (1 / mesh.tdim))
@@ -215,12 +216,12 @@ def _of_mesh(
         told_again: list[str] = []
         with warnings_to(told_again.append):
             mesh = antiosc.read_mesh(str(path), **read)
+        made_with = dict(read)
         of_first = (one for one in told if not _of_surface(one))
         told = told_again if "solid" in read else [*of_first, *filter(_of_surface, told_again)]
     notes += told
     if mesh.tdim == 1 and mesh.order > 1:  # bars are straight
         read["order"] = 1
-        mesh = antiosc.read_mesh(str(path), **read)
     if not meshed and "unit" not in read:
         length = float(np.ptp(mesh.dolfinx.geometry.x, axis=0).max())
         if suffix not in STATES_UNIT:
@@ -233,10 +234,9 @@ def _of_mesh(
         notes += _described(pieces)
     if mesh.tdim < 3 and mesh.gdim == 2:  # a plate, struck on its face
         read["gdim"] = 3
-    halved = given is not None and not meshed
-    if halved:
+    if given is not None and not meshed:
         read["size"] = given
-    if halved or {"unit", "gdim"} & set(read):
+    if read != made_with:
         mesh = antiosc.read_mesh(str(path), **read)
     all_notes = [*notes, *_option_notes(read)]
     return ForeignPart(mesh, read, None, all_notes, pieces, meshed=meshed)

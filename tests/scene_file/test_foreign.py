@@ -604,6 +604,26 @@ def test_the_unit_of_a_surface_is_that_of_a_printed_part(tmp_path, side, unit):
         assert foreign_part(tmp_path / name).read["unit"] == expected
 
 
+@pytest.mark.parametrize("name", ["closed.stl", "bars.vtu"])
+def test_no_file_is_read_twice_in_the_same_way(tmp_path, monkeypatch, name):
+    """A surface in a unit that is guessed, and bars, which become straight."""
+    corners = 50.0 * np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0.5, 0, 0)])
+    sides = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
+    cells = ("triangle", sides) if name == "closed.stl" else ("line3", np.array([(0, 1, 4)]))
+    meshio.write(tmp_path / name, meshio.Mesh(corners, [cells]))
+    ways = []
+    read_mesh = ao.read_mesh
+
+    def recorded(*arguments, **options):
+        ways.append(options)
+        return read_mesh(*arguments, **options)
+
+    monkeypatch.setattr(ao, "read_mesh", recorded)
+    found = foreign_part(tmp_path / name)
+    assert all(one != other for k, one in enumerate(ways) for other in ways[:k])
+    assert ways[-1] == found.read
+
+
 def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", model=False)
     assert inspect_part(path, unit="in").length == pytest.approx(25.4 * SIDES[0])

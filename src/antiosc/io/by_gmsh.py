@@ -46,6 +46,11 @@ SHORTER = 0.5
 MOST_CELLS = 10_000_000
 #: Element sizes below this share of the part are below the resolution of its coordinates.
 RESOLVED_SHARE = 1e-9
+#: Triangles of all faces by the short edges of their boundaries, and over those by the size, above
+#: which these edges do not set the size within the faces. A plate of 480 mm with 322 holes of 3.3 mm
+#: had 213 000 triangles and 1 000 000 cells in 110 s, and 18 600 and 22 300 in 4 s without; the
+#: estimate of triangles is 0.4 to 0.9 of what gmsh makes (nine CAD files by others).
+MOST_CONTINUED, MOST_TIMES_CONTINUED = 20_000, 4.0
 #: Number of regular simplices with edges of length 1 per unit of length, area or volume.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
@@ -60,12 +65,16 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     _check_sizes(gmsh, ask, scale)
     # facets are flat: middle nodes off them would bend the part
     order = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
-    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
+    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for `_mesh_coarsely` and `_edge_lengths`
     ask.allow(600)
+    if ask.around:
+        stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(stated, ask.around))
     if ask.size is not None:
         expected = max(expected_cells(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
         ask.allow((150 if ask.solid else 30) + 2e-3 * max(expected, 1e4))
+        _keep_small_sizes_at_edges(gmsh, ask.size)
     fields = [_graded_field(gmsh, point, local, ask) for point, local in ask.refine]
     if ask.sizes is not None:
         size_field = SizeField(**ask.sizes)
@@ -78,10 +87,33 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
     # faster, but its meshes of one part differ from run to run.
     gmsh.option.setNumber("Mesh.ElementOrder", order)
-    if ask.around:
-        stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(stated, ask.around))
     gmsh.model.mesh.generate(dim)
+
+
+def _keep_small_sizes_at_edges(gmsh: ModuleType, size: float) -> None:
+    """Let the size alone count away from the curves of CAD, if their short edges, which gmsh
+    continues over whole faces, would make too many triangles.
+    """
+    areas = {tag: _mass(gmsh, 2, tag) for _, tag in gmsh.model.getEntities(2)}
+    if None in areas.values():  # clearing the mesh would clear triangles of the file
+        return
+    gmsh.model.mesh.generate(1)
+    lengths = {tag: _edge_lengths(gmsh, tag) for _, tag in gmsh.model.getEntities(1)}
+    continued = 0.0
+    for tag, area in areas.items():
+        around = gmsh.model.getBoundary([(2, tag)], oriented=False)
+        edges = np.concatenate([[], *(lengths[curve] for _, curve in around)])
+        continued += CELLS_PER_SIZE[2] * area / min(edges.mean(), size) ** 2 if edges.size else 0.0
+    gmsh.model.mesh.clear()
+    least = CELLS_PER_SIZE[2] * sum(areas.values()) / size**2
+    if continued > max(MOST_CONTINUED, MOST_TIMES_CONTINUED * least):
+        gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 0)
+
+
+def _edge_lengths(gmsh: ModuleType, tag: int) -> Array:
+    """Lengths of the edges of a meshed curve."""
+    x = _corners(gmsh, 1, tag)
+    return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
 
 
 def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:

@@ -227,6 +227,27 @@ def test_a_usual_part_is_meshed_once(tmp_path, readings):
     assert readings == [0.0]
 
 
+def test_edges_of_many_small_holes_do_not_set_the_size_of_the_whole_plate(tmp_path):
+    """Its volume is L² t - N π r² t; faces in edges as short as those of the holes would have
+    4/√3 A/h² triangles each.
+    """
+    length, thickness, count, radius = 60.0, 2.0, 12, 0.5
+
+    def sieve(occ) -> int:
+        body = (3, occ.addBox(0, 0, 0, length, length, thickness))
+        places = length * (np.arange(count) + 0.5) / count
+        holes = [
+            (3, occ.addCylinder(x, y, 0, 0, 0, thickness, radius)) for x in places for y in places
+        ]
+        return int(occ.cut([body], holes)[0][0][1])
+
+    mesh, volume, _ = read(written(tmp_path / "sieve.step", sieve), size=10e-3)
+    area = length**2 - count**2 * pi * radius**2
+    assert volume == pytest.approx(1e-9 * thickness * area, rel=5e-3)
+    edge = pi * radius / 3  # gmsh's own: of six around a hole
+    assert mesh.n_cells < 2 * (4 / 3**0.5) * area / edge**2 / 2
+
+
 def test_the_next_reading_begins_with_the_elements_that_helped(tmp_path, readings):
     path = written(tmp_path / "plate.step", plate)
     first = read(path, size=4e-3)[2]
