@@ -2,18 +2,32 @@
 
 It loads gmsh once and reads each file in a fork of itself. If a file makes its reader crash, hang
 or use all memory, only that fork ends. A response is a line of JSON and the bytes of arrays, never
-a pickle. The process ends when the process that sends the requests ends.
+a pickle. Lines {"progress": text} may precede it. The process ends when the process that sends the requests ends.
 """
 
 import contextlib
 import importlib
 import json
 import os
+import re
 import select
 import signal
 import sys
+import time
 import types
 from pathlib import Path
+
+#: What gmsh prints of its work -> what is told of it, with the numbers in it.
+PROGRESS = (
+    (re.compile(rb"\[ *(\d+)%\] Meshing (?:curve|surface) \d+ order"), "middle nodes, {} of 100 %"),
+    (re.compile(rb"\[ *(\d+)%\] Meshing curve"), "edges, {} of 100 %"),
+    (re.compile(rb"\[ *(\d+)%\] Meshing surface"), "faces, {} of 100 %"),
+    (re.compile(rb"Tetrahedrizing (\d+) nodes"), "volume between {} nodes of the faces"),
+    (re.compile(rb"It\. \d+ - (\d+) nodes created"), "volume, {} nodes within it so far"),
+    (re.compile(rb"Optimizing (?:mesh|volume)"), "improving the shape of cells"),
+)
+#: Seconds between two texts of progress.
+EACH = 0.2
 
 
 def main() -> None:
@@ -27,7 +41,7 @@ def main() -> None:
     for line in requests:
         request = json.loads(line)
         sys.path[:] = request.pop("sys_path")
-        code, response, seconds = _in_a_fork(request, nowhere)
+        code, response, seconds = _in_a_fork(request, nowhere, answers)
         header = {"code": code, "size": len(response), "seconds": seconds}
         answers.write(json.dumps(header).encode() + b"\n")
         answers.write(response)
@@ -41,46 +55,76 @@ def _hollow_package(folder: Path) -> None:
     sys.modules["antiosc"] = package
 
 
-def _in_a_fork(request, nowhere):  # type: ignore[no-untyped-def]
-    """(exit code, response, processor time [s]) of a fork of this process that reads one file."""
+def _in_a_fork(request, nowhere, answers):  # type: ignore[no-untyped-def]
+    """(exit code, response, processor time [s]) of a fork of this process that reads one file; its
+    progress goes to `answers`.
+    """
     from antiosc.io.table import reader_of
 
     with contextlib.suppress(Exception):  # the fork raises it again, and says it
         importlib.import_module(reader_of(request["path"], request.get("solid", False)).library)
     reading, writing = os.pipe()
+    printed, printing = os.pipe()
     pid = os.fork()
     if pid == 0:
         code = 1
         try:
             os.close(reading)
             os.dup2(nowhere, 0)
+            os.dup2(printing, 1)
             with os.fdopen(writing, "wb") as answer:
                 _work(request, answer)
             code = 0
         finally:
             os._exit(code)  # without the finalizers, in which gmsh may crash
     os.close(writing)
-    answer = _answer_of(pid, reading)
+    os.close(printing)
+    with os.fdopen(printed, "rb", buffering=0) as texts:
+        answer = _answer_of(pid, reading, texts, answers)
     _, status, used = os.wait4(pid, 0)
     return os.waitstatus_to_exitcode(status), answer, used.ru_utime + used.ru_stime
 
 
-def _answer_of(pid: int, reading: int) -> bytes:
-    """The output of the fork; both processes end if the caller closes its end of the pipe."""
+def _answer_of(pid, reading, printed, answers):  # type: ignore[no-untyped-def]
+    """The output of the fork; both processes end if the caller closes its end of the pipe. What
+    the fork prints becomes lines of progress.
+    """
     poll = select.poll()
     poll.register(reading, select.POLLIN)
+    poll.register(printed, select.POLLIN)
     poll.register(0, 0)  # readable only if the other end is closed
     parts: list[bytes] = []
+    told = 0.0
     with os.fdopen(reading, "rb", buffering=0) as stream:
         while True:
             ready = dict(poll.poll())
             if 0 in ready:
                 os.kill(pid, signal.SIGKILL)
                 os._exit(1)
-            part = stream.read(2**20)
-            if not part:
-                return b"".join(parts)
-            parts.append(part)
+            if printed.fileno() in ready:
+                text = printed.read(2**16)
+                if not text:
+                    poll.unregister(printed)
+                about = progress_of(text)
+                if about and time.monotonic() - told > EACH:
+                    told = time.monotonic()
+                    answers.write(json.dumps({"progress": about}).encode() + b"\n")
+                    answers.flush()
+            if reading in ready:
+                part = stream.read(2**20)
+                if not part:
+                    return b"".join(parts)
+                parts.append(part)
+
+
+def progress_of(printed: bytes) -> str:
+    """What is told of the last line of gmsh's output that tells its progress; "" of others."""
+    for line in reversed(printed.splitlines()):
+        for pattern, text in PROGRESS:
+            found = pattern.search(line)
+            if found:
+                return text.format(*(number.decode() for number in found.groups()))
+    return ""
 
 
 def _work(request, answer):  # type: ignore[no-untyped-def]

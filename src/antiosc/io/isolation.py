@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -68,8 +68,10 @@ def read_apart(path: Path, *, geometry: bool, options: Json, timeout: float | No
         told, options = options.get("told", ""), {**options}
         options.pop("told", None)
         about = f" ({told}{ATTEMPTS[attempt].about})" if attempt else ""
-        with doing(f"{'meshing' if geometry else 'reading'} {path.name}{about}"):
-            code, response = ask({**options, **place, "timeout": timeout, "memory": memory})
+        meshes = geometry and not options.get("outline")
+        with doing(f"{'meshing' if meshes else 'reading'} {path.name}{about}") as tell:
+            request = {**options, **place, "timeout": timeout, "memory": memory}
+            code, response = ask(request, tell)
     if code != 0:
         again = bool(options.get("attempt") or options.get("solid"))
         again |= timeout is None and path.suffix.lower() in CAD
@@ -193,8 +195,10 @@ def processor_time() -> float:
     return _seconds
 
 
-def ask(request: Json) -> tuple[int, bytes]:
-    """Read one file in the other process: (exit code, response); see `child`."""
+def ask(request: Json, tell: Callable[[str], None] | None = None) -> tuple[int, bytes]:
+    """Read one file in the other process: (exit code, response); see `child`. `tell` gets what is
+    told of the progress.
+    """
     global _seconds
     with _lock:
         process = _running()
@@ -206,6 +210,10 @@ def ask(request: Json) -> tuple[int, bytes]:
             process.stdin.write(json.dumps(line).encode() + b"\n")
             process.stdin.flush()
             header = json.loads(process.stdout.readline())
+            while "progress" in header:
+                if tell is not None:
+                    tell(header["progress"])
+                header = json.loads(process.stdout.readline())
             _seconds += header["seconds"]
             return int(header["code"]), process.stdout.read(header["size"])
         except (OSError, ValueError):  # it has ended

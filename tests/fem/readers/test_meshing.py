@@ -17,6 +17,7 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.base import progress
 from antiosc.io import by_gmsh, isolation
 from antiosc.io.conversion import EDGES
 from antiosc.io.mesh_files import GMSH_EDGES, GMSH_FACES
@@ -63,6 +64,21 @@ def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
     for dim, kind in ((1, 1), (2, 2), (3, 4)):
         made = len(gmsh.model.mesh.getElementsByType(kind)[0])
         assert 0.5 < told[dim - 1] / made < 2
+
+
+def test_meshing_tells_what_gmsh_has_done(tmp_path, session):
+    """Edges precede faces and these the volume, within which are fewer nodes than in all."""
+    texts: list[str] = []
+    with progress.following(texts.append):
+        mesh = ao.read_mesh(cube(session, tmp_path / "cube", "own"), size=0.04, order=1)
+    told = [text.partition(": ")[2] for text in texts if text.startswith("meshing cube.geo: ")]
+    assert told
+    stages = ["edges", "faces", "volume", "improving"]
+    numbers = [stages.index(re.split(r"\W", text)[0]) for text in told]
+    assert numbers == sorted(numbers)
+    assert all(int(share) <= 100 for text in told for share in re.findall(r"(\d+) of 100 %", text))
+    within = [int(count) for text in told for count in re.findall(r"(\d+) nodes within", text)]
+    assert all(count < mesh.dolfinx.geometry.x.shape[0] for count in within)
 
 
 def test_areas_and_volumes_follow_from_the_mesh_of_their_boundaries(tmp_path, session):
