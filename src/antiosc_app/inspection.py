@@ -126,13 +126,11 @@ class Forecast(NamedTuple):
 
     def lasting(self, seconds: float) -> str:
         """The shares of `seconds` in which the models end, in words: one of them is the time."""
-        ends = seconds / self.seconds * self.ends
-        *texts, last = dict.fromkeys(progress.seconds_text(max(end, 1.0)) for end in ends)
-        return " or ".join(filter(None, [", ".join(texts), last]))
+        return progress.range_text(seconds / self.seconds * self.ends)
 
-    def told(self, seconds: float) -> str:
-        """As `lasting`; "" of what does not take long."""
-        return self.lasting(seconds) if seconds > LONG else ""
+    def told(self, seconds: float) -> Sequence[float]:
+        """These shares, the shortest first; none of what does not take long."""
+        return [*(seconds / self.seconds * self.ends)] if seconds > LONG else []
 
     def brief(self) -> str:
         """Cells, seconds of the whole answer, and memory in few words."""

@@ -16,7 +16,7 @@ import shlex
 import threading
 import time
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial, reduce
@@ -271,8 +271,10 @@ class Opened:
         self._contact = contact
         self._opening = 0
         self._doing = ""
-        #: how long the present work takes, in words, and the scene that it has written already
-        self._takes = self._written = ""
+        #: when the present answer may end [s], when it began, and the scene that it has written
+        self._ends: Sequence[float] = ()
+        self._began = time.monotonic()
+        self._written = ""
         #: whether a structure is being built: it is completed, the next set-up mostly has the same
         self._building = False
         self._closed = False
@@ -299,11 +301,7 @@ class Opened:
             "take": lambda values: self._computed(partial(self._take, values)),
             "save": self._names,
             "forecast": self._forecast,
-            "progress": lambda _: {
-                "doing": self._doing,
-                "takes": self._takes,
-                "written": self._written,
-            },
+            "progress": self._progress,
         }
 
     @property
@@ -321,13 +319,23 @@ class Opened:
 
     # -- one thread computes
 
+    def _progress(self, _: Table) -> Data:
+        """What is done, for how long [s] the answer is computed, and what is expected of that."""
+        lasted = time.monotonic() - self._began
+        takes = progress.foreseen_text(self._ends, lasted)
+        return {"doing": self._doing, "lasted": lasted, "takes": takes, "written": self._written}
+
     def _computed(
-        self, work: Callable[[], Data], stops: Callable[[], bool] = never, finer: bool = False
+        self,
+        work: Callable[[], Data],
+        stops: Callable[[], bool] = never,
+        finer: bool = False,
+        goes_on: bool = False,
     ) -> Data:
         """The result of `work` in the computing thread, with its warnings and their weights.
 
         {"stale": True} where `stops` has become true during the work. `finer`: whether its mesh is
-        refined at the site already.
+        refined at the site already; `goes_on`: whether it belongs to the answer before.
         """
 
         def stop_if_asked(doing: str) -> None:
@@ -337,6 +345,8 @@ class Opened:
 
         def run_work() -> Data:
             self._count(-1)
+            if not goes_on:
+                self._began = time.monotonic()
             messages: list[str] = []
             with progress.following(stop_if_asked), warnings_to(messages.append):
                 try:
@@ -346,7 +356,7 @@ class Opened:
                 except SceneFileError as error:  # the page knows no lines
                     raise InputError(without_line(error)) from None
                 finally:
-                    self._takes = self._written = ""
+                    self._ends, self._written = (), ""
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
             source = self._source
             notes = [] if source is None else source.look.notes
@@ -413,11 +423,12 @@ class Opened:
             if overtaken():
                 return {"stale": True}
             if step != self._map:  # whose time is not foreseen
-                self._takes = self._saving(set_up) if writes else self._answering(set_up)
+                self._ends = self._saving(set_up) if writes else self._answering(set_up)
             return step(set_up, values)
 
         stops = never if writes else overtaken
-        return self._computed(work, stops, set_up.is_finer)
+        goes_on = step in (self._settle, self._fields, self._verdict)
+        return self._computed(work, stops, set_up.is_finer, goes_on)
 
     def _search_modes(self) -> None:
         """Compute a round of free modes of the last structure, unless the page waits.
@@ -430,6 +441,7 @@ class Opened:
 
         if not self._structures or self._waiting:
             return
+        self._began = time.monotonic()
         key, structure = next(reversed(self._structures.items()))
         modes = self._modes.of(key, lambda: FreeModeCache(structure))
         # without them every click is extracted
@@ -889,15 +901,15 @@ class Opened:
         cost = f"On this page all cells become smaller, and with {size} a model takes"
         return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
-    def _answering(self, set_up: SetUp) -> str:
-        """How long the whole answer to a set-up takes, in words; "" if not long, and of a fall."""
+    def _answering(self, set_up: SetUp) -> Sequence[float]:
+        """When the whole answer to a set-up may end [s]; none if not long, and of a fall."""
         if set_up.striker.kind == FLOOR:
-            return ""
+            return []
         forecast = self._opened().look.forecast(set_up.size, set_up.n, grows=set_up.n is None)
         return forecast.told(forecast.answer)
 
-    def _saving(self, set_up: SetUp) -> str:
-        """How long the report takes, as `_answering`: all but the model, which is known."""
+    def _saving(self, set_up: SetUp) -> Sequence[float]:
+        """When the report may end, as `_answering`: all but the model, which is known."""
         blow = self._impacts.get(repr(set_up))
         if blow is None:
             return self._answering(set_up)
@@ -908,7 +920,8 @@ class Opened:
         """The names of the scene and the report that would be written, their folder, and how long
         the report takes, to be confirmed.
         """
-        takes = self._saving(read(values.get("setup")))
+        ends = self._saving(read(values.get("setup")))
+        takes = progress.range_text(ends) if len(ends) else ""
         return {"folder": self._folder, "names": _free_names(self._path), "takes": takes}
 
     @property

@@ -26,7 +26,8 @@ from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import BODY, Touch, episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
-from antiosc_studies.drops.floor import law_at, law_of
+from antiosc_studies.drops.floor import Setting, law_at, law_of
+from antiosc_studies.drops.follow import reached_text
 from antiosc_studies.drops.free_body import State
 from antiosc_studies.drops.layer import with_layer_contact
 from antiosc_studies.drops.trajectory import Impacts, initial_state, law_error, point_contacts
@@ -986,8 +987,21 @@ def test_a_fall_tells_how_far_it_is(until, done) -> None:
     ]
     assert len(steps) == len(impacts)
     assert all(place in text for place, text in zip(impacts, steps, strict=True))
-    assert [text.split("impacts done ")[1] for text in steps if "done" in text] == done
+    told = [text.split("impacts done ")[1].split(",")[0] for text in steps if "done" in text]
+    assert told == done
     if until == 0.5:
         times = [int(re.search(r": (\d+) of 500 ms, ", text)[1]) for text in steps]
         touched = [1e3 * fall.episodes[i].start.time for i in range(len(steps))]
         assert times == pytest.approx(touched, abs=0.5)
+
+
+def test_the_end_of_a_fall_is_expected_after_as_many_impacts_as_took_the_time_so_far():
+    """The first of four impacts takes 30 s, the second 50 s: 90 s are left after 30 s, 85 s after
+    35 s, and 80 s after both; a third that takes longer than all is given no end.
+    """
+    setting = Setting(ao.Floor(), 9.81, 1.0, 4, np.inf, 1e-3)
+    left = []
+    for impact, start, lasted in ((1, 0, 29), (2, 30, 30), (2, 30, 35), (3, 80, 80), (3, 80, 161)):
+        text = reached_text(setting, impact, 1, 0.5, start, lasted)
+        left.append(text.partition(", about ")[2].partition(" s left")[0])
+    assert left == ["", "90", "85", "80", ""]

@@ -101,15 +101,14 @@ def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_repor
     models = look.forecast(n=look.count), look.forecast(n=n)
     growing = look.forecast(grows=True)
     assert growing.counts == [look.count, *(count for count in OSCILLATORS if count > look.count)]
-    assert told[0] == {"doing": told[0]["doing"], "takes": growing.lasting(growing.answer),
-                       "written": ""}  # fmt: skip
-    assert told[0]["takes"].startswith(seconds_text(1000 * models[0].seconds))
+    assert told[0]["takes"] == f"of about {growing.lasting(growing.answer)}"
+    assert told[0]["takes"].startswith(f"of about {seconds_text(1000 * models[0].seconds)}")
     asked = opened.calls["save"]({"setup": setup})
     assert asked["takes"] == seconds_text(999 * models[1].seconds)
     try:
         agreed = {"tab": "a", "turn": 1, "setup": setup, "agreed": asked["names"]}
         opened.calls["write"](agreed)
-        assert told[-1]["takes"] == asked["takes"]
+        assert told[-1]["takes"] == f"of about {asked['takes']}"
         assert told[-1]["scene"]
         assert told[-1]["written"] == asked["names"][0]
         assert opened.calls["progress"]({})["takes"] == ""
@@ -120,6 +119,23 @@ def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_repor
     finally:
         for name in asked["names"]:
             deck.with_name(name).unlink(missing_ok=True)
+
+
+def test_the_clock_of_an_answer_is_that_of_the_server_over_all_its_steps(opened, monkeypatch):
+    """Each blow lasts 10 s by a clock of the test; one that begins anew has a clock of its own."""
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-4}
+    now, lasted = [1000.0], []
+
+    def struck(*arguments, **options):
+        now[0] += 10.0
+        lasted.append(opened.calls["progress"]({})["lasted"])
+        return Opened._struck(opened, *arguments, **options)
+
+    monkeypatch.setattr(page, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(opened, "_struck", struck)
+    for name, turn in (("blow", 1), ("settle", 1), ("fields", 1), ("blow", 2)):
+        opened.calls[name]({"tab": "a", "turn": turn, "setup": setup})
+    assert lasted == [10.0, 20.0, 30.0, 10.0]
 
 
 def test_cells_that_do_not_fit_are_told_with_the_finest_that_do(opened, monkeypatch):

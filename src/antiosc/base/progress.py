@@ -16,7 +16,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
@@ -166,6 +166,22 @@ def seconds_text(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
+
+
+def range_text(ends: Sequence[float]) -> str:
+    """Times [s], the shortest first, as one: "12 s", "30 s to 4 min"."""
+    texts = [seconds_text(max(end, 1.0)) for end in ends]
+    return " to ".join(dict.fromkeys([texts[0], texts[-1]]))
+
+
+def foreseen_text(ends: Sequence[float], lasted: float) -> str:
+    """What is expected of work after `lasted` seconds that may end at these times; "" of none."""
+    if not len(ends):
+        return ""
+    ahead = [end for end in ends if end > lasted]
+    if not ahead:
+        return f"longer than about {range_text(ends[-1:])} as foreseen"
+    return f"of about {range_text(ahead)}"
 
 
 def _write(rank: int) -> None:

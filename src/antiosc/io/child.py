@@ -2,7 +2,8 @@
 
 It loads gmsh once and reads each file in a fork of itself. If a file makes its reader crash, hang
 or use all memory, only that fork ends. A response is a line of JSON and the bytes of arrays, never
-a pickle. Lines {"progress": text} may precede it. The process ends when the process that sends the requests ends.
+a pickle. Lines {"progress": text} may precede it. The process ends when the process that sends the
+requests ends.
 """
 
 import contextlib

@@ -39,7 +39,7 @@ const MOST_ANSWERS = 12; // that are kept whole
 const STAGES = { look: "opening", take: "opening the piece", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
   verdict: "the largest stress", map: "striking all sites", write: "writing" };
 const WRITING = "The scene and its report are being written:", WRITTEN = "is written and may be used; its report follows:";
-const LASTS = 2; // s from which on a stage tells its time
+const LASTS = 2; // s from which on an answer tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
 const CONTINUED = ["settle", "fields", "verdict"]; // steps of an answer that has begun
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
@@ -88,7 +88,6 @@ class Bench {
     if (change > 0 && this.pending === 1) this.asking = setTimeout(() => this.ask_progress(), 300);
     if (!this.pending) {
       clearTimeout(this.asking);
-      this.stage = "";
       find("stop").hidden = true;
     }
     find("busy").style.visibility = this.pending ? "visible" : "hidden";
@@ -104,17 +103,16 @@ class Bench {
     if (this.pending) this.asking = setTimeout(() => this.ask_progress(), 300);
   }
 
-  // What the server does, for how long if it lasts, and how much of it is done where it counts.
-  tell_progress(doing, { takes, written } = {}) {
-    const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar"), stage = doing.split(":")[0];
-    if (stage !== this.stage) Object.assign(this, { stage, began: performance.now() });
-    const [seconds, all] = [this.began, this.began_all].map((began) => Math.floor((performance.now() - began) / 1e3));
-    const whole = takes ? `${all} s of about ${takes}` : `${all} s in all`;
-    const lasts = all - seconds < LASTS && !takes ? `for ${seconds} s` : `for ${seconds} s, ${whole}`, told = all < LASTS && !takes ? doing : `${doing} (${lasts})`;
+  // What the server does, and how much of it is done where it counts; if it lasts, for how long the
+  // answer is computed, by the clock of the server where the page was loaded again meanwhile.
+  tell_progress(doing, { takes, lasted = 0, written } = {}) {
+    const counted = /(\d+) of (\d+)/.exec(doing), bar = find("bar");
+    const seconds = Math.floor(Math.max(lasted, (performance.now() - this.began_all) / 1e3));
+    const told = seconds < LASTS && !takes ? doing : `${doing} (${[clock(seconds), takes].filter(Boolean).join(" ")})`;
     find("doing").title = doing;
     find("doing").textContent = told;
     if (this.called === "write") this.wrote(`${written ? `${written} ${WRITTEN}` : WRITING} ${told}`); // beside the button
-    if (all >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
+    if (seconds >= LASTS && STOPPED.includes(this.called)) find("stop").hidden = false;
     if (counted) bar.value = counted[1] / counted[2];
     else bar.removeAttribute("value");
   }
@@ -1041,6 +1039,8 @@ function lasting(least, most) {
   const long = most >= 100, ends = [Math.floor(least / (long ? 60 : 1)), Math.ceil(most / (long ? 60 : 1))].map((end) => Math.max(1, end));
   return `${[...new Set(ends)].join(" to ")} ${long ? "min" : "s"}`;
 }
+// A time that has passed, in words: 12 s, 3 min 5 s.
+const clock = (seconds) => (seconds < 100 ? `${seconds} s` : `${Math.floor(seconds / 60)} min ${seconds % 60} s`);
 const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself
 const fitting = (x) => (String(x).length > MOST_DIGITS ? rounded(x) : x); // into a field, whose title has all digits
 // The range of a yield strength, which grows with it.
