@@ -126,7 +126,7 @@ class Forecast(NamedTuple):
 
     def lasting(self, seconds: float) -> str:
         """The shares of `seconds` in which the models end, in words: one of them is the time."""
-        return progress.range_text(seconds / self.seconds * self.ends)
+        return progress.range_text([*(seconds / self.seconds * self.ends)])
 
     def told(self, seconds: float) -> Sequence[float]:
         """These shares, the shortest first; none of what does not take long."""

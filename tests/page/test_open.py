@@ -1376,9 +1376,8 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             assert browser.run(OWN_VALUES) == []
             browser.run("bench.called = 'write'; bench.tell_progress('drawing: Energies')")
             assert browser.run(READ)["written"].endswith("written: drawing: Energies")
-            browser.run(
-                "bench.tell_progress('drawing', {takes: 'of about 3 min', lasted: 125.7, written: 'a.toml'})"
-            )
+            told = "{takes: 'of about 3 min', lasted: 125.7, written: 'a.toml'}"
+            browser.run(f"bench.tell_progress('drawing', {told})")
             follows = r"^a.toml is written and may be used; its report follows: drawing \("
             assert re.search(rf"{follows}2 min 5 s of about 3 min\)$", browser.run(READ)["written"])
             assert browser.said() == []

@@ -94,9 +94,12 @@ def _keep_small_sizes_at_edges(gmsh: ModuleType, size: float) -> None:
     """Let the size alone count away from the curves of CAD, if their short edges, which gmsh
     continues over whole faces, would make too many triangles.
     """
-    areas = {tag: _mass(gmsh, 2, tag) for _, tag in gmsh.model.getEntities(2)}
-    if None in areas.values():  # clearing the mesh would clear triangles of the file
-        return
+    areas: dict[int, float] = {}
+    for dim, tag in gmsh.model.getEntities(2):
+        area = _mass(gmsh, dim, tag)
+        if area is None:  # clearing the mesh would clear triangles of the file
+            return
+        areas[tag] = area
     gmsh.model.mesh.generate(1)
     lengths = {tag: _edge_lengths(gmsh, tag) for _, tag in gmsh.model.getEntities(1)}
     continued = 0.0
