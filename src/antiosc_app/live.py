@@ -578,7 +578,11 @@ def headline_of_map(
         bar = None if structure is None else map_bar(impact_map, structure, known)
         force_text = engineering(high, "N") + (f" ± {percent(bar)}" if bar else "")
         of_sites = _whose_numbers(impact_map)
-        sentences.append(f"The largest force{of_sites}, {force_text}, arises at {place_text}.")
+        where = _doubt_of(impact_map, worst_site)
+        sentences.append(
+            f"The largest force{of_sites}, {force_text}, arises at {place_text}{where}."
+        )
+        sentences += _harder_in_doubt(impact_map, high)
         if impact_map.doubtful.all() and bar:
             sentences.append("Its bar leaves out what makes it doubtful.")
         if worst_site in known:
@@ -608,6 +612,26 @@ def headline_of_map(
     )
     about = about if impact_map.impactor else "Models over a surface"
     return Headline(about, numbers, sentences, caution=" ".join(filter(None, cautions)))
+
+
+def _doubt_of(impact_map: ImpactMap, i: int) -> str:
+    """The end of a sentence on a site: why it is doubtful; "" if it is not, or that is unknown."""
+    reason = str(impact_map.reasons[i]) if impact_map.doubtful[i] else ""
+    return f", where {reason}" if reason else ""
+
+
+def _harder_in_doubt(impact_map: ImpactMap, force: float) -> list[str]:
+    """A sentence (in a list) on the largest force of doubtful sites, if it exceeds that of the
+    others.
+    """
+    assert impact_map.peak_force is not None
+    in_doubt = np.where(impact_map.doubtful, np.nan_to_num(impact_map.peak_force), 0.0)
+    i = int(np.argmax(in_doubt))
+    if in_doubt[i] <= force:
+        return []
+    place = point_text(impact_map.points[i])
+    larger = engineering(float(in_doubt[i]), "N")
+    return [f"A larger one, {larger}, is doubtful: at {place}{_doubt_of(impact_map, i)}."]
 
 
 def _whose_numbers(impact_map: ImpactMap) -> str:
