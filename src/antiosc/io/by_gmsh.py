@@ -67,9 +67,7 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     order = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
     gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for `_mesh_coarsely` and `_edge_lengths`
     ask.allow(600)
-    if ask.around:
-        stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(stated, ask.around))
+    _follow_curvature(gmsh, ask.around)
     if ask.size is not None:
         expected = max(expected_cells(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
@@ -87,7 +85,14 @@ def mesh_model(gmsh: ModuleType, ask: Request, scale: float) -> None:
     # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
     # faster, but its meshes of one part differ from run to run.
     gmsh.option.setNumber("Mesh.ElementOrder", order)
+    _follow_curvature(gmsh, ask.around)  # a field of sizes has set less
     gmsh.model.mesh.generate(dim)
+
+
+def _follow_curvature(gmsh: ModuleType, around: float) -> None:
+    """Ask for at least so many elements around a full turn."""
+    stated = gmsh.option.getNumber("Mesh.MeshSizeFromCurvature")
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", max(stated, around))
 
 
 def _keep_small_sizes_at_edges(gmsh: ModuleType, size: float) -> None:
