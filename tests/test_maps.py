@@ -778,6 +778,7 @@ def test_a_map_has_no_bar_where_a_single_blow_has_none_for_its_cells(monkeypatch
     alone = verdict.headline_of_history(known[0], part, error_budget(known[0]), {})
     assert COARSE_CELLS in alone.caution
     assert COARSE_CELLS in head.caution
+    assert alone.caution.count("are more than 0: compare with a mesh of larger cells") == 1
     assert not any("±" in sentence for sentence in head.sentences)
     assert verdict.bars_of_sites(known) == {}
 

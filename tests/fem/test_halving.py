@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from abaqus_decks import tied_cell
 from antiosc.base.errors import InputError, MeshError
 from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
 from antiosc.fem.mesh.soundness import sound
@@ -172,18 +173,6 @@ def deck(path, n: int, beam: str = "", more: str = "") -> str:
     return str(path)
 
 
-def tied_cell() -> str:
-    """A cell beside the `deck` of n = 2, with two nodes that are tied to those of its edge."""
-    ties = [
-        f"2\n{a}, {dof}, 1., {b}, {dof}, -1."
-        for a, b in ((91, 10), (94, 15))
-        for dof in range(1, 7)
-    ]
-    places = ["91, 0.4, 0.1, 0.", "92, 0.5, 0.1, 0.", "93, 0.5, 0.2, 0.", "94, 0.4, 0.2, 0."]
-    cell = ["*ELEMENT, TYPE=S4, ELSET=THICK", "900, 91, 92, 93, 94"]
-    return "\n".join(["*NODE", *places, *cell, "*EQUATION", *ties])
-
-
 def held_end(n: int, kind: str) -> str:
     """A body of 50 g before the free end of a `deck`, whose nodes it holds."""
     held = [f"{(2 * n + 1) * (1 + j)}," for j in range(n + 1)]
@@ -295,7 +284,8 @@ def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path
 
 
 def test_decks_that_cannot_be_halved_say_why(tmp_path):
-    path = deck(tmp_path / "a.inp", 2, more=tied_cell())
+    tied = tied_cell({15: (0.4, 0.2), 10: (0.4, 0.1)}, (0.1, 0.0), "THICK")
+    path = deck(tmp_path / "a.inp", 2, more=tied)
     with pytest.raises(InputError, match="12 equations tie nodes"):
         ao.read_model(path, "m", size=0.05)
     bars = tmp_path / "bars.inp"

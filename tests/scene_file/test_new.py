@@ -438,14 +438,11 @@ def _sheet_with_a_tied_cell(path: Path) -> None:
     cells = np.column_stack([np.arange(1, 1 + across * along), *(c.ravel() for c in corners)])
     rows = [", ".join(map(str, row)) for row in cells]
     foot = ", ".join(map(str, numbers_of[0]))
-    nodes += ["9001, 0.0, 2.0", "9002, 0.125, 2.0", "9003, 0.125, 2.25", "9004, 0.0, 2.25"]
-    rows.append("9000, 9001, 9002, 9003, 9004")
     lines = ["*NODE", *nodes, "*ELEMENT, TYPE=S4, ELSET=ALL", *rows]
     lines += ["*SHELL SECTION, ELSET=ALL, MATERIAL=M", ".1", "*MATERIAL, NAME=M"]
     lines += ["*ELASTIC", "2.E11, .3", "*DENSITY", "7800.", "*NSET, NSET=FOOT", foot]
-    lines.append("*EQUATION")
-    for node, tied in zip((9001, 9002), numbers_of[-1], strict=False):
-        lines += [f"2\n{node}, {dof}, 1., {tied}, {dof}, -1." for dof in range(1, 7)]
+    a, b = numbers_of[-1, :2].tolist()
+    lines.append(inp.tied_cell({b: (1 / across, 2.0), a: (0.0, 2.0)}, (0.0, 0.25), "ALL"))
     path.write_text("\n".join([*lines, "*BOUNDARY", "FOOT, 1, 6", ""]))
 
 

@@ -15,7 +15,7 @@ import pytest
 import antiosc as ao
 import sheets
 import stretched
-from abaqus_decks import plate_deck
+from abaqus_decks import plate_deck, tied_cell
 from antiosc.base.errors import (
     AccuracyWarning,
     ChoiceWarning,
@@ -107,8 +107,8 @@ def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, ca
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
 def test_a_deck_that_keeps_its_elements_is_not_told_to_compare_two_cell_sizes(tmp_path, capsys):
-    joined = "*EQUATION\n2\n17, 1, 1., 19, 1, -1.\n*STEP"
-    written(tmp_path, plate_deck(6).replace("*STEP", joined), "plate.inp")
+    tied = tied_cell({49: (1.0, 1.0), 42: (1.0, 5 / 6)}, (0.2, 0.0), "all")
+    written(tmp_path, plate_deck(6).replace("*STEP", f"{tied}\n*STEP"), "plate.inp")
     scene = written(tmp_path, SCENE.format(strength=STRENGTH))
     assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
     for text in (capsys.readouterr().out, (tmp_path / "page.html").read_text(encoding="utf-8")):

@@ -24,7 +24,7 @@ from antiosc.base.errors import (
 )
 from antiosc.base.texts import STOPPED
 from antiosc.extension import ErrorBudget, refuse_dampers, yield_share
-from antiosc.models.body import coarse_cell
+from antiosc.models.body import coarse_cell, info_of
 from antiosc_app.scene_file.build import Builder, Call, Evaluation
 from antiosc_app.scene_file.document import Document, Place, Problems, Table, label, listed
 from antiosc_app.scene_file.scene import CompiledScene, Objects, model, pair, source, structure
@@ -289,10 +289,14 @@ def has_sheets(structure: Structure | None) -> bool:
 
 
 def coarse_cells(hit: History | None) -> str:
-    """Sentence if the cell at the only site is too large for the waves of the contact; else ""."""
+    """Sentence if the cell at the only site is too large for the waves of the contact, with the
+    reason for which the mesh's error is not estimated; else "".
+    """
     if hit is None or isinstance(hit, antiosc.SceneHistory) or not hit.run.touches:
         return ""
-    return coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
+    told = coarse_cell(hit.model, "", hit.assembly.contact_time_estimate)
+    reason = info_of(hit.model).no_estimate
+    return f"{told} The mesh's error is not estimated: {reason}" if told and reason else told
 
 
 def _variable_sections(build: Builder) -> list[str]:
