@@ -8,7 +8,7 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -22,7 +22,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import MeshError
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
-from antiosc.io.neutral import RawMesh
+from antiosc.io.neutral import Joints, RawMesh
 from antiosc.io.reading import keys, positions
 
 #: Halves of a simplex; each vertex lies between two corners.
@@ -129,10 +129,7 @@ def halved(raws: Sequence[RawMesh]) -> list[RawMesh]:
     of_meshes = np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
     model = raws[0].model
     if model is not None and model["joints"]["equations"]:
-        among = dict(model["joints"].get("among", ()))
-        for half, new in zip(halves, of_meshes, strict=True):
-            among |= _among(new, half, among)
-        model = {**model, "joints": {**model["joints"], "among": [*among.items()]}}
+        model = {**model, "joints": _joints(model["joints"], halves, of_meshes)}
     return [
         replace(half.mesh, model=model, numbers=np.concatenate([half.mesh.numbers, new]))
         for half, new in zip(halves, of_meshes, strict=True)
@@ -159,21 +156,20 @@ class Halves(NamedTuple):
 LEAST_WEIGHT = 1e-12
 
 
-def _among(
-    new: IntArray, half: Halves, known: Mapping[int, Sequence[tuple[int, float]]]
-) -> dict[int, list[tuple[int, float]]]:
-    """Number of a new node -> (node of the deck, weight) that give its place."""
-    among = {}
-    for number, nodes, weights in zip(
-        new.tolist(), half.nodes.tolist(), half.weights.tolist(), strict=True
-    ):
-        of_deck: dict[int, float] = {}
-        for node, weight in zip(nodes, weights, strict=True):
-            if abs(weight) > LEAST_WEIGHT:
+def _joints(joints: Joints, halves: Sequence[Halves], numbers: Sequence[IntArray]) -> Joints:
+    """The joints of a deck with the new nodes, by number, that may lie between dependent ones."""
+    known = dict(joints.get("among", ()))
+    near = [*{terms[0][0] for terms in joints["equations"]}, *known]
+    among = dict(known)
+    for half, of_half in zip(halves, numbers, strict=True):
+        for k in np.flatnonzero(np.isin(half.nodes, near).any(axis=1)).tolist():
+            of_deck: dict[int, float] = {}
+            for node, weight in zip(half.nodes[k].tolist(), half.weights[k].tolist(), strict=True):
                 for parent, share in known.get(node, ((node, 1.0),)):
                     of_deck[parent] = of_deck.get(parent, 0.0) + weight * share
-        among[number] = [*of_deck.items()]
-    return among
+            parents = [(n, weight) for n, weight in of_deck.items() if abs(weight) > LEAST_WEIGHT]
+            among[int(of_half[k])] = parents
+    return {**joints, "among": [*among.items()]}
 
 
 def _halved(raw: RawMesh) -> Halves:
