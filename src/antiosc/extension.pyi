@@ -128,7 +128,11 @@ from antiosc.impact.histories.energy import (
     energy_gain as energy_gain,
     impulses as impulses,
 )
-from antiosc.impact.histories.linear_theory import unstretched_text as unstretched_text
+from antiosc.impact.histories.linear_theory import (
+    may_stretch as may_stretch,
+    taken_as_linear as taken_as_linear,
+    unstretched_text as unstretched_text,
+)
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,

@@ -8,13 +8,14 @@ bodies have parted and the largest deflection is past.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from math import ceil, floor, inf, log10, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import AntiOscillators, History, truncation_error
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering, percent
-from antiosc.extension import enough_radius, out_of_reach
+from antiosc.extension import enough_radius, may_stretch, out_of_reach, taken_as_linear
 
 T = TypeVar("T")
 #: First duration of an impact [s].
@@ -74,10 +75,12 @@ def until_parted(
     """
     choice = first
     reason = ""
+    # a patch that is too small deflects too much, and second-order forces take most of the time
+    linear = choice.n is not None or not choice.keeps_radius
     for number in range(MOST_RUNS):
         messages: list[str] = []  # of the run that is kept
         try:
-            with warnings_to(messages.append):
+            with warnings_to(messages.append), taken_as_linear() if linear else nullcontext():
                 result = run(choice)
         except RangeError as error:
             if error.radius is None or choice.keeps_radius or number == MOST_RUNS - 1:
@@ -96,6 +99,9 @@ def until_parted(
                 reason = why_more(choice.n, more, truncation)
                 choice = choice._replace(n=more)
                 continue
+        if linear and may_stretch(hit) and number < MOST_RUNS - 1:
+            linear = False
+            continue
         enough = _enough(hit, is_sheet)
         if choice.keeps_duration or choice.duration >= min(enough, longest):
             break

@@ -10,6 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.base.errors import ChoiceWarning
+from antiosc.impact.histories.linear_theory import asks_for_stretch
 from antiosc_app.scene_file.document import SceneFileError, read
 from antiosc_app.scene_file.settled import settled
 from antiosc_app.until_parted import (
@@ -155,6 +156,25 @@ def test_a_run_beside_a_sheet_goes_on_until_the_striker_is_out_of_its_reach(mass
     lowest = SHEET.modal().omega[0]
     assert choice.duration >= hit.contacts[-1][1] + np.pi / lowest
     assert long.site_motion.largest <= max(hit.site_motion.largest, hit.site_motion.later)
+
+
+@pytest.mark.parametrize("bends", [True, False])
+def test_second_order_forces_are_those_of_the_last_patch(monkeypatch, bends):
+    """They take longer than all else, and a patch that is too small deflects too much."""
+    radii = iter([2e-3, 3e-3])
+    monkeypatch.setattr("antiosc_app.until_parted.enough_radius", lambda hit: next(radii, None))
+    monkeypatch.setattr("antiosc.impact.histories.linear_theory.may_stretch", lambda hit: bends)
+    monkeypatch.setattr("antiosc_app.until_parted.may_stretch", lambda hit: bends)
+    runs = []
+
+    def run(choice):
+        hit = ao.simulate(SHEET, ao.RigidMass(0.02, 1.0), ao.Hertz(1e8), choice.duration)
+        runs.append((choice.radius, asks_for_stretch(hit)))
+        return hit
+
+    until_parted(run, lambda one: one, Choice(1e-3, 1.0, keeps_duration=True))
+    stretched = [(3e-3, True)] if bends else []
+    assert runs == [(1e-3, False), (2e-3, False), (3e-3, False), *stretched]
 
 
 #: Masses that fall as those of a thin plate, which flees from a short contact.

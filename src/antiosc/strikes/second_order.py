@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
-from antiosc.impact.histories.linear_theory import may_stretch
+from antiosc.impact.histories.linear_theory import asks_for_stretch
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
 from antiosc.reduce.extraction.stretching import with_stretch
@@ -30,7 +30,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     """
     with _collected_warnings() as warnings:
         linear = run(model)
-    if model.stretch is None and may_stretch(linear):
+    if model.stretch is None and asks_for_stretch(linear):
         with _collected_warnings() as stretched_warnings:
             stretched = _stretched(structure, model, run)
         if stretched is not None and stretched.assembly.stretched:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -170,6 +172,25 @@ def held_along_line(name: str, ratio: float) -> str:
 #: Plates and Shells*, table 82). The same as a change of the force of a curved sheet.
 SLIGHT_DEFLECTION = 0.04
 SLIGHT_CHANGE = 3e-3
+
+
+#: Whether the runs of a context are taken as linear, whatever they deflect.
+_linear: ContextVar[bool] = ContextVar("_linear", default=False)
+
+
+@contextmanager
+def taken_as_linear() -> Iterator[None]:
+    """Context whose runs have no second-order forces but those of their own models."""
+    token = _linear.set(True)
+    try:
+        yield
+    finally:
+        _linear.reset(token)
+
+
+def asks_for_stretch(history: RunHistory) -> bool:
+    """Whether a linear run is to be repeated with second-order forces."""
+    return not _linear.get() and may_stretch(history)
 
 
 def may_stretch(history: RunHistory) -> bool:
