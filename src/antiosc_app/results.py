@@ -31,6 +31,7 @@ from antiosc.base.texts import (
     in_scene,
     percent,
     piece_told,
+    plain,
     point_text as placed,
     prefixed,
     range_text,
@@ -378,7 +379,7 @@ def advice_of(results: SceneResults) -> Rows:
         return []
     rows = [("structure", results.structure.describe()), *mass_of(results.structure)]
     if largest := _longest_cell(results.structure):
-        rows.append(("largest element of the mesh", engineering(largest, "m")))
+        rows.append(("longest side or diagonal of an element", engineering(largest, "m")))
     if not hasattr(results.impactor, "hertz"):
         return rows
     try:
@@ -675,7 +676,7 @@ def _peak_text(peak: Columns) -> str:
         passed = engineering(PASSED * CLASSES[peak["filter"]], "Hz")
         label += f" through {peak['filter']} (to {passed})"
     value = engineering(peak["value"], peak["unit"], 4)
-    g = f" ({peak['g']:.4g} g)" if "g" in peak else ""
+    g = f" ({plain(peak['g'], 4)} g)" if "g" in peak else ""
     return f"{label}: largest {value}{_bar_of_probe(peak)}{g} at {engineering(peak['time'], 's')}"
 
 

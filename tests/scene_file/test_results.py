@@ -431,7 +431,7 @@ def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
 
 def test_a_report_has_the_longest_cell_of_the_mesh_and_not_the_one_that_would_do(struck_beam):
     report = re.sub(r"<[^>]+>", "|", struck_beam[2])
-    (told,) = re.findall(r"largest element of the mesh\|+\s*\|*([\d.]+) mm", report)
+    (told,) = re.findall(r"longest side or diagonal of an element\|+\s*\|*([\d.]+) mm", report)
     (cells,) = re.findall(r"(\d+) interval cells", struck_beam[0])
     assert float(told) == pytest.approx(1500 / int(cells), rel=0.01)  # they are alike
     assert "elements suffice up to" in report

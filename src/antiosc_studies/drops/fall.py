@@ -19,7 +19,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.cfc import CLASSES, cfc_filter, memory_of, sampled
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
-from antiosc.base.texts import Result, engineering, exceeds, percent
+from antiosc.base.texts import Result, engineering, exceeds, percent, plain
 from antiosc.engine.contact.cracking import cracks
 from antiosc.extension import Zones
 from antiosc_studies.drops.beside import share_beside
@@ -405,8 +405,8 @@ class Fall(Trajectory, Result):
         if by_force is not None:
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
         return (
-            f"the centre of mass has at most {peak.g:.3g} g{bar} through {SHOCK_FILTER}, in impact"
-            f" {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a point"
+            f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
+            f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a point"
             " of the part are those of an accelerometer there (in a scene: [accelerometers.NAME])"
         )
 
