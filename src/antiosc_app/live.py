@@ -1056,6 +1056,8 @@ def stress_note(peak: PeakField, force: float | None) -> str:
         law = ", without that of the contact's law," * isinstance(force, Numerical)
         text = f"with the errors of mesh, patch and force{law} this stress is {value}"
     worst = peak.worst_point
+    if worst is not None and worst.is_stress and exceeds(bar[1], WIDE, 2):
+        text += f", most of it by {_with_force(worst, force).widest}"
     if worst is not None and worst.reached and worst.criterion != "tension":
         return f"{text}; it is that of an elastic part: where it yields, the stress stays lower"
     return text

@@ -262,6 +262,23 @@ class Margin(ReprMixin):
         return least * (1 - self.force_error), largest * (1 + self.force_error)
 
     @property
+    def widest(self) -> str:
+        """The largest cause of the difference of the largest of `stresses` to the stress."""
+        if self.spans:
+            return max(self.spans, key=lambda span: span.exposure).widest
+        of_hertz = (1 + EDGE_ERROR) * max(self.edge_stress, self.thin_stress)
+        of_mesh = self.value + self.spread + self.mesh_error
+        causes = {
+            f"the mesh at this place ({SMALLER_CELLS})": of_mesh - self.stress,
+            f"the mesh at another place ({SMALLER_CELLS})": self.others[1] - self.stress,
+            f"the hollow under the patch ({PATCH_RADIUS})": self.hollow_stress,
+            "the contact's own stress, which the part's thickness there changes": of_hertz
+            - self.stress,
+            "the force": self.force_error * self.stress,
+        }
+        return max(causes, key=lambda cause: causes[cause])
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """Least and largest exposure within the errors of the stress and the range of the
         strength.

@@ -427,6 +427,30 @@ def test_a_stress_is_told_once_and_its_uncertain_part_where_it_shows(spread):
         assert ("may be" in judged.sentence) == is_open
 
 
+@pytest.mark.parametrize(
+    ("cause", "error"),
+    [
+        ("mesh at this place", {"mesh_error": 0.6 * YIELD}),
+        ("mesh at another place", {"others": (0.0, 0.9 * YIELD)}),
+        ("hollow", {"hollow_stress": 0.5 * YIELD}),
+        ("thickness", {"thin_stress": 0.9 * YIELD}),
+        ("force", {"force_error": 0.9}),
+    ],
+)
+def test_the_widest_cause_is_that_without_which_the_largest_stress_falls_most(cause, error):
+    others = {"mesh_error": 0.1 * YIELD, "hollow_stress": 0.05 * YIELD, "force_error": 0.1}
+    others |= {"others": (0.0, 0.45 * YIELD), "thin_stress": 0.42 * YIELD}
+    base = ao.results.Margin("yield", 0.4 * YIELD, YIELD, np.zeros(3), 0.0, contact=True, **others)
+    wide = dataclasses.replace(base, **error)
+    assert cause in wide.widest
+    without = {
+        name: dataclasses.replace(wide, **{name: (0.0, 0.0) if name == "others" else 0.0})
+        for name in others
+    }
+    (name,) = error
+    assert min(without, key=lambda one: without[one].stresses[1]) == name
+
+
 def test_a_stress_by_hertz_has_the_error_of_the_mesh_s_own_too():
     """A place of the mesh with nearly as much may have more, and another one within its error."""
     ball = np.array([[0.0, 0.0, 0.0, 3.2e-3]])
