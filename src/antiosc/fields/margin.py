@@ -318,8 +318,8 @@ class Margin(ReprMixin):
             more = engineering(self.hollow_stress, "Pa", 2)
             sentences.append(
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
-                f" stress may be larger by up to {more}, which is in the bar; a patch as large as"
-                f" the contact narrows it ({PATCH_RADIUS})"
+                f" stress may be larger by up to {more}, which is in the bar; a smaller patch,"
+                f" of 1.8 radii of the contact at least, narrows it ({PATCH_RADIUS})"
             )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
