@@ -297,6 +297,18 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
+def _quantiles_told(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
+    """The table of `_quantiles` for a reader."""
+    table = _quantiles(ensemble, units)
+    each = [unit for unit in units.values() for _ in ensemble.quantiles]
+    told = {"quantity": [text.rpartition(" (")[0] for text in table["quantity"]]}
+    told["quantile"] = [percent(q) for q in table["quantile"]]
+    for name in ("value", "low", "high"):
+        values = zip(table[name], each, strict=True)
+        told[name] = [engineering(value, unit, 4) for value, unit in values]
+    return told
+
+
 # -- the kinds of results
 
 
@@ -1258,18 +1270,21 @@ def _nominal_numbers(nominal: Nominal | None) -> Columns:
 def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
-    table = _quantiles(results.sample, QUANTITIES)
+    told = _quantiles_told(results.sample, QUANTITIES)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     caption = (
         "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     )
     nominal = nominal_rows(results.nominal)
     return Presentation(
-        text=[format_columns(table), BARS_OF_QUANTILES, format_rows(nominal)],
+        text=[format_columns(told), BARS_OF_QUANTILES, format_rows(nominal)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
-        numbers={"monte_carlo": table, **_nominal_numbers(results.nominal)},
+        numbers={
+            "monte_carlo": _quantiles(results.sample, QUANTITIES),
+            **_nominal_numbers(results.nominal),
+        },
         plotted={"monte_carlo": sample},
-        sections={"Random values": [table, BARS_OF_QUANTILES, nominal]},
+        sections={"Random values": [told, BARS_OF_QUANTILES, nominal]},
         pictures=[Picture("Random values", caption, sample.plot, ".svg")],
     )
 
