@@ -23,7 +23,7 @@ def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
     assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     assert "95 %" in told
-    assert "0.99" not in told
+    assert "99 %" not in told
     assert "without random values" in told
     model = objects(path, "run").model
 
