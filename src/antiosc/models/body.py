@@ -470,6 +470,11 @@ def several_sites_message(name: str, sites: tuple[str, ...]) -> str:
 #: wave length, their longest edge 1.4 times that, changed the peak force by 0.5 to 2, 1 to 4, 6 to
 #: 47 and 6 to 100 %.
 LARGE_CELL = 0.5
+#: The same where the mesh's error is that to cells of half the size: from a wavelength on both
+#: meshes are too stiff alike. A mass and a spring on an infinite plate of quadrilaterals of 0.9,
+#: 1.2, 1.5, 2.5 and 5 wavelengths had forces 13, 66, 21, 26 and 124 % too large, with bars of 20,
+#: 20, 4, 1 and 0.1 % (`tests/fem/error/test_quadrilaterals.py`).
+LARGE_DIVIDED_CELL = 1.0
 
 
 class Coarse(NamedTuple):
@@ -486,13 +491,16 @@ class Coarse(NamedTuple):
 
 def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     """The cell at a site if it does not resolve the waves of a contact; otherwise None."""
-    cell = (info_of(model).cells or {}).get(site)
-    if cell is None or getattr(model, "strain_error", None) is not None:  # its budget tells it
+    info = info_of(model)
+    cell = (info.cells or {}).get(site)
+    is_estimated = getattr(model, "strain_error", None) is not None
+    if cell is None or (is_estimated and not info.divided):  # its budget tells it
         return None
+    limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
     size, bending, speed = cell
     omega = pi / contact_time
     wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
-    if size > LARGE_CELL * wave:
+    if size > limit * wave:
         return Coarse(size, wave)
     return None
 

@@ -11,6 +11,7 @@ import antiosc as ao
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
+from antiosc.models.body import coarse_cell
 from antiosc.reduce.error import divided as by_division, model_errors
 from antiosc.reduce.error.divided import answers, divided, finer, interpolation, lacking
 from marks import FREE_ON_PURPOSE
@@ -205,3 +206,26 @@ def test_groups_of_cells_and_edges_follow_the_division():
     fine = finer(named)
     assert len(fine.group("half")[2]) == 4 * 3
     assert len(fine.group("end")[1]) == 2 * len(edges)
+
+
+@pytest.mark.filterwarnings("ignore:.*the cell at the site measures")
+@pytest.mark.filterwarnings("ignore:.*The cell at the site measures")
+@pytest.mark.parametrize(
+    ("n", "time", "resolved"),
+    [(16, 5e-4, True), (24, 1.2e-4, False), (10, 5e-4, False), (6, 1.2e-4, False)],
+)
+def test_a_cell_longer_than_a_wave_is_told_as_its_bar_does_not_hold(n, time, resolved):
+    """A mass and a spring on the impedance 8 √(m″ D) of an infinite plate."""
+    thickness, mass = 1e-3, 2e-3
+    part = plate(n, thickness, cell="quadrilateral")
+    site = ao.Site((0.47, 0.52, 0.0), (0, 0, -1))
+    model = ao.extract(part, site, n=min(150, part.dofs // 8), error="estimate", stretch=False)
+    omega = np.pi / time
+    stiffness = mass * omega**2
+    hit = ao.simulate(model, ao.RigidMass(mass, 1.0), ao.Linear(stiffness), duration=4 * time)
+    bending = E * thickness**3 / 12 / (1 - nu**2)
+    damping = stiffness / (8 * np.sqrt(rho * thickness * bending)) / (2 * omega)
+    swing = np.sqrt(1 - damping**2)
+    exact = stiffness / omega * np.exp(-damping / swing * np.arctan(swing / damping))
+    assert (hit.peak_force / exact - 1 < hit.error_budget["peak_force"].total) == resolved
+    assert (not coarse_cell(model, "", hit.assembly.contact_time_estimate)) == resolved
