@@ -91,6 +91,16 @@ class ShellDisc(TypedDict):
     compliance: float
 
 
+@final
+class TubeWall(TypedDict):
+    """Data for the error of beam theory of a round tube (`antiosc.reduce.error.beam_facts`).
+
+    dent : compliance of the wall under a point load [m/N].
+    """
+
+    dent: float
+
+
 class MeasuredBand(TypedDict):
     """Bodies consistent with a measurement, in free modes (A bodies, J modes).
 
@@ -172,7 +182,7 @@ class ModelInfo(ReprMixin):
     solver: str | None = None
     band: Band | None = None
     inside_element: bool | None = None
-    model: BeamSection | ShellDisc | str | None = None
+    model: BeamSection | ShellDisc | TubeWall | str | None = None
     divided: bool | None = None
     patch: PatchData | None = None
     geometry: FacetGaps | None = None
@@ -216,8 +226,8 @@ class ModelInfo(ReprMixin):
                 for site, numbers in value.items():
                     checks.floats(f"info.cells[{site!r}]", numbers, (3,))
             record = _RECORDS.get(name)
-            if record is BeamSection and "disc" in value:
-                record = ShellDisc
+            if record is BeamSection and not isinstance(value, str):
+                record = next((kind for key, kind in _MODELS.items() if key in value), record)
             if record is None or isinstance(value, str):
                 continue
             if missing_keys := sorted(record.__required_keys__ - set(value)):
@@ -267,6 +277,8 @@ _RECORDS: dict[str, Any] = {
     "geometry": FacetGaps, "model": BeamSection, "patch": PatchData,
     "measured": MeasuredBand,
 }  # fmt: skip
+#: Records of "model" by the key that others lack; without one of these it is a `BeamSection`.
+_MODELS: dict[str, Any] = {"disc": ShellDisc, "dent": TubeWall}
 _NAMES = tuple(entry.name for entry in dataclasses.fields(ModelInfo) if entry.name != "notes")
 #: The record of a body without known data.
 UNKNOWN = ModelInfo()

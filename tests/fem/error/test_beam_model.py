@@ -11,6 +11,7 @@ from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact import error_budget
 from antiosc.impact.histories.bars import QUANTITIES
 from antiosc.reduce.error.beam import excess, halved, interpolation, with_node
+from antiosc.reduce.error.beam_facts import WAVES, tube_wall
 from parts import frame, line, named
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -94,6 +95,73 @@ def test_frames_and_changes_of_section_have_no_figure():
     site = ao.Site((0.09, 0), (0, -1))
     found = budget(named(mesh, halves), {"thin": beam, "thick": thick}, site, held)
     assert any("several sections" in note for note in found.notes)
+
+
+TUBES = {  # diameter, wall, length, site [m]; mass [kg], velocity [m/s]
+    "thick wall": (0.04, 0.003, 0.6, 0.15, 0.5, 1.5),
+    "light striker": (0.05, 0.002, 0.4, 0.2, 0.02, 3.0),
+    "near an end": (0.05, 0.002, 0.4, 0.07, 0.2, 1.0),
+    "thin wall": (0.1, 0.003, 0.8, 0.3, 1.0, 1.0),
+}
+
+
+def tube_of_shells(path, d: float, t: float, length: float, x: float) -> ao.Structure:  # type: ignore[no-untyped-def]
+    """A round tube of shells along x with a node at (x, radius, 0)."""
+    radius = (d - t) / 2
+    size = np.pi * radius / 6
+    before, after = (round(part / size) for part in (x, length - x))
+    path.write_text(
+        f"r = {radius}; Point(1) = {{0, 0, 0}}; Point(2) = {{0, r, 0}}; Point(3) = {{0, 0, r}};\n"
+        "Point(4) = {0, -r, 0}; Point(5) = {0, 0, -r};\n"
+        "Circle(1) = {2, 1, 3}; Circle(2) = {3, 1, 4}; Circle(3) = {4, 1, 5};\n"
+        "Circle(4) = {5, 1, 2}; Transfinite Curve{1:4} = 4;\n"
+        f"Extrude {{{x}, 0, 0}} {{Curve{{1:4}}; Layers{{{before}}}; Recombine;}}\n"
+        f"Extrude {{{length - x}, 0, 0}} {{Curve{{5:17:4}}; Layers{{{after}}}; Recombine;}}\n"
+        "Physical Surface('tube') = {5:100};\n".replace("'", '"')
+    )
+    return ao.Structure(ao.read_mesh(path, gdim=3), ao.Shell(**STEEL, thickness=t))
+
+
+@pytest.mark.parametrize("name", list(TUBES))
+def test_bars_of_tubes_hold_the_dent_of_the_wall(name, tmp_path):
+    """The same tube of shells, whose wall dents, lies within the bars by the share of the model."""
+    d, t, length, x, mass, speed = TUBES[name]
+    beam = ao.Beam(**STEEL, section=ao.Section.tube(d, t))
+    model = ao.extract(
+        ao.Structure(line(length, 40), beam), ao.Site((x, 0), (0, -1)), n=20, error="estimate"
+    )
+    shell_site = ao.Site((x, (d - t) / 2, 0), (0, -1, 0))
+    shells = ao.extract(tube_of_shells(tmp_path / "tube.geo", d, t, length, x), shell_site, n=30)
+    impact = ao.RigidMass(mass, speed), ao.Hertz(1.5e10), 0.01
+    hit, true = (ao.simulate(body, *impact) for body in (model, shells))
+    found = hit.error_budget
+    for quantity in QUANTITIES:
+        off = abs(getattr(true, quantity) / getattr(hit, quantity) - 1)
+        assert off <= found[quantity].total, quantity
+        assert off > found[quantity].numerical, quantity
+    (note,) = (each for each in found.notes if "wall of the tube" in each)
+    assert "model of shells" in note
+    dent = flexibility(shells) - flexibility(model)
+    assert 0.7 < dent / model.info["model"]["dent"] < 1.05
+
+
+def flexibility(model: ao.AntiOscillators) -> float:
+    """Compliance of the site without the rigid motions [m/N]."""
+    modes = model.modal()
+    elastic = modes.omega > 1e-3 * modes.omega.max()
+    return float(np.sum((modes.b[elastic] / modes.omega[elastic]) ** 2) + modes.r)
+
+
+def test_walls_without_a_figure_are_told_to_dent():
+    box = ao.Section(A=4e-4, I=1e-7)
+    for found in (straight(box), straight(ao.Section.tube(0.04, 0.002), x=0.05)):
+        (note,) = (each for each in found.notes if "the beam model itself" in each)
+        assert "a model of shells holds" in note
+    assert tube_wall(ao.Section.tube(0.04, 0.002)) == pytest.approx((0.019, 0.002))
+    for solid in (ao.Section.circle(0.02), ao.Section.tube(0.04, 0.006), BAR):
+        assert tube_wall(solid) is None
+    waves = np.arange(2, 2000)
+    assert np.sum(waves / (waves**2 - 1) ** 1.5) + 1 / 2000 == pytest.approx(WAVES, rel=1e-4)
 
 
 @pytest.mark.slow
