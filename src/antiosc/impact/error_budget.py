@@ -23,8 +23,8 @@ frequency over the lowest one at which the section deforms):
 
 The impact was repeated with all changes at once, in either direction. Its change exceeded the true
 error on the solid bar for 449 of 450 quantities, and was 0.97 times it for one; `SAFETY_BEAM` is
-for other bars. For a round tube the impact is repeated with `SAFETY_TUBE` times the dent of its wall
-(`antiosc.reduce.error.beam_facts`), for a shell on the body of `antiosc.impact.shell_error`.
+for other bars. For a round tube the impact is repeated with `SAFETY_TUBE` times the dent of its
+wall (`antiosc.reduce.error.beam_facts`), for a shell on the body of `antiosc.impact.shell_error`.
 
 "noise" and "band": the record of a measured model (`ModelInfo.measured`) contains other bodies that
 fit the measurement as well; some differ by the noise, some by the unknown modes above the band. The
@@ -83,7 +83,7 @@ SAFETY_BEAM = 1.25  # for other bars than those that were measured
 #: and contact times of five tubes of shells (R/t of 6 to 20, strikers of 0.02 to 3 kg).
 SAFETY_TUBE = 2.0
 TUBE = (
-    "The wall of the tube dents under the blow (by about {}), which a beam leaves out: the"
+    "The wall of the tube dents under the blow (stiffness {}), which a beam leaves out: the"
     " true force may be smaller by up to {}; a model of shells holds the dent."
 )
 
@@ -145,7 +145,7 @@ def _tube_errors(impact: RepeatedImpact, dent: float) -> tuple[Shares, list[str]
     dented = impact.simulate_on(ModalModel(replace(modes, r=modes.r + SAFETY_TUBE * dent)))
     shares = bars.with_floor(bars.all_changes(impact.raw, dented))
     shares["contact_time"] = abs(dented.contact_time / impact.raw.contact_time - 1)
-    return shares, [TUBE.format(engineering(dent, "m/N"), percent(shares["peak_force"]))]
+    return shares, [TUBE.format(engineering(1 / dent, "N/m"), percent(shares["peak_force"]))]
 
 
 def _softer_and_stiffer(

@@ -646,7 +646,7 @@ def _finished(
         share = max(bar.model for bar in budget.values())
         reason = (
             f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
-            "finer mesh helps, solid elements would, and on isotropic shells a"
+            "finer mesh helps, solid elements would, shells for a tube, and on isotropic shells a"
             " closed_form.plate_patch."
         )
     reason = reason or _missed_by_law(budget, tol)

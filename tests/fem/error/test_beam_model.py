@@ -152,6 +152,22 @@ def flexibility(model: ao.AntiOscillators) -> float:
     return float(np.sum((modes.b[elastic] / modes.omega[elastic]) ** 2) + modes.r)
 
 
+def test_a_tube_in_a_frame_dents_as_a_straight_one():
+    tube = ao.Beam(**STEEL, section=ao.Section.tube(0.04, 0.003))
+    corner = frame([(0, 0), (0.6, 0), (0.6, 0.6)], [(0, 1), (1, 2)], 10)
+
+    def dents(mesh: ao.Mesh, point: tuple[float, float], direction: tuple[float, float]) -> object:
+        part = ao.Structure(mesh, tube)
+        return ao.extract(part, ao.Site(point, direction), n=2, error="estimate").info["model"]
+
+    straight_one = dents(line(0.6, 10), (0.3, 0), (0, -1))
+    assert dents(corner, (0.3, 0), (0, -1)) == straight_one
+    assert dents(corner, (0.6, 0.3), (1, 0)) == straight_one
+    for point, direction in (((0.58, 0), (0, -1)), ((0.02, 0), (0, -1)), ((0.6, 0.58), (1, 0))):
+        assert "a joint or a bend" in str(dents(corner, point, direction))
+    assert "across its axis" in str(dents(corner, (0.3, 0), (-0.6, -0.8)))
+
+
 def test_walls_without_a_figure_are_told_to_dent():
     box = ao.Section(A=4e-4, I=1e-7)
     for found in (straight(box), straight(ao.Section.tube(0.04, 0.002), x=0.05)):

@@ -1,8 +1,8 @@
 """Data of a struck beam for the share "model" of an error budget.
 
 They exist for straight bars of full rectangular section with a site away from the ends
-(`antiosc.impact.error_budget`), since only these were measured against solids, and for straight
-round tubes, whose wall dents under a point load. With the semi-membrane theory of long cylinders
+(`antiosc.impact.error_budget`), since only these were measured against solids, and for round
+tubes, whose wall dents under a point load. With the semi-membrane theory of long cylinders
 (V. Z. Vlasov; bending along the circumference, stretching along the axis), each harmonic cos nθ of
 the wall (radius R of its middle, thickness t, D = E t³/12(1 − ν²)) is a beam on an elastic
 foundation with EI = π E t R³/n⁴ and k = π D (n² − 1)²/R³, which yields P/(2√2 EI^¼ k^¾). The sum
@@ -95,33 +95,28 @@ def _facts(part: MeshedStructure, site: Functional) -> BeamSection | TubeWall:
         "it is known for full rectangular sections (Section.rectangle) and round tubes of a radius "
         f"of at least {RADIUS:g} walls (Section.tube) alone",
     )
-    axis, ends = _line(part)
-    _need(abs(float(site.direction @ axis)) <= ALONG, "the beam is not struck across its axis")
-    position = float(site.point @ axis)
-    from_ends = min(position - ends[0], ends[1] - position)
-    if wall is None:
-        return _of_bar(part, beam, axis, site.direction, float(ends[1] - ends[0]), from_ends)
-    return _of_tube(beam, *wall, from_ends)
+    if wall is not None:
+        return _of_tube(part, beam, site.point, site.direction, *wall)
+    return _of_bar(part, beam, site.point, site.direction)
 
 
-def _of_tube(beam: Beam, radius: float, wall: float, from_ends: float) -> TubeWall:
-    """Data of a tube with this radius of the wall's middle, wall and distance to an end [m]."""
+def _of_tube(
+    part: MeshedStructure, beam: Beam, point: Array, direction: Array, radius: float, wall: float
+) -> TubeWall:
+    """Data of a tube with this radius of the wall's middle and this wall [m]."""
     slender = radius / wall
     reach = radius * sqrt(slender) * ((1 - beam.nu**2) / 3) ** 0.25
-    _need(from_ends >= reach, f"the site is nearer to an end than the dent reaches ({reach:.3g} m)")
+    _across(direction, _axis_near(part, point, reach))
     bends = (12 * (1 - beam.nu**2)) ** 0.75 * slender**1.5
     return {"dent": WAVES / (2 * sqrt(2) * pi) * bends / (beam.E * wall)}
 
 
-def _of_bar(
-    part: MeshedStructure,
-    beam: Beam,
-    axis: Array,
-    direction: Array,
-    length: float,
-    from_ends: float,
-) -> BeamSection:
-    """Data of a full rectangular bar struck at this distance from an end [m]."""
+def _of_bar(part: MeshedStructure, beam: Beam, point: Array, direction: Array) -> BeamSection:
+    """Data of a full rectangular bar."""
+    axis, ends = _line(part)
+    _across(direction, axis)
+    length = float(ends[1] - ends[0])
+    position = float(point @ axis)
     section = beam.section
     height = sqrt(12 * section.I / section.A)
     width = section.A / height
@@ -131,7 +126,7 @@ def _of_bar(
     _need(length >= LENGTH * side, f"the beam is shorter than {LENGTH:g} times its larger side")
     _need(side <= SIDES * min(height, width), f"one side is more than {SIDES:g} times the other")
     _need(
-        from_ends >= FROM_ENDS * side,
+        min(position - ends[0], ends[1] - position) >= FROM_ENDS * side,
         f"the site is nearer to an end than {FROM_ENDS:g} times the larger side",
     )
     _need(NU[0] <= beam.nu <= NU[1], f"it is measured for Poisson's ratios of {NU[0]} to {NU[1]}")
@@ -170,6 +165,34 @@ def _need(fact: bool, otherwise: str) -> None:
     """Raise `_Unknown` with the reason `otherwise` unless `fact` is true."""
     if not fact:
         raise _Unknown(otherwise)
+
+
+def _across(direction: Array, axis: Array) -> None:
+    """Raise `_Unknown` unless the direction is across the axis."""
+    _need(abs(float(direction @ axis)) <= ALONG, "the beam is not struck across its axis")
+
+
+def _axis_near(part: MeshedStructure, point: Array, reach: float) -> Array:
+    """Unit vector along the beam at a point; raises `_Unknown` unless the beam is straight and
+    without joints and ends for `reach` [m] to both sides.
+    """
+    ends = part.mesh.geometry.nodes[:, :2]
+    axes = ends[:, 1] - ends[:, 0]
+    starts = point - ends[:, 0]
+    along = np.einsum("cd,cd->c", starts, axes) / np.einsum("cd,cd->c", axes, axes)
+    offsets = starts - np.clip(along, 0.0, 1.0)[:, None] * axes
+    nearest = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+    axis = axes[nearest] / np.linalg.norm(axes[nearest])
+    position = (ends - point) @ axis
+    off_line = np.linalg.norm(np.cross(ends - ends[nearest, 0], axis), axis=2)
+    is_on_line = off_line <= STRAIGHT * part.mesh.extent()
+    is_near = np.linalg.norm(ends - point, axis=2) < reach
+    reached = position[is_on_line]
+    _need(
+        is_on_line[is_near.any(axis=1)].all() and reached.min() <= -reach <= reach <= reached.max(),
+        f"an end, a joint or a bend of the tube is within the reach of the dent, {reach:.3g} m",
+    )
+    return np.asarray(axis)
 
 
 def _line(part: MeshedStructure) -> tuple[Array, Array]:
