@@ -83,7 +83,7 @@ SAFETY_BEAM = 1.25  # for other bars than those that were measured
 #: and contact times of five tubes of shells (R/t of 6 to 20, strikers of 0.02 to 3 kg).
 SAFETY_TUBE = 2.0
 TUBE = (
-    "The wall of the tube dents under the blow (stiffness {}), which a beam leaves out: the"
+    "The wall of the tube dents under the blow (stiffness about {}), which a beam leaves out: the"
     " true force may be smaller by up to {}; a model of shells holds the dent."
 )
 
