@@ -664,7 +664,7 @@ def _told_of_strength(raws: Iterable[RawMesh], given: Strengths, name: str) -> s
         raise InputError(f"{name} has not {of_kind}: {_told(weak)}; give yield_strength in Pa.")
     if not weak:
         return ""
-    return f"of {name} have no yield strength, for they are not {of_kind}: {_told(weak)}."
+    return f"some materials of {name} have no yield strength, as none is {of_kind}: {_told(weak)}."
 
 
 def _told(materials: Sequence[tuple[float, float]]) -> str:

@@ -892,7 +892,7 @@ class Bench {
     const found = await this.step("map", { ...(where ? { where } : {}), stress, setup });
     if (!found) return;
     this.mapped = where;
-    this.page.stop();
+    if (this.page) this.page.stop();
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
     if (stress) this.page.show_kind(["exposure", "peak_stress"]);
     this.page.choose(found.worst); // and its fields follow
