@@ -463,7 +463,7 @@ class Opened:
         """The content of the file: the skin, its faces, and an initial set-up."""
         if self._first:
             return self._first
-        from antiosc_app.skin import skin
+        from antiosc_app.skin import over_half, skin
 
         inspection = self._inspected()
         if self._size is not None:
@@ -499,6 +499,7 @@ class Opened:
             "first_material": _first_material(inspection),
             "skin": shape,
             "faces": list(faces),
+            "large_faces": over_half(shape, list(faces)),
             "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
             "constants": {name: asdict(constants_of(name)) for name in MATERIALS},
             "same_kind": materials.SAME_KIND,

@@ -11,6 +11,7 @@ from antiosc import Mesh, Structure
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.errors import InputError
 from antiosc.extension import Faces, source, with_parts
+from antiosc.io.facets import areas
 from antiosc.io.neutral import SIDES
 from antiosc_app.guessed_sites import sides_of
 from antiosc_app.guessed_supports import ON_PLANE
@@ -20,6 +21,9 @@ from antiosc_app.live_meshes import drawn, edges_of, geometry, surface
 
 #: What the sides along z are called besides.
 DOWNWARD = {"-z": ", below", "+z": ", on top"}
+#: Share of the surface above which it is told how large a face is: the underside of a thin plate
+#: has 1/2 less its rim.
+HALF = 0.5
 #: The table of a support.
 Held: TypeAlias = Mapping[str, Any]
 
@@ -94,6 +98,18 @@ def skin(structure: Structure, look: Inspection) -> PageSkin:
     nodes = lines or [used_points[:0]] * len(all_faces)
     shape["nodes"] = [np.flatnonzero(np.isin(used_points, own)).astype(np.uint32) for own in nodes]
     return PageSkin(shape, all_faces, held_first)
+
+
+def over_half(shape: Data, names: Sequence[str]) -> dict[str, str]:
+    """What is told of faces that have more than half of the area of a skin, by their names."""
+    corners = shape["points"].reshape(-1, 3).astype(float)
+    area = areas(corners, shape["faces"].reshape(-1, 3))
+    shares = [area[triangles].sum() / area.sum() for triangles in shape["sets"]]
+    return {
+        name: f"{name} is {100 * share:.0f} % of the surface: it holds most of the part."
+        for name, share in zip(names, shares, strict=True)
+        if share > HALF
+    }
 
 
 def _line_nodes(mesh: Mesh, held: Held) -> IntArray:

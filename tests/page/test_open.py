@@ -1048,6 +1048,19 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
     assert skin(part, inspecting._inspect_mesh(one, {}, None)).held == ["side -z of the box, below"]
 
 
+def test_a_face_of_more_than_half_of_the_surface_is_told():
+    """Of a box of 0.1 x 0.08 x 0.06 m the sides along y and z have 28 of the 37.6 parts."""
+    from antiosc_app.skin import over_half, skin
+
+    mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
+    sides = [mesh.groups[name][2] for name in ("-y", "+y", "-z", "+z")]
+    large = replace(mesh, groups={**mesh.groups, "large": {2: np.sort(np.concatenate(sides))}})
+    part = ao.Structure(large, ao.material("steel S235"), [])
+    shown = skin(part, inspecting._inspect_mesh(large, {}, None))
+    told = over_half(shown.data, list(shown.faces))
+    assert told == {"large": "large is 74 % of the surface: it holds most of the part."}
+
+
 def test_a_group_without_parts_is_no_face_to_be_held():
     """As a face whose nodes are merged when the mesh is read."""
     from antiosc_app.skin import skin

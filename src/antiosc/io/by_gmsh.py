@@ -15,6 +15,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from math import log, sqrt
 from pathlib import Path
 from types import ModuleType
@@ -395,16 +396,18 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         filled = None
         if ask.solid:
             filled = facets.fill(gmsh, ask, attempt)
-            notes, names = filled.skin.remarks, filled.names
+            notes = filled.skin.remarks
         elif suffix in CAD:
             notes = cad.left_out(gmsh, ask)
             names = cad.names_of(gmsh, ask, unit_scale * ask.unit[0])
         if ask.outline:
-            return _outline(gmsh, names, unit_scale)
+            labels = list(filled.faces) if filled else cad.in_order(chain(*names.values()))
+            return _outline(gmsh, names, labels, unit_scale)
         if suffix != ".msh":
             mesh_model(gmsh, _as_attempted(ask, attempt), unit_scale * ask.unit[0])
         mesh = _arrays(gmsh, ask.name, names, suffix == ".msh")
         if filled is not None:
+            mesh.groups |= facets.named(mesh, filled)
             notes += facets.deviation(mesh, filled.volume)
             mesh.off = facets.off(mesh, filled)
         mesh.points *= unit_scale
@@ -440,9 +443,9 @@ NEAR_FACETS = 1e-3
 PADDED = 1e-4
 
 
-def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
-    """A line across the bounding box of each solid, the largest first, or of the model; each group
-    has all lines.
+def _outline(gmsh: ModuleType, names: Names, labels: list[str], scale: float) -> FileMesh:
+    """A line across the bounding box of each solid, the largest first, or of the model; each group,
+    of the physical ones and the labels, has all lines.
     """
     entities = cad.largest_first(gmsh) or [(-1, -1)]
     boxes = np.array([gmsh.model.getBoundingBox(*entity) for entity in entities])
@@ -450,15 +453,13 @@ def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
         boxes = _at_vertices(gmsh, entities, _tight(gmsh, entities, boxes))
     groups = gmsh.model.getPhysicalGroups()
     group_names = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
-    group_names += cad.in_order(
-        {name for names_of_entity in names.values() for name in names_of_entity}
-    )
+    group_names += labels
     lines = np.arange(2 * len(boxes)).reshape(-1, 2)
     cells = {"line": np.arange(len(lines))}
     corners = boxes.reshape(-1, 3) * scale
     mesh = FileMesh(corners, {"line": lines}, "gmsh", dict.fromkeys(group_names, cells))
-    labels = [", ".join(names.get(entity, ())) for entity in entities]
-    ends = zip(labels, scale * boxes[:, :3], scale * boxes[:, 3:], strict=True)
+    of_solids = [", ".join(names.get(entity, ())) for entity in entities]
+    ends = zip(of_solids, scale * boxes[:, :3], scale * boxes[:, 3:], strict=True)
     mesh.pieces = [Piece(*ends_of_solid) for ends_of_solid in ends] if len(entities) > 1 else []
     return mesh
 

@@ -27,7 +27,7 @@ from antiosc.base.texts import piece_is_read
 from antiosc.io import cad_volume, kept_surfaces, remade
 from antiosc.io.by_gmsh import AROUND_CURVED, GEOMETRY, SCRIPTS, SizeField
 from antiosc.io.cad import ATTEMPTS, STATES_UNIT
-from antiosc.io.facets import SURFACES
+from antiosc.io.facets import SURFACES, nearest_triangles
 from antiosc.io.geo_script import CAD
 from antiosc.io.isolation import OVERTIME_WORDS, processor_time, read_apart
 from antiosc.io.neutral import (
@@ -49,7 +49,6 @@ from antiosc.io.neutral import (
 )
 from antiosc.io.request import ModelOptions, Refinement
 from antiosc.io.table import deck_endings, is_deck
-from antiosc.io.tessellated import SAMPLE
 
 #: Dimension, group or groups whose cells make the mesh.
 Wanted = int | str | Sequence[str] | None
@@ -479,8 +478,7 @@ def _filled(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
     kept_surfaces.save(key, surface, reason)
     own = [remark.replace(file.name, asked.name) for remark in raw.remarks]
     raw.remarks = [f"gmsh cannot mesh {asked.name} as it is; {surface.remarks[-1]}", *own]
-    if SAMPLE in surface.cells:
-        raw.groups = _named_by_samples(raw, surface, asked.unit)
+    raw.groups = _named(raw, surface, asked.unit)
     return raw
 
 
@@ -504,19 +502,17 @@ def _made_anew(asked: Asked, error: UnmeshableError) -> tuple[FileMesh, str]:
     return surface, str(error).partition("; nor ")[0].rstrip(".")
 
 
-def _named_by_samples(
-    raw: RawMesh, surface: FileMesh, factor: float
-) -> dict[str, dict[int, IntArray]]:
-    """Groups of the outer facets of a mesh, each by the name of the sample nearest to its middle.
+def _named(raw: RawMesh, surface: FileMesh, factor: float) -> dict[str, dict[int, IntArray]]:
+    """The faces of a file as groups of the outer facets of a mesh.
 
-    `surface`: one that was made anew; `factor`: metres per unit of it.
+    `surface`: that of the file made anew; `factor`: metres per unit of it.
     """
     facets = _outer_facets(raw)
-    samples = factor * surface.points[surface.cells[SAMPLE].ravel()]
-    nearest = cKDTree(samples).query(raw.points[facets].mean(axis=1))[1]
+    skin, faces = remade.of_file(surface, factor)
+    nearest = nearest_triangles(skin, raw.points[facets])
     groups = {}
-    for name, parts in surface.groups.items():
-        of_group = np.isin(nearest, parts[SAMPLE])
+    for name, rows in faces.items():
+        of_group = np.isin(nearest, rows)
         if of_group.any():
             groups[name] = {raw.kind.dim - 1: facets[of_group]}
     return groups

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +40,7 @@ CRUMB = 3e-3
 INSIDE = 0.5
 #: Processor time that it may take, s.
 TIME = 600.0
-#: Words of what is told of such a surface.
+#: Words of what is told of such a surface, and the group of its triangles.
 ANEW = "made anew"
 #: What is told where it is not installed.
 MISSING = "pip install pytetwild==0.2.3 lets antiosc make the surface anew"
@@ -56,7 +56,29 @@ def read(ask: Request) -> FileMesh:
     if not ask.remade:
         return facets.read(ask)
     ask.allow(TIME)
-    return facets.as_sheet(made_anew(facets.skin_of(ask), ask.name))
+    skin = facets.skin_of(ask)
+    return with_faces(made_anew(skin, ask.name), skin, facets.by_side(facets.sides(skin)))
+
+
+def with_faces(anew: FacetSkin, skin: FacetSkin, faces: Mapping[str, IntArray]) -> FileMesh:
+    """A surface that was made anew, the group ANEW, and that of the file, whose faces name those
+    of its mesh.
+    """
+    count = len(anew.triangles)
+    groups = {name: {"triangle": count + rows} for name, rows in faces.items()}
+    groups[ANEW] = {"triangle": np.arange(count)}
+    triangles = np.vstack([anew.triangles, len(anew.points) + skin.triangles])
+    points = np.vstack([anew.points, skin.points])
+    return FileMesh(points, {"triangle": triangles}, "vtk", groups, remarks=anew.remarks)
+
+
+def of_file(surface: FileMesh, factor: float) -> tuple[FacetSkin, dict[str, IntArray]]:
+    """The surface of the file beside one that was made anew, times a factor, and its faces."""
+    count = len(surface.groups[ANEW]["triangle"])
+    triangles = surface.cells["triangle"][count:]
+    skin = FacetSkin(factor * surface.points, triangles, np.zeros_like(triangles[:, 0]))
+    faces = {n: parts["triangle"] - count for n, parts in surface.groups.items() if n != ANEW}
+    return skin, faces
 
 
 def made_anew(
@@ -212,11 +234,11 @@ def _volume(skin: FacetSkin) -> float:
 
 @contextmanager
 def as_file(mesh: FileMesh, stem: str) -> Iterator[Path]:
-    """A file of the triangles of a mesh, for the time of the context."""
+    """A file of a surface that was made anew, for the time of the context."""
     import meshio
 
     with tempfile.TemporaryDirectory(prefix="antiosc-") as folder:
         path = Path(folder) / f"{stem}.stl"
-        triangles = [("triangle", mesh.cells["triangle"])]
+        triangles = [("triangle", mesh.cells["triangle"][mesh.groups[ANEW]["triangle"]])]
         meshio.write(path, meshio.Mesh(mesh.points, triangles), binary=True)
         yield path

@@ -29,10 +29,6 @@ FACE = re.compile(r'DEF="setface\d*"\s+index="([^"]*)".*?point="([^"]*)"', re.DO
 #: Angle [rad] and distance, over the size of a face, between neighbouring triangles and the face. A
 #: bracket with 13 holes has 0.4 % too much volume with OpenCASCADE's 0.35 and 0.01.
 NEAR = {"Mesh.StlAngularDeflection": 0.15, "Mesh.StlLinearDeflection": 0.003}
-#: Samples of the faces by which triangles are given the names of these, about so many.
-SAMPLES = 50_000
-#: Kind of the cells at the samples.
-SAMPLE = "vertex"
 
 
 def read(ask: Request) -> FileMesh:
@@ -54,22 +50,17 @@ def read(ask: Request) -> FileMesh:
     faces, points, triangles = _triangles(gmsh)
     skin = FacetSkin(points, triangles, np.zeros(len(triangles), dtype=np.int64))
     anew = remade.made_anew(skin, ask.name, _volume(gmsh), together)
-    samples, of_triangle = _samples(points, triangles)
-    corners = len(anew.points)
-    cells = {
-        "triangle": anew.triangles,
-        SAMPLE: corners + np.arange(len(samples), dtype=np.int64)[:, None],
-    }
     of_face: dict[str, list[int]] = {}
     for (dim, tag), labels in names.items():
         for label in labels if dim == 2 else ():
             of_face.setdefault(label, []).append(tag)
-    groups = {
-        label: {SAMPLE: np.flatnonzero(np.isin(faces[of_triangle], of_face[label]))}
-        for label in cad.in_order(of_face)
+    labelled = {
+        label: np.flatnonzero(np.isin(faces, of_face[label])) for label in cad.in_order(of_face)
     }
-    everything = np.vstack([anew.points, samples]) * scale
-    return FileMesh(everything, cells, "vtk", groups, remarks=[*notes, *anew.remarks])
+    surface = remade.with_faces(anew, skin, labelled)
+    surface.points *= scale
+    surface.remarks = [*notes, *anew.remarks]
+    return surface
 
 
 def _volume(gmsh: ModuleType) -> float:
@@ -102,15 +93,7 @@ def _triangles(gmsh: ModuleType) -> tuple[IntArray, Array, IntArray]:
     if len(sets) != len(faces):
         raise UnmeshableError(f"OpenCASCADE gives triangles of {len(sets)} of {len(faces)} faces.")
     owners = np.repeat(faces, [len(block) for block in triangles])
-    return owners, np.vstack(points), np.vstack(triangles)
-
-
-def _samples(points: Array, triangles: IntArray) -> tuple[Array, IntArray]:
-    """Points within triangles, about equally dense, and the triangle of each."""
-    area = areas(points, triangles)
-    counts = np.clip(np.ceil(SAMPLES * area / area.sum()), 1, None).astype(np.int64)
-    which = np.repeat(np.arange(len(triangles)), counts)
-    share = np.random.default_rng(0).random((len(which), 2))
-    share = np.where(share.sum(axis=1, keepdims=True) > 1, 1 - share, share)
-    a, b, c = points[triangles[which]].transpose(1, 0, 2)
-    return a + share[:, :1] * (b - a) + share[:, 1:] * (c - a), which
+    everything = np.vstack(points)
+    all_triangles = np.vstack(triangles)
+    sound = areas(everything, all_triangles) > 0  # others have no normal
+    return owners[sound], everything, all_triangles[sound]

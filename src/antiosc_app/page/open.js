@@ -680,6 +680,7 @@ class Bench {
     find("held-list").replaceChildren();
     this.preview("");
     for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
+    for (const name of this.setup.held) if (this.facts.large_faces[name]) made("small", find("held-list"), this.facts.large_faces[name]);
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.facts.unheld);
     find("finer").textContent = this.is_finer() ? "Finer mesh at the largest stress" : "Finer mesh here";
     [find("undo").disabled, find("redo").disabled] = [!this.past.length, !this.future.length];

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -36,6 +37,7 @@ from antiosc.io.polygons import triangles_of
 from antiosc.io.reading import Asked, _content, _meshed
 from antiosc.recovery import mesh_fields
 from antiosc_app.live_meshes import surface
+from parts import gmsh_session
 
 pytestmark = pytest.mark.fem
 STEEL = ao.Solid(210e9, 0.3, 7850.0)
@@ -363,6 +365,58 @@ def test_the_facets_of_a_file_may_stay_as_they_are(tmp_path):
     whole = _content(path, None, UnitSystem.of("mm"), None, attempt=number, solid=True, size=1e-3)
     assert len(whole.cells["triangle"]) == 6 * 2 * 3**2
     assert whole.off < 1e-9
+
+
+def drilled(size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Surface of a plate of 60 x 40 x 10 with holes of radius 8 and 5, in triangles of a size."""
+    with gmsh_session() as gmsh:
+        occ = gmsh.model.occ
+        holes = [(3, occ.addCylinder(x, 20, 0, 0, 0, 10, r)) for x, r in ((18, 8), (45, 5))]
+        occ.cut([(3, occ.addBox(0, 0, 0, 60, 40, 10))], holes)
+        occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 36)
+        gmsh.model.mesh.generate(2)
+        tags, x, _ = gmsh.model.mesh.getNodes()
+        row = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        row[tags] = np.arange(len(tags))
+        triangles = row[gmsh.model.mesh.getElementsByType(2)[1]].reshape(-1, 3)
+    return x.reshape(-1, 3), triangles
+
+
+#: Areas of its faces: four sides, two walls, and top and bottom without the holes.
+DRILLED = sorted([400, 400, 600, 600, 160 * np.pi, 100 * np.pi, *[2400 - 89 * np.pi] * 2])
+
+
+def areas_of(points: np.ndarray, groups: Iterable[np.ndarray]) -> list[float]:
+    """Areas of groups of triangles (n, 3), ascending."""
+    return sorted(areas(points, triangles).sum() for triangles in groups)
+
+
+@pytest.mark.parametrize(
+    ("attempt", "near"),
+    [("as it is", 0.02), ("with its facets as they are", 2e-3), ("in small patches", 0.08)],
+)
+def test_faces_end_at_sharp_edges_however_the_surface_is_meshed(tmp_path, attempt, near):
+    """Large elements cut the holes, and small patches all edges, at which facets are inclined."""
+    path = write(tmp_path / "plate.stl", *drilled(20.0))
+    (number,) = (k for k, one in enumerate(ATTEMPTS) if one.about.startswith(attempt))
+    mesh = _content(path, None, UnitSystem.of("m"), None, attempt=number, solid=True, size=4.0)
+    faces = [mesh.cells["triangle"][parts["triangle"]] for parts in mesh.groups.values()]
+    assert areas_of(mesh.points, faces) == pytest.approx(DRILLED, rel=near)
+
+
+def test_a_surface_made_anew_has_the_faces_of_its_file():
+    """Finer, and each point moved by up to fTetWild's envelope, 0.1 % of the diagonal of 73."""
+    skin = cleaned(*drilled(20.0), "plate")
+    points, triangles = drilled(1.5)
+    moved = points + np.random.default_rng(0).uniform(-0.042, 0.042, points.shape)
+    anew = cleaned(moved, triangles, "plate")
+    kept = remade.with_faces(anew, skin, facets.by_side(facets.sides(skin)))
+    of_file, faces = remade.of_file(kept, 1e-3)
+    nearest = facets.nearest_triangles(of_file, 1e-3 * anew.points[anew.triangles])
+    owned = [anew.triangles[np.isin(nearest, rows)] for rows in faces.values()]
+    assert areas_of(anew.points, owned) == pytest.approx(DRILLED, rel=1e-2)
 
 
 def test_holes_that_chords_would_fill_keep_their_edges(tmp_path):
