@@ -363,9 +363,16 @@ def test_what_other_code_has_kept_is_not_taken(tmp_path, monkeypatch):
     assert keys[0] == keys[2] != keys[1]
 
 
+def only_anew() -> FileMesh:
+    """A surface made anew without that of its file."""
+    groups = {remade.ANEW: {"triangle": np.array([0])}}
+    cells = {"triangle": np.array([[0, 1, 2]])}
+    return FileMesh(np.eye(3), cells, "vtk", groups, remarks=["anew."])
+
+
 def test_a_surface_made_anew_that_encloses_several_pieces_is_told_of_them(tmp_path, monkeypatch):
     """The pieces are kept, from which `new` and the page choose the largest."""
-    triangle = FileMesh(np.eye(3), {"triangle": np.array([[0, 1, 2]])}, "vtk", remarks=["anew."])
+    triangle = only_anew()
     monkeypatch.setattr(reading, "_made_anew", lambda *_: (triangle, "PLC error"))
     monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
     in_pieces = PiecesError("part.stl falls into 2 pieces.")
@@ -386,7 +393,7 @@ def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reaso
     tmp_path, monkeypatch
 ):
     monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")
-    triangle = FileMesh(np.eye(3), {"triangle": np.array([[0, 1, 2]])}, "vtk", remarks=["anew."])
+    triangle = only_anew()
     monkeypatch.setattr(reading, "_made_anew", lambda *_: (triangle, "PLC error"))
 
     def never(_: object, asked: Asked) -> None:
