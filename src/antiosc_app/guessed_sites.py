@@ -119,11 +119,12 @@ def clear_of_edges(
 def _cuts_edge(outer: Faces, site: tuple[Array, Array, float | None], radius: float) -> bool:
     """Whether an edge of its face cuts the patch of a radius [m] at a site."""
     from antiosc.reduce.site.doubts import WHOLE_PATCH
-    from antiosc.reduce.site.sites import patches
+    from antiosc.reduce.site.sites import MOST_RINGS_OF_MAP, patches
 
     place, radii = site[0][None], np.array([radius])
     contact = outer.contact(place, site[1][None], radii, np.zeros(len(outer), dtype=int))
-    return bool(patches(outer, place, radii, contact)[1][0] < WHOLE_PATCH)
+    share = patches(outer, place, radii, contact, most_rings=MOST_RINGS_OF_MAP)[1][0]
+    return bool(share < WHOLE_PATCH)
 
 
 def facet_size_at(x: Array, faces: IntArray, point: Sequence[float] | Array) -> float:

@@ -236,7 +236,8 @@ def _inspect_mesh(
         sites = with_room(outer, sites, largest_ball_on(longest))
         if not len(site_nodes):
             sites = in_sight(x[faces], sites, GRAZING * longest)
-    point, direction, radius = next(sites)
+    with progress.doing("looking for a place where a ball can strike it"):
+        point, direction, radius = next(sites)
     radius = radius if family == "Solid" or mesh.gdim == 2 else None
     if structure is not None:
         point, direction, radius = movable_sites(structure, (point, direction, radius), sites)

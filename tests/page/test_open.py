@@ -1397,3 +1397,16 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             assert browser.said() == []
     finally:
         shown.close()
+
+
+@pytest.mark.parametrize(("beside", "cuts"), [(0.58, True), (0.65, False)])
+def test_an_edge_that_takes_a_tenth_of_the_load_cuts_a_patch_also_on_small_facets(beside, cuts):
+    """The share of Hertz's load on the face up to an edge at d radii is (2 + 3 d - d^3) / 4: 0.886
+    and 0.919.
+    """
+    from antiosc_app import guessed_sites
+
+    outer = Faces(ao.box_mesh((0.1, 0.1, 0.01), size=0.005), sheet=False)
+    site = np.array([beside * 0.03, 0.05, 0.01]), np.array([0.0, 0.0, -1.0]), None
+    assert (2 + 3 * beside - beside**3) / 4 == pytest.approx(0.9025, abs=0.02)
+    assert guessed_sites._cuts_edge(outer, site, 0.03) == cuts
