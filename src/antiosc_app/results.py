@@ -81,7 +81,7 @@ from antiosc_app.live import (
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import GEOMETRIES, label
 from antiosc_app.scene_file.run import Nominal, RowFacts, SceneResults, error_budget, varied
-from antiosc_app.scene_file.scene import probe_times
+from antiosc_app.scene_file.scene import Shock, probe_times
 from antiosc_app.words import of_scenes
 
 if TYPE_CHECKING:
@@ -463,18 +463,6 @@ def _impact(results: SceneResults) -> Presentation:
     stresses = _stress_rows(peaks, force)
     columns = {n.replace("[", "(").replace("]", ")"): v for n, v in hit.columns().items()}
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
-    groups: list[Columns] = []  # of probes with equal times
-    for probe in probes:
-        same_view = (
-            group_of_times
-            for group_of_times in groups
-            if np.array_equal(group_of_times["time (s)"], probe.times)
-        )
-        group = next(same_view, None)
-        if group is None:
-            groups.append(group := {"time (s)": probe.times})
-        group |= probe.table()
-    names = (f"probes_{k + 1}.csv" if k else "probes.csv" for k in range(len(groups)))
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
     known = {"error_budget": bars, "deflection": deflection(hit, budget)}
@@ -492,13 +480,13 @@ def _impact(results: SceneResults) -> Presentation:
         text=text,
         caution=cautions_of(hit, results.structure, budget, peaks),
         asked=([*map(_fact_of_probe, probes)], _note_on_probes(probes, left_out)),
-        tables={"history.csv": columns, **dict(zip(names, groups, strict=True))},
+        tables={"history.csv": columns, **_tables_of_probes(probes)},
         numbers={
             "result": hit.numbers() | known,
-            "probes": {probe.name: probe.peak() | _point_of(probe) for probe in probes},
+            "probes": {probe.name: _numbers_of_probe(probe) for probe in probes},
             "stress": _stress_numbers(peaks),
         },
-        plotted={**({} if is_scene else {"force": hit}), **peaks},
+        plotted={**({} if is_scene else {"force": hit}), **peaks, **_plotted_spectra(probes)},
         fields={f"{name}.vtu": peak.write for name, peak in peaks.items()},
         sections={
             "Results": [
@@ -513,6 +501,36 @@ def _impact(results: SceneResults) -> Presentation:
         },
         pictures=_impact_pictures(results, probes),
     )
+
+
+def _tables_of_probes(probes: Sequence[Probe]) -> dict[str, Columns]:
+    """The files of probes and of their shock response spectra."""
+    signals = [{"time (s)": probe.times, **probe.table()} for probe in probes]
+    spectra = [probe.shock_table() for probe in probes if probe.shock]
+    return _files("probes", signals) | _files("srs", spectra)
+
+
+def _files(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
+    """File -> columns; tables whose first columns are equal are in one file."""
+    files: list[Columns] = []
+    for table in tables:
+        first = next(iter(table))
+        same = (file for file in files if np.array_equal(file[first], table[first]))
+        file = next(same, None)
+        if file is None:
+            files.append(table)
+        else:
+            file |= table
+    return {f"{stem}.csv" if not k else f"{stem}_{k + 1}.csv": x for k, x in enumerate(files)}
+
+
+def _plotted_spectra(probes: Sequence[Probe]) -> dict[str, object]:
+    """Name of a file -> the shock response spectrum of a probe."""
+    shocks = [probe.shock for probe in probes if probe.shock]
+    return {
+        f"srs_{k + 1}" if k else "srs": shock.spectra[shock.component]
+        for k, shock in enumerate(shocks)
+    }
 
 
 #: Width of the names in the summary of an impact.
@@ -609,6 +627,8 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
         if probe.settled:
             seen = _peak_text(probe.settled.peak())
             rows.append(("", BY_FILTER.format(seen, probe.settled.filter, probe.name)))
+        if probe.shock:
+            rows.append(("", _shock_text(probe.shock)))
     unsettled = [probe for probe in probes if probe.is_unsettled]
     if unsettled:
         of_accelerations = any("filtered" in probe.peak() for probe in unsettled)
@@ -656,9 +676,37 @@ def _place(results: SceneResults, probes: Sequence[Probe]) -> None:
             probe.place = ProbePlace(tuple(x.tolist()), off)
 
 
-def _point_of(probe: Probe) -> Columns:
-    """The point [m] of a probe among the numbers; {} if it is not known."""
-    return {} if probe.place is None else {"point": probe.place.point}
+def _numbers_of_probe(probe: Probe) -> Columns:
+    """The largest value of a probe, its point [m] if it is known, and that of its spectrum."""
+    numbers = probe.peak()
+    if probe.place is not None:
+        numbers["point"] = probe.place.point
+    if probe.shock:
+        numbers["srs"] = _shock_numbers(probe.shock)
+    return numbers
+
+
+def _shock_numbers(shock: Shock) -> Columns:
+    """The largest value of shock response spectra, with its frequency [Hz]."""
+    spectrum = shock.spectra[shock.component]
+    k = int(np.argmax(spectrum.maximax))
+    return {
+        **{"component": shock.component, "value": float(spectrum.maximax[k]), "unit": "m/s²"},
+        **{"frequency": float(spectrum.frequency[k]), "Q": spectrum.Q, "resolved": shock.resolved},
+    }
+
+
+def _shock_text(shock: Shock) -> str:
+    """The largest value of shock response spectra, and up to which frequency they are known."""
+    n = _shock_numbers(shock)
+    value, frequency = engineering(n["value"], n["unit"], 4), engineering(n["frequency"], "Hz")
+    known = ""
+    if shock.resolved is not None:
+        known = f"; the model resolves frequencies up to {engineering(shock.resolved, 'Hz')}"
+        if n["frequency"] > shock.resolved:
+            known += ", and not this one: take more anti-oscillators (n in [extract])"
+    largest = f"{n['component']}: largest {value} at {frequency}"
+    return f"shock response spectrum (Q = {n['Q']:g}) {largest}{known}"
 
 
 def _note_on_probes(probes: Sequence[Probe], left_out: bool) -> str:
@@ -833,6 +881,11 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
         caption = "The component of each probe with the largest value; of probes with several units"
         caption += " each is divided by its largest value, which the legend states."
         pictures.append(chart("Probes", caption, partial(_signals, probes)))
+    for probe in probes:
+        if probe.shock:
+            caption = f"Probe {probe.name}: {_shock_text(probe.shock)}."
+            draw = probe.shock.spectra[probe.shock.component].plot
+            pictures.append(Picture("Shock response spectrum", caption, draw, ".svg"))
     if results.structure is not None:
         caption = "The structure at the time of the largest displacement of its site, or of the"
         caption += " largest force; displacements are drawn larger by the factor stated."
@@ -905,6 +958,7 @@ class Probe:
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
     `force` : relative error of the force beside that by their number; None if it is not known.
     `place` : where it lies; None if it is not known.
+    `shock` : its shock response spectra, if the scene asks for them.
     `settled` : the probe through the widest filter through which it has converged, if it has not
         without one.
     """
@@ -917,6 +971,7 @@ class Probe:
     def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments
         self.name = name
+        self.shock: Shock | None = results.spectra.get(name)
         self.quantity: str = arguments.get("quantity", "displacement")
         self.filter: str | None = arguments.get("filter")
         times = arguments.get("times", results.history.time)
@@ -950,6 +1005,14 @@ class Probe:
             told = ", ".join(one for one in (unit, self.filter) if one)
             headings.append(f"{self.name} {component}".rstrip() + (f" ({told})" if told else ""))
         return dict(zip(headings, self.values.T, strict=True))
+
+    def shock_table(self) -> Columns:
+        """The frequencies and the largest absolute responses as columns of a file."""
+        assert self.shock is not None
+        spectra = self.shock.spectra
+        table: Columns = {"frequency (Hz)": spectra[self.shock.component].frequency}
+        unit = ", ".join(filter(None, ("m/s²", self.filter)))
+        return table | {f"{self.name} {c} ({unit})": s.maximax for c, s in spectra.items()}
 
     def peak(self) -> Columns:
         """The largest value: for a vector its magnitude, for other quantities that of one

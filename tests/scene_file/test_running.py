@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import StateSpace, lsim
 
 import antiosc as ao
 from antiosc.base.cfc import CLASSES
@@ -118,6 +119,51 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     own = numbers(tmp_path / "out")["probes"]["quarter"]
     assert own["value"] == pytest.approx(peak["value"], rel=1e-9)
     assert "filtered" not in own
+
+
+def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_path, capsys):
+    """Oscillators on a base that has the displacement of the point, integrated by lsim."""
+    text = f'{BEAM.replace("2e-3", "3e-3")}{PROBE}quantity = "acceleration"\nsrs = true\n'
+    path = written(tmp_path, text + '[output]\nplot = "svg"\n')
+    page = tmp_path / "a.html"
+    assert antiosc("run", path, "--out", tmp_path / "out", "--report", page) == 0
+    told = capsys.readouterr().out
+    made = objects(path)
+    t = np.linspace(0, 3e-3, 6001)
+    moved = ao.probe(made.structure, made.history, (0.2, 0.0, 0.0), "displacement", t)[:, 2]
+    columns = table(tmp_path / "out/srs.csv")
+    frequencies, found = columns["frequency (Hz)"], columns["quarter z (m/s²)"]
+    known = ao.resolved_frequency(made.model)
+    assert frequencies[-1] == pytest.approx(known)
+    speeds = np.gradient(moved, t)
+    after = t[1] * np.arange(1, 4 * t.size)  # in which the point moves on at its last speed
+    base = np.append(moved, moved[-1] + speeds[-1] * after)
+    inputs = np.column_stack([base, np.append(speeds, np.full(after.size, speeds[-1]))])
+    for k in np.searchsorted(frequencies, [100.0, 300.0, 700.0]):
+        w = 2 * np.pi * frequencies[k]
+        spring = np.array([[w * w, w / 10]])
+        mass = StateSpace([[0, 1], *-spring], [[0, 0], *spring], -spring, spring)
+        _, accelerations, _ = lsim(mass, inputs, np.append(t, t[-1] + after))
+        assert found[k] == pytest.approx(np.abs(accelerations).max(), rel=0.01)
+    k = int(np.argmax(found))
+    numbers_told = numbers(tmp_path / "out")["probes"]["quarter"]["srs"]
+    assert (numbers_told["value"], numbers_told["frequency"]) == (found[k], frequencies[k])
+    assert (numbers_told["component"], numbers_told["resolved"]) == ("z", known)
+    value = f"largest {engineering(found[k], 'm/s²', 4)} at {engineering(frequencies[k], 'Hz')}"
+    assert f"shock response spectrum (Q = 10) z: {value}; the model resolves" in told
+    assert f"Probe quarter: shock response spectrum (Q = 10) z: {value}" in page.read_text()
+    assert (tmp_path / "out/srs.svg").stat().st_size > 0
+
+
+@pytest.mark.parametrize("quantity", ["", 'quantity = "stress"\n'])
+def test_a_shock_spectrum_of_what_is_no_motion_is_refused(tmp_path, capsys, quantity):
+    path = written(tmp_path, f"{BEAM}{PROBE}{quantity}srs = true\n")
+    assert antiosc("check", path) != 0
+    assert "is that of an acceleration: give quantity" in capsys.readouterr().err
+    assert (
+        antiosc("check", written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = true\n'))
+        == 0
+    )
 
 
 def test_an_acceleration_that_converges_through_no_filter_is_told(tmp_path, capsys, monkeypatch):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from antiosc.base import checks
 from antiosc.base._types import Array, ComplexArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import Completed, ReprMixin, engineering, range_text
+from antiosc.base.texts import Completed, ReprMixin, engineering, percent, range_text
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ MOST_SAMPLES = 5_000_000
 ROUGH = 0.5
 #: Least number of samples for which this is judged.
 SAMPLED = 50
+#: Share of the spectrum from which the end of a velocity is said to decide it.
+DECIDES = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,7 +175,7 @@ def srs(
         During the signal, after its end (one period of each oscillator), or both.
     signal : "acceleration" or "velocity"
         The quantity of `a`. For a velocity, the acceleration is constant between samples, and zero
-        after the last one.
+        after the last one: the velocity stays what it is there.
     resolved : float, optional
         Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
         AccuracyWarning names frequencies above it.
@@ -182,7 +184,8 @@ def srs(
     -----
     AccuracyWarning
         Accelerations that change from sample to sample as much as they are large; frequencies above
-        `resolved`.
+        `resolved`; a velocity that still rings at the last sample, where its step from the mean of
+        the second half decides the spectrum.
 
     Raises
     ------
@@ -199,7 +202,10 @@ def srs(
     if signal == "acceleration":
         _warn_if_rough(t, a)
     responses = np.array([_extremes(t, a, float(frequency), Q, parts, signal) for frequency in f])
-    return ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
+    found = ShockSpectrum(f, responses[:, 0], responses[:, 1], Q)
+    if signal == "velocity" and parts != "primary":
+        _warn_if_ringing(t, a, found)
+    return found
 
 
 def _frequencies(t: Array, frequencies: ArrayLike | None, resolved: float | None) -> Array:
@@ -242,6 +248,34 @@ def _warn_if_rough(t: Array, a: Array) -> None:
             f"(rms {roughness:.2g} of the signal's): their samples do not resolve them, and the "
             'spectrum may be wrong at all frequencies. Give velocities (signal "velocity") at '
             "20 or more equal steps a period of the highest frequency.",
+            AccuracyWarning,
+        )
+
+
+def _warn_if_ringing(t: Array, v: Array, found: ShockSpectrum) -> None:
+    """AccuracyWarning if a velocity ends away from its mean, and this decides the spectrum.
+
+    A part that moves on steadily has its velocity as this mean: its step is no error.
+    """
+    start = int(np.searchsorted(t, (t[0] + t[-1]) / 2)) - 1
+    areas = np.diff(t[start:]) * (v[start:-1] + v[start + 1 :]) / 2
+    step = abs(float(v[-1] - areas.sum() / (t[-1] - t[start])))
+    suspects = np.flatnonzero(2 * np.pi * found.frequency * step > DECIDES * found.maximax)
+    decided = [
+        frequency
+        for frequency, largest in zip(
+            found.frequency[suspects], found.maximax[suspects], strict=True
+        )
+        if max(_extremes(t, v, frequency, found.Q, "primary", "velocity")) < (1 - DECIDES) * largest
+    ]
+    if decided:
+        share = step / float(np.abs(v - v[0]).max())
+        warn(
+            "the velocity still rings at the last sample, where it differs from its mean over the "
+            f"second half of the signal by {percent(share)} of its largest change; taken as "
+            "constant after that sample, it decides the spectrum up to "
+            f"{engineering(max(decided), 'Hz')}: make the run longer, or take what precedes "
+            'its end alone (srs with parts="primary").',
             AccuracyWarning,
         )
 
@@ -354,7 +388,7 @@ def _largest(y: Array) -> float:
         curvature = 2 * top - y[k - 1] - y[k + 1]
         if curvature > 0:
             top += float((y[k + 1] - y[k - 1]) ** 2 / (8 * curvature))
-    return max(top, 0.0)
+    return max(0.0, top)  # of -0.0 too
 
 
 def _step_response(f: float, Q: float, h: float, size: int) -> Array:

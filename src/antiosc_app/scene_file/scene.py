@@ -21,11 +21,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import antiosc
-from antiosc import ContactLaw, History
+from antiosc import ContactLaw, History, SceneHistory
 from antiosc.base._types import Array
-from antiosc.base.errors import AntioscError, finite_element_packages
+from antiosc.base.errors import (
+    AntioscError,
+    InputError,
+    finite_element_packages,
+    without_warnings,
+)
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
 from antiosc_app.scene_file.document import GEOMETRIES, Document, Place, Table, label
@@ -40,7 +46,7 @@ from antiosc_app.scene_file.schema import (
 )
 
 if TYPE_CHECKING:
-    from antiosc import AntiOscillators, Fall, PeakField, Structure
+    from antiosc import AntiOscillators, Fall, PeakField, ShockSpectrum, Structure
     from antiosc_studies.drops.fall import WorstField
 
 T = TypeVar("T")
@@ -61,6 +67,7 @@ class Objects(Generic[T]):
     scene : the `Scene` of several contacts.
     history : the result of the simulation.
     probes : name -> signal of [probes].
+    spectra : name -> shock response spectra of those with `srs = true`.
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
     nominal : the run of [monte_carlo] without random values.
@@ -78,6 +85,7 @@ class Objects(Generic[T]):
     scene: T = MISSING
     history: T = MISSING
     probes: Mapping[str, T] = field(default_factory=dict)
+    spectra: Mapping[str, T] = field(default_factory=dict)
     stresses: T = MISSING
     batch: T = MISSING
     facts: T = MISSING
@@ -137,8 +145,8 @@ STUDIES = {
         "simulation",
         "no simulation to run: give [simulate], [run] for a scene of several contacts, [drop] or"
         " [find]",
-        ("structure", "model", "impactor", "contact", "history", "probes", "stresses", "fall",
-         "peaks", "worst", "found"),
+        ("structure", "model", "impactor", "contact", "history", "probes", "spectra", "stresses",
+         "fall", "peaks", "worst", "found"),
     ),
     "sweep": Study(
         "batch",
@@ -506,6 +514,70 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
+class Shock(NamedTuple):
+    """The shock response spectra of a probe.
+
+    Attributes
+    ----------
+    spectra : component -> its spectrum, m/s².
+    resolved : frequency [Hz] up to which the model resolves the motion; None if it is not known.
+    """
+
+    spectra: Mapping[str, ShockSpectrum]
+    resolved: float | None
+
+    @property
+    def component(self) -> str:
+        """The component with the largest value."""
+        return max(self.spectra, key=lambda name: float(self.spectra[name].maximax.max()))
+
+
+#: Samples of a spectrum in a period of the highest frequency that is resolved, as `srs` needs them;
+RESOLVED_SAMPLES = 20
+#: … in one of the highest of the model (of a bracket's spectrum 5 left 0.001 dB, 2 left 0.006 dB);
+HIGHEST_SAMPLES = 5
+#: … and in a run at most, for which 40 anti-oscillators take 0.1 GB.
+MOST_TIMES = 200_001
+
+
+def even_times(history: History, highest: float, resolved: float) -> Array:
+    """Evenly spaced times [s] over a run for spectra, from two frequencies [Hz] of its model."""
+    end = float(history.time[-1])
+    rate = max(HIGHEST_SAMPLES * highest, RESOLVED_SAMPLES * min(resolved, highest))
+    return np.linspace(0.0, end, max(int(min(rate * end + 2, MOST_TIMES)), PROBE_TIMES))
+
+
+def shock(
+    structure: Structure,
+    history: History,
+    quantity: str,
+    times: ArrayLike | None = None,
+    **place: Any,
+) -> Shock:
+    """The shock response spectra of a probe, from its velocity also if it is an acceleration.
+
+    `quantity` is that of the probe. Times of a scene are taken as they are.
+    """
+    body: Any = (
+        history.bodies[STRUCTURE].placed.body
+        if isinstance(history, SceneHistory)
+        else history.model
+    )
+    resolved = None
+    with contextlib.suppress(InputError):  # a model that was read lacks it
+        resolved = antiosc.resolved_frequency(body)
+    highest = float(np.max(body.omega, initial=0.0)) / (2 * np.pi)
+    t = even_times(history, highest, resolved or 0.0)
+    t = t if times is None else np.reshape(times, -1).astype(float)
+    velocity = antiosc.probe(structure, history, quantity="velocity", times=t, **place)
+    signals = dict(zip("xyz", velocity.T, strict=False))
+    made = functools.partial(antiosc.srs, t, signal="velocity", resolved=resolved)
+    with without_warnings():
+        shock = Shock({name: made(signal) for name, signal in signals.items()}, resolved)
+    largest = shock.component  # whose warnings are those of the probe
+    return Shock({**shock.spectra, largest: made(signals[largest])}, resolved)
+
+
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
     """Set the calls of [probes] and of [stress], by default the criteria with known strengths."""
     part: Call | None = compiled.structure
@@ -513,10 +585,15 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
         part = Call(lambda history: history.structure, {"history": compiled.history})
     arguments = {"structure": part, "history": compiled.history}
     times = Call(probe_times, {"history": compiled.history})
-    compiled.probes = {
-        name: replace(probe, arguments={"times": times, **probe.arguments})
-        for name, probe in build.named("probes", arguments).items()
-    }
+    probes: dict[str, Call] = {}
+    spectra: dict[str, Call] = {}
+    for name, probe in build.named("probes", arguments).items():
+        keys = dict(probe.arguments)
+        if keys.pop("srs", False):
+            _check_quantity(build, name, keys.get("quantity", "displacement"))
+            spectra[name] = replace(probe, make=shock, arguments=keys)
+        probes[name] = replace(probe, arguments={"times": times, **keys})
+    compiled.probes, compiled.spectra = probes, spectra
     meshed = compiled.history is not None and source(build) in MESHED.split()
     if "stress" in build.data:
         asked = build.table("stress", given=arguments)
@@ -524,6 +601,16 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
             compiled.stresses = Call(lambda peak: {peak.quantity: peak}, {"peak": asked})
     elif meshed:
         compiled.stresses = Call(by_strengths, arguments)
+
+
+def _check_quantity(build: Builder, name: str, quantity: object) -> None:
+    """Note a shock response spectrum of a quantity that has none."""
+    if quantity not in ("acceleration", "velocity"):
+        build.note(
+            ("probes", name, "srs"),
+            f'[probes.{name}] has the quantity "{quantity}", and a shock response spectrum is that '
+            'of an acceleration: give quantity = "acceleration" or "velocity", or leave out srs.',
+        )
 
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:

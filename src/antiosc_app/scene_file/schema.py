@@ -208,6 +208,17 @@ class Parameter:
     check: Check | None = None
 
 
+#: Function -> keys of its section that only scenes have.
+FURTHER = {
+    "probe": (
+        Parameter(
+            "srs", (FLAG,), False, False,
+            "whether the shock response spectrum (Q = 10) of an acceleration or velocity is added",
+        ),
+    ),
+}  # fmt: skip
+
+
 @functools.cache
 def parameters(function: str) -> Mapping[str, Parameter]:
     """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
@@ -237,7 +248,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
             by_name[name] = Parameter(
                 name, kinds, required, default, described.get(name, ""), check
             )
-    return by_name
+    return by_name | {parameter.name: parameter for parameter in FURTHER.get(function, ())}
 
 
 def resolved(function: str) -> Any:
@@ -340,8 +351,8 @@ class Output:
     Parameters
     ----------
     csv : bool
-        The histories as tables: history.csv, probes.csv, for a sweep or a map sweep.csv, map.csv,
-        for an identified impact force.csv.
+        The histories as tables: history.csv, probes.csv, srs.csv, for a sweep or a map sweep.csv,
+        map.csv, for an identified impact force.csv.
     json : bool
         All numbers of the result: result.json.
     plot : "svg", "png" or "pdf", optional
