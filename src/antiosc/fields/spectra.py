@@ -185,7 +185,7 @@ def srs(
     AccuracyWarning
         Accelerations that change from sample to sample as much as they are large; frequencies above
         `resolved`; a velocity that still rings at the last sample, where its step from the mean of
-        the second half decides the spectrum.
+        the second half decides the spectrum: make the run longer, or give `parts="primary"`.
 
     Raises
     ------
@@ -274,8 +274,8 @@ def _warn_if_ringing(t: Array, v: Array, found: ShockSpectrum) -> None:
             "the velocity still rings at the last sample, where it differs from its mean over the "
             f"second half of the signal by {percent(share)} of its largest change; taken as "
             "constant after that sample, it decides the spectrum up to "
-            f"{engineering(max(decided), 'Hz')}: make the run longer, or take what precedes "
-            'its end alone (srs with parts="primary").',
+            f"{engineering(max(decided), 'Hz')}: make the run longer, or take the primary "
+            "spectrum alone, that of the run itself.",
             AccuracyWarning,
         )
 

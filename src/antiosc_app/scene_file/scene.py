@@ -27,10 +27,13 @@ import antiosc
 from antiosc import ContactLaw, History, SceneHistory
 from antiosc.base._types import Array
 from antiosc.base.errors import (
+    AccuracyWarning,
     AntioscError,
     InputError,
+    Message,
     finite_element_packages,
-    without_warnings,
+    warn,
+    warnings_to,
 )
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.build import Builder, Call, Methods, Mistake
@@ -550,13 +553,14 @@ def even_times(history: History, highest: float, resolved: float) -> Array:
 def shock(
     structure: Structure,
     history: History,
+    name: str,
     quantity: str,
     times: ArrayLike | None = None,
     **place: Any,
 ) -> Shock:
     """The shock response spectra of a probe, from its velocity also if it is an acceleration.
 
-    `quantity` is that of the probe. Times of a scene are taken as they are.
+    `name`, `quantity`: those of the probe. Times of a scene are taken as they are.
     """
     body: Any = (
         history.bodies[STRUCTURE].placed.body
@@ -570,12 +574,16 @@ def shock(
     t = even_times(history, highest, resolved or 0.0)
     t = t if times is None else np.reshape(times, -1).astype(float)
     velocity = antiosc.probe(structure, history, quantity="velocity", times=t, **place)
-    signals = dict(zip("xyz", velocity.T, strict=False))
-    made = functools.partial(antiosc.srs, t, signal="velocity", resolved=resolved)
-    with without_warnings():
-        shock = Shock({name: made(signal) for name, signal in signals.items()}, resolved)
-    largest = shock.component  # whose warnings are those of the probe
-    return Shock({**shock.spectra, largest: made(signals[largest])}, resolved)
+    spectra: dict[str, ShockSpectrum] = {}
+    messages: dict[str, list[str]] = {}
+    for component, signal in zip("xyz", velocity.T, strict=False):
+        own = messages[component] = []
+        with warnings_to(own.append):
+            spectra[component] = antiosc.srs(t, signal, signal="velocity", resolved=resolved)
+    found = Shock(spectra, resolved)
+    for message in messages[found.component]:  # of the others, which are smaller, it says nothing
+        warn(Message(f"probe {name}: {message}", AccuracyWarning))
+    return found
 
 
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
@@ -591,7 +599,7 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
         keys = dict(probe.arguments)
         if keys.pop("srs", False):
             _check_quantity(build, name, keys.get("quantity", "displacement"))
-            spectra[name] = replace(probe, make=shock, arguments=keys)
+            spectra[name] = replace(probe, make=shock, arguments={"name": name, **keys})
         probes[name] = replace(probe, arguments={"times": times, **keys})
     compiled.probes, compiled.spectra = probes, spectra
     meshed = compiled.history is not None and source(build) in MESHED.split()
