@@ -151,7 +151,7 @@ def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_p
     assert (numbers_told["component"], numbers_told["resolved"]) == ("z", known)
     value = f"largest {engineering(found[k], 'm/s²', 4)} at {engineering(frequencies[k], 'Hz')}"
     assert f"shock response spectrum (Q = 10) z: {value}; the model resolves" in told
-    assert ("warning: probe quarter: the velocity still rings" in told) == (len(made.warnings) > 0)
+    assert "warning: probe quarter: the velocity still rings at the last sample" in told
     assert f"Probe quarter: shock response spectrum (Q = 10) z: {value}" in page.read_text()
     assert (tmp_path / "out/srs.svg").stat().st_size > 0
 
