@@ -539,15 +539,19 @@ class Shock(NamedTuple):
 RESOLVED_SAMPLES = 20
 #: … in one of the highest of the model (of a bracket's spectrum 5 left 0.001 dB, 2 left 0.006 dB);
 HIGHEST_SAMPLES = 5
-#: … and in a run at most, for which 40 anti-oscillators take 0.1 GB.
-MOST_TIMES = 200_001
+#: … and in a run at most, times the anti-oscillators: 4 million took 0.5 GB, 8 million 1.0 GB.
+MOST_VALUES = 4_000_000
 
 
-def even_times(history: History, highest: float, resolved: float) -> Array:
-    """Evenly spaced times [s] over a run for spectra, from two frequencies [Hz] of its model."""
+def even_times(history: History, omega: Array, resolved: float) -> Array:
+    """Evenly spaced times [s] over a run for spectra, from the frequencies [rad/s] of its model and
+    that which it resolves [Hz].
+    """
     end = float(history.time[-1])
+    highest = float(np.max(omega, initial=0.0)) / (2 * np.pi)
     rate = max(HIGHEST_SAMPLES * highest, RESOLVED_SAMPLES * min(resolved, highest))
-    return np.linspace(0.0, end, max(int(min(rate * end + 2, MOST_TIMES)), PROBE_TIMES))
+    count = int(min(rate * end + 2, MOST_VALUES / max(omega.size, 1)))
+    return np.linspace(0.0, end, max(count, PROBE_TIMES))
 
 
 def shock(
@@ -570,8 +574,7 @@ def shock(
     resolved = None
     with contextlib.suppress(InputError):  # a model that was read lacks it
         resolved = antiosc.resolved_frequency(body)
-    highest = float(np.max(body.omega, initial=0.0)) / (2 * np.pi)
-    t = even_times(history, highest, resolved or 0.0)
+    t = even_times(history, body.omega, resolved or 0.0)
     t = t if times is None else np.reshape(times, -1).astype(float)
     velocity = antiosc.probe(structure, history, quantity="velocity", times=t, **place)
     spectra: dict[str, ShockSpectrum] = {}
