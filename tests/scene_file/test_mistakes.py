@@ -371,6 +371,7 @@ def test_every_mistake_is_told_with_its_line(scene, case):
 RUNS = {
     "simulate": MODEL + HIT + 'n = "auto"\n',
     "extract": MATRICES + 'dof = "z"\n[extract]\nn = 0\n' + HIT,
+    "method": MATRICES + 'dof = "z"\n[extract]\nmethod = "modes"\n' + HIT,
     "damping": MATRICES + 'dof = "z"\n[extract]\ndamping = [0.02, 0.01]\n' + HIT,
 }
 

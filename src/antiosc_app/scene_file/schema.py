@@ -321,6 +321,7 @@ CHECKS: dict[str, Check] = {
     "times": checks.nonempty,
     "tol": lambda name, value: checks.tolerance(value, name),
     "unit": _check_named("antiosc.io.neutral:UnitSystem.of"),
+    "extract.method": functools.partial(checks.choice, options=("krylov", "modes")),
     "from_frf.band": functools.partial(checks.floats, shape=(2,)),
     "from_frf.damping": functools.partial(checks.choice, options=("viscous", "hysteretic")),
     "read_frf.quantity": functools.partial(
