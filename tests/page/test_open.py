@@ -712,7 +712,7 @@ def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatc
         texts = [m for m in messages if m.startswith(("150 anti-oscillators", "The cells around"))]
         assert len(texts) == told
         if told:
-            assert "40 % of error" in texts[0]
+            assert "change the peak force by 40 %" in texts[0]
             assert "35 % of error" in texts[1]
     opened.close()
 

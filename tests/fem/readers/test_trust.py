@@ -235,7 +235,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
 )
 def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says):
     (tmp_path / "part.msh").write_text("$MeshFormat\n")
-    monkeypatch.setattr(isolation, "ask", lambda request: (code, answer))
+    monkeypatch.setattr(isolation, "ask", lambda request, tell: (code, answer))
     assert says in refusal(tmp_path / "part.msh")
 
 
