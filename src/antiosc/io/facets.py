@@ -488,7 +488,9 @@ def fill(gmsh: ModuleType, ask: Request, attempt: Attempt) -> Filled:
     skin = skin_of(ask)
     if ask.size is not None and attempt.cut:
         skin = _finer(skin, ask.size / ask.unit[0])
-    if not attempt.cut:
+    if not attempt.cut:  # they bound the cells: long ones would let no small patch be resolved
+        if ask.size is not None:
+            skin = finer_near(skin, np.zeros(3), ask.size / ask.unit[0], growth=0.0)
         for point, size in ask.refine:
             skin = finer_near(skin, np.array(point) / ask.unit[0], size / ask.unit[0])
     if not skin.closed:
@@ -691,9 +693,9 @@ def _finer(skin: FacetSkin, size: float) -> FacetSkin:
     return replace(skin, points=points, triangles=triangles, piece=piece)
 
 
-def finer_near(skin: FacetSkin, point: Array, size: float) -> FacetSkin:
+def finer_near(skin: FacetSkin, point: Array, size: float, growth: float = GRADING[0]) -> FacetSkin:
     """Triangles cut in halves until their sides are below a size, which grows from a point on."""
-    growth, reach = GRADING
+    reach = GRADING[1]
     for _ in range(MOST_HALVINGS):
         ends, edge, _ = edges_of(skin.triangles)
         first, second = skin.points[ends[:, 0]], skin.points[ends[:, 1]]

@@ -362,9 +362,15 @@ def test_of_meshes_that_are_off_the_next_or_the_nearest_is_taken():
 def test_the_facets_of_a_file_may_stay_as_they_are(tmp_path):
     path = write(tmp_path / "cube.stl", *block(3, 10.0))
     (number,) = (k for k, attempt in enumerate(ATTEMPTS) if not attempt.cut)
-    whole = _content(path, None, UnitSystem.of("mm"), None, attempt=number, solid=True, size=1e-3)
-    assert len(whole.cells["triangle"]) == 6 * 2 * 3**2
-    assert whole.off < 1e-9
+    for size in (5e-3, 1e-3):
+        mm = UnitSystem.of("mm")
+        mesh = _content(path, None, mm, None, attempt=number, solid=True, size=size)
+        corners = mesh.points[mesh.cells["triangle"]]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
+        if size > 10e-3 * np.sqrt(2) / 3:  # the sides of the facets
+            assert len(corners) == 6 * 2 * 3**2
+        assert longest <= size
+        assert mesh.off < 1e-9
 
 
 def drilled(size: float) -> tuple[np.ndarray, np.ndarray]:
