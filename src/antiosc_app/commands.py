@@ -30,7 +30,7 @@ from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
-from antiosc_app.scene_file.scene import STUDIES, CompiledScene
+from antiosc_app.scene_file.scene import STUDIES, CompiledScene, place_of
 from antiosc_app.scene_file.schema import schema
 from antiosc_app.scene_file.settled import Settled, settled
 from antiosc_app.until_parted import counts_from
@@ -158,8 +158,6 @@ ENDED = (
 #: Sections that have no place beside [strike]; keys that it shares with [simulate].
 NOT_STRUCK = {"extract", "simulate", "sweep", "map", "monte_carlo", "probes", "stress"}
 OF_BOTH = {"duration", "initial_velocity", "gravity", "gap"}
-#: Keys of [probes.NAME] that are its place.
-OF_PLACE = ("point", "node", "part", "snap")
 
 
 def _tradeoff(options: Namespace) -> int:
@@ -274,8 +272,8 @@ def _check_probes(begun: Settled) -> None:
     for call in scene.probes.values():
         if call is None or scene.structure is None:
             continue
-        given = {key: call.arguments[key] for key in OF_PLACE if key in call.arguments}
-        evaluate(Call(check_point, {"structure": scene.structure, **given}, call.place))
+        given = {"structure": scene.structure, **place_of(call)}
+        evaluate(Call(check_point, given, call.place))
 
 
 def _study(options: Namespace) -> int:

@@ -481,7 +481,8 @@ class Inspection:
             rows.append(("elements", f"{at_most}{self.size:.3g} m{finer}", key))
         rows += [(key, taken, f"{section} {key}") for key, taken in self.unstated().items()]
         if self.of_deck:
-            like = f" ({self.strengths[0]!r} and others are like it)" if self.strengths else ""
+            alike = self.strengths
+            like = f" ({alike[0]!r} and others are like it)" if alike else ""
             rows.append(("yield strength", NO_YIELD + like, "[deck] yield_strength"))
         else:
             guess = "" if self.asked else ", a guess: the file has none"

@@ -81,7 +81,7 @@ from antiosc_app.live import (
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import GEOMETRIES, label
 from antiosc_app.scene_file.run import Nominal, RowFacts, SceneResults, error_budget, varied
-from antiosc_app.scene_file.scene import Shock, probe_times
+from antiosc_app.scene_file.scene import Shock, place_of, probe_times
 from antiosc_app.words import of_scenes
 
 if TYPE_CHECKING:
@@ -661,9 +661,7 @@ def _place(results: SceneResults, probes: Sequence[Probe]) -> None:
     from antiosc.extension import probed_point
 
     for probe in probes:
-        arguments = results.compiled.probes[probe.name].arguments
-        keys = ("point", "node", "part", "snap")
-        asked = {key: arguments[key] for key in keys if key in arguments}
+        asked = place_of(results.compiled.probes[probe.name])
         with suppress(AntioscError):
             x = probed_point(results.structure, **asked)
             if x is None:

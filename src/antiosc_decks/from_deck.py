@@ -525,7 +525,7 @@ def _ties(model: Model, raws: Collection[RawMesh]) -> int:
     places: dict[int, Array] = {}
     for raw in raws if equations else ():
         places |= dict(zip(raw.numbers.tolist(), raw.points, strict=True))
-    size = max(float(np.ptp(raw.points)) for raw in raws)
+    size = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws)
     count = 0
     for (node, motion, first), *others in equations:
         shares = {n: -c / first for n, m, c in others if m == motion and n in places}

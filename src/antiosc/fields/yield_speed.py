@@ -84,6 +84,8 @@ def yield_speeds(
         return YieldSpeeds(None, None)
     is_solid = only_solids(structure, shapes_of(structure, hit, PART), None)
     here = _largest(structure, hit, columns)
+    if not (here and hit.peak_force):  # nothing grows with the speed
+        return YieldSpeeds(None, None)
 
     @cache
     def bounds(x: float) -> tuple[float, float]:
@@ -92,11 +94,16 @@ def yield_speeds(
         zones = on_part(structure, zones_of(run, PART)) if is_solid else NO_ZONES
         factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
         least, most = _scaled(worst, factors, zones, force(run)).bounds
-        return (log(least) if least > 0 else NOTHING), log(most)
+        return _log(least), _log(most)
 
     certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
     extrapolated = (one.speed for one in (possible, certain) if one.extrapolated)
     return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated))
+
+
+def _log(exposure: float) -> float:
+    """The logarithm of an exposure, of none a finite one."""
+    return log(exposure) if exposure > 0 else NOTHING
 
 
 class _Found(NamedTuple):

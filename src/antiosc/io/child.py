@@ -94,7 +94,7 @@ def _answer_of(pid, reading, printed, answers):  # type: ignore[no-untyped-def]
     poll.register(reading, select.POLLIN)
     poll.register(printed, select.POLLIN)
     poll.register(0, 0)  # readable only if the other end is closed
-    parts: list[bytes] = []
+    parts = []
     told = 0.0
     with os.fdopen(reading, "rb", buffering=0) as stream:
         while True:

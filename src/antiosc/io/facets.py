@@ -7,6 +7,7 @@ triangles, corners that almost coincide, small holes, and inconsistent normals.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -45,6 +46,9 @@ DELAUNAY = 5
 MOST_CUT = 4000
 #: Rounds of cutting the triangles near a point in halves, each of which halves its longest sides.
 MOST_HALVINGS = 30
+#: Facets that stay as they are, from which on they are not cut: 3184 of a carriage of 75 mm are
+#: 17 214 at 4 mm, 131 370 at 1 mm and at most 203 776 below, each in less than 1 s.
+MOST_KEPT = 100_000
 #: More closed surfaces than this are not sorted into bodies and cavities.
 MOST_BODIES = 200
 #: Triangles of a piece by which it is found to lie in another.
@@ -490,7 +494,7 @@ def fill(gmsh: ModuleType, ask: Request, attempt: Attempt) -> Filled:
         skin = _finer(skin, ask.size / ask.unit[0])
     if not attempt.cut:  # they bound the cells: long ones would let no small patch be resolved
         if ask.size is not None:
-            skin = finer_near(skin, np.zeros(3), ask.size / ask.unit[0], growth=0.0)
+            skin = no_longer(skin, ask.size / ask.unit[0])
         for point, size in ask.refine:
             skin = finer_near(skin, np.array(point) / ask.unit[0], size / ask.unit[0])
     if not skin.closed:
@@ -693,17 +697,35 @@ def _finer(skin: FacetSkin, size: float) -> FacetSkin:
     return replace(skin, points=points, triangles=triangles, piece=piece)
 
 
-def finer_near(skin: FacetSkin, point: Array, size: float, growth: float = GRADING[0]) -> FacetSkin:
+def finer_near(skin: FacetSkin, point: Array, size: float) -> FacetSkin:
     """Triangles cut in halves until their sides are below a size, which grows from a point on."""
-    reach = GRADING[1]
+    growth, reach = GRADING
+
+    def allowed(first: Array, second: Array, length: Array) -> Array:
+        along = np.clip(((point - first) * (second - first)).sum(axis=1) / length**2, 0, 1)
+        away = np.linalg.norm(first + along[:, None] * (second - first) - point, axis=1)
+        return size + growth * np.maximum(away - reach * size, 0.0)
+
+    return _cut_to(skin, allowed)
+
+
+def no_longer(skin: FacetSkin, size: float) -> FacetSkin:
+    """Triangles cut in halves until their sides are below a size, or there are `MOST_KEPT`."""
+    return _cut_to(skin, lambda *_: size, MOST_KEPT)
+
+
+def _cut_to(
+    skin: FacetSkin, allowed: Callable[[Array, Array, Array], Array | float], most: float = math.inf
+) -> FacetSkin:
+    """Triangles cut in halves until no side is longer than `allowed`, of the ends and the lengths
+    of the sides, or there are `most`.
+    """
     for _ in range(MOST_HALVINGS):
         ends, edge, _ = edges_of(skin.triangles)
         first, second = skin.points[ends[:, 0]], skin.points[ends[:, 1]]
         length = np.linalg.norm(second - first, axis=1)
-        along = np.clip(((point - first) * (second - first)).sum(axis=1) / length**2, 0, 1)
-        away = np.linalg.norm(first + along[:, None] * (second - first) - point, axis=1)
-        is_long = length > size + growth * np.maximum(away - reach * size, 0.0)
-        if not is_long.any():
+        is_long = length > allowed(first, second, length)
+        if not is_long.any() or len(skin.triangles) >= most:
             break
         skin = _halved(skin, ends, edge, length, is_long)
     return skin

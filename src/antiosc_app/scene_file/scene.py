@@ -517,6 +517,15 @@ def probe_times(history: History) -> Array:
     return np.union1d(history.time, np.linspace(0.0, history.time[-1], PROBE_TIMES))
 
 
+#: Keys of [probes.NAME] that are its place.
+OF_PLACE = ("point", "node", "part", "snap")
+
+
+def place_of(probe: Call) -> dict[str, Any]:
+    """The arguments of a probe that are its place."""
+    return {key: probe.arguments[key] for key in OF_PLACE if key in probe.arguments}
+
+
 class Shock(NamedTuple):
     """The shock response spectra of a probe.
 

@@ -564,6 +564,13 @@ def test_facets_near_a_point_are_cut_to_its_size_and_keep_their_surface():
     assert (shortest > 0.3 * lengths).all()
 
 
+def test_facets_of_any_size_are_cut_into_so_many_at_most(monkeypatch):
+    """Each round cuts a triangle into four at most."""
+    monkeypatch.setattr(facets, "MOST_KEPT", 1000)
+    skin = cleaned(*block(3), "cube.stl")
+    assert 1000 <= len(facets.no_longer(skin, 1e-9).triangles) < 4000
+
+
 def test_small_closed_surfaces_are_no_part_of_a_solid():
     """A crumb beside a tetrahedron, and a hollow in it that touches it at a corner."""
     large = np.array([[0, 0, 0.0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])

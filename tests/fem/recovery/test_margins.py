@@ -967,6 +967,16 @@ def test_the_speeds_of_yield_of_a_linear_impact_follow_its_stress():
     assert f"may be reached from about {engineering(found.possible, 'm/s', 2)} on" in found.sentence
 
 
+def test_a_place_without_stress_has_no_speed_of_yield():
+    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
+    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
+    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
+    worst = ao.peak_field(part, hit).margin()
+    still = dataclasses.replace(worst, columns=np.zeros_like(worst.columns))
+    assert yield_speeds(part, hit, still, lambda _: 0.1) == YieldSpeeds(None, None)
+
+
 def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
     """The contact yields: its force, and what the patch adds, are no multiples of the speed."""
     alu = ao.material("aluminium 6082-T6")
