@@ -47,6 +47,7 @@ from antiosc.fem.mesh.halving import (
     with_cells_of as with_cells_of,
 )
 from antiosc.fem.mesh.reading import (
+    check_refinements as check_refinements,
     flattened as flattened,
     numbered_elements as numbered_elements,
 )
@@ -59,6 +60,9 @@ from antiosc.fem.mesh.soundness import (
 from antiosc.fem.mesh.surface import (
     SAME_FACE as SAME_FACE,
     Faces as Faces,
+)
+from antiosc.fem.mesh.thirds import (
+    with_cells_near as with_cells_near,
 )
 from antiosc.fem.reach import (
     SNAP_SHARE as SNAP_SHARE,

@@ -1496,8 +1496,10 @@ def _with_cells_of(text: str, section: str, keys: dict[str, Any], structure: Str
     if kept:
         text = text.replace(COMPARED, COMPARED_DECKS)
     if not source.endswith(GEOMETRIES) and not keys.get("solid"):
-        members = with_parts(structure).members()
-        remedy = halved(size, 0 if kept else max(member.part.mesh.tdim for member in members))
+        dims = {member.part.mesh.tdim for member in with_parts(structure).members()}
+        remedy = halved(size, 0 if kept else max(dims))
+        if max(dims) < 3:  # solids are not divided around a point
+            remedy = f"refine in [{section}]" + f", or {remedy}" * (not kept)
     return text.replace(SMALLER_CELLS, remedy)
 
 

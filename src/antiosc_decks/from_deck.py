@@ -51,17 +51,20 @@ from antiosc.extension import (
     GivenSheet,
     assemble_checked,
     attachments_of,
+    check_refinements,
     distributed,
     flattened,
     halved,
     numbered_elements,
     sound,
+    with_cells_near,
     with_cells_of,
 )
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.platform import collective, on_root, warn
-from antiosc.io.neutral import Model, Piece, RawMesh, UnitSystem
-from antiosc.io.reading import NumberedElements, pieces_error, read_parts
+from antiosc.io.neutral import Model, Piece, RawMesh, Term, UnitSystem
+from antiosc.io.reading import NumberedElements, pieces_error, positions, read_parts
+from antiosc.io.request import Refinement
 from antiosc_decks.shared_nodes import SAME_PLACE, TIED_NEAR, NodeConstraints, SharedNodes
 
 
@@ -164,6 +167,9 @@ ContactChoice: TypeAlias = Literal["tied", "apart"]
 CONTACT_CHOICES: tuple[ContactChoice | None, ...] = ("tied", "apart", None)
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
+#: The family of bars with hinges, and why their elements stay.
+TRUSS = Truss.__name__
+HINGES = "its bars have hinges at their ends, which parts of them must not have"
 #: Name of the part with the triangles, if there are quadrilaterals too.
 TRIANGLES = "triangles"
 FAMILIES: dict[str, Callable[..., Family]] = {
@@ -184,6 +190,7 @@ def read_model(
     yield_strength: float | str | None = None,
     yield_range: tuple[float, float] | None = None,
     size: float | None = None,
+    refine: Sequence[Refinement] = (),
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -222,10 +229,10 @@ def read_model(
         density differ from its own by 10 % or less.
     yield_range
         Lowest and highest yield strength of batches of these materials, Pa; of a name its own.
-    size, merge, timeout, comm
-        As for `read_mesh`: materials, sections and supports follow the halved elements; a new node
-        between nodes that a rigid body or an equation holds follows them. Decks that tie nodes to
-        others in their place keep their elements.
+    size, refine, merge, timeout, comm
+        As for `read_mesh`: materials, sections and supports follow the divided elements; a new node
+        between nodes that a rigid body or an equation holds follows them. `size` halves no elements
+        of decks that tie nodes to others in their place; `refine` keeps the edges between these.
     parts
         Names of parts, instances or sets of elements: only these are read. Constraints, springs
         and masses on nodes of other elements alone are left out; a warning counts them.
@@ -282,6 +289,7 @@ def read_model(
         density=density,
         modulus=modulus,
         size=size,
+        refine=refine,
         merge=merge,
         parts=parts,
         piece=piece,
@@ -336,6 +344,7 @@ def outline_of_deck(
         "density",
         "modulus",
         "size",
+        "refine",
         "merge",
         "parts",
         "piece",
@@ -413,6 +422,7 @@ def _reader(
     density: float | None = None,
     modulus: float | None = None,
     size: float | None = None,
+    refine: Sequence[Refinement] = (),
     merge: float | None = None,
     parts: Sequence[str] | None = None,
     piece: int | None = None,
@@ -444,6 +454,7 @@ def _reader(
         parts = list(parts)
     free = flag("free", free)
     contact = choice("contact", contact, CONTACT_CHOICES)
+    check_refinements(refine)
     numbered = numbered_elements(elements)
     if piece is not None:
         piece = whole("piece", piece, least=1)
@@ -475,9 +486,11 @@ def _reader(
             pieces = model["joined"] or model["held"]
             part = TRIANGLES if PARTS[raw.kind.dim] in meshes else PARTS[raw.kind.dim]
             meshes[part] = sound(flat, file.name, made_here=False, pieces=pieces, by=_choices(flat))
-        if size is None:
-            return meshes
-        raws = _with_cells_of(size, list(meshes.values()), file.name)
+        raws = list(meshes.values())
+        if size is not None:
+            raws = _with_cells_of(size, raws, file.name)
+        if refine:
+            raws = _near(refine, raws, file.name)
         return dict(zip(meshes, raws, strict=True))
 
     return work
@@ -491,6 +504,15 @@ def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawM
             " program that made it."
         )
     return _finer(raws, with_cells_of(size, raws, name))
+
+
+def _near(refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
+    """The parts of a deck with smaller cells around points, but for edges between tied nodes."""
+    model = _model(raws[0])
+    if TRUSS in {kind for _, kind, _, _ in model["families"]}:
+        raise InputError(f"{name} keeps its elements, for {HINGES}: read it without refine.")
+    tied = [node for terms in _ties(model, raws) for node, _, _ in terms]
+    return with_cells_near(refine, raws, name, tied, _finer)
 
 
 def _halved(raws: Mapping[str, RawMesh]) -> dict[str, RawMesh]:
@@ -512,22 +534,24 @@ def _finer(raws: Sequence[RawMesh], finer: Sequence[RawMesh]) -> list[RawMesh]:
 def not_halved(raws: Collection[RawMesh]) -> str:
     """Why the elements of a deck cannot be halved; "" if they can."""
     model = _model(next(iter(raws)))
-    if count := _ties(model, raws):
+    if tied := _ties(model, raws):
+        count = len(tied)
         return f"{count} equations tie nodes to others in their place, and none those between them"
-    if any(kind == "Truss" for _, kind, _, _ in model["families"]):
-        return "its bars have hinges at their ends, which halves of them must not have"
+    if any(kind == TRUSS for _, kind, _, _ in model["families"]):
+        return HINGES
     return ""
 
 
-def _ties(model: Model, raws: Collection[RawMesh]) -> int:
-    """Number of equations by which a node follows others in its place."""
+def _ties(model: Model, raws: Collection[RawMesh]) -> list[list[Term]]:
+    """The equations by which a node follows others in its place."""
     equations = model["joints"]["equations"]
     places: dict[int, Array] = {}
     for raw in raws if equations else ():
         places |= dict(zip(raw.numbers.tolist(), raw.points, strict=True))
     size = max(float(np.ptp(raw.points, axis=0).max()) for raw in raws)
-    count = 0
-    for (node, motion, first), *others in equations:
+    tied = []
+    for terms in equations:
+        (node, motion, first), *others = terms
         shares = {n: -c / first for n, m, c in others if m == motion and n in places}
         if node not in places or not shares or len(shares) < len(others):
             continue
@@ -535,8 +559,9 @@ def _ties(model: Model, raws: Collection[RawMesh]) -> int:
         weights = np.array([*shares.values()])
         off = np.linalg.norm(weights @ leaders - places[node])
         near = max(TIED_NEAR * np.ptp(leaders, axis=0).max(), SAME_PLACE * size)
-        count += bool(abs(weights.sum() - 1) < TIED_NEAR and off < near)
-    return count
+        if abs(weights.sum() - 1) < TIED_NEAR and off < near:
+            tied.append(terms)
+    return tied
 
 
 def _in_each_cell(
@@ -555,7 +580,9 @@ def _in_each_cell(
                 continue
             cells = halves.groups[group][old.kind.dim]
             vectors = of_old(old.points[rows].mean(axis=1).T).T
-            directions += np.repeat(vectors, len(cells) // len(rows), axis=0).tolist()
+            parts = np.bincount(halves.parents, minlength=len(old.cells))
+            counts = parts[positions(rows, old.cells[:, : old.kind.vertices])]
+            directions += np.repeat(vectors, counts, axis=0).tolist()
             places += halves.points[cells].mean(axis=1).tolist()
         new[name] = {"places": places, "directions": directions}
     return new

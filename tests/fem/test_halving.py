@@ -12,9 +12,12 @@ from scipy.integrate import solve_ivp
 import antiosc as ao
 from abaqus_decks import tied_cell
 from antiosc.base.errors import InputError, MeshError
+from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
 from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import compat
+from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import KINDS, RawMesh
 from scene_files import antiosc, numbers
 
@@ -99,6 +102,101 @@ def test_weights_of_a_cell_are_those_of_its_corners():
 def test_too_many_cells_are_refused():
     with pytest.raises(MeshError, match="choose a larger size"):
         with_cells_of(1e-4, [one_cell("hexahedron", 1)], "a")
+
+
+# -- smaller cells around a point
+
+
+def around(raw: RawMesh, size: float, *points: tuple[float, ...]) -> RawMesh:
+    """A mesh with cells of a size around points."""
+    return with_cells_near([(point, size) for point in points], [raw], "a")[0]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("shape", ["triangle", "quadrilateral"])
+def test_thirds_fill_their_cells_and_groups_follow(shape, order):
+    raw = one_cell(shape, order, 0.2 * (order - 1))
+    raw.groups["one"] = {1: raw.groups["skin"][1][:1]}
+    for _ in range(3):
+        (raw,) = halved([raw])
+    point = (0.3, 0.35)
+    fine = around(raw, 0.01, point)
+    assert measure(fine) == pytest.approx(measure(raw), rel=1e-12)  # bent sides stay
+    sound(fine, "cells", made_here=False)  # no cracks, no overlaps
+    vertices = np.unique(fine.cells[:, : raw.kind.vertices])
+    assert set(vertices) <= set(np.unique(fine.cells))
+    assert len(np.unique(fine.points[np.unique(fine.cells)].round(12), axis=0)) == len(
+        np.unique(fine.cells)
+    )  # common nodes are one
+    corners = fine.points[fine.cells[:, : raw.kind.vertices]]
+    sides = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
+    distance = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
+    assert sides[distance < 0.02].max() <= 0.01
+    assert sides[distance > 0.4].max() > 0.1
+    # sides of the mesh are those of one cell; each is covered
+    ends = fine.cells[:, : raw.kind.vertices][:, compat.node_order(shape, raw.kind.vertices, "vtk")]
+    edges = np.sort(np.vstack([ends[:, e] for e in basix.topology(
+        getattr(basix.CellType, shape))[1]]), axis=1)  # fmt: skip
+    rows, uses = np.unique(edges, axis=0, return_counts=True)
+    skin = np.unique(np.sort(fine.groups["skin"][1], axis=1), axis=0)
+    assert skin.tolist() == rows[uses == 1].tolist()
+    assert 0 < len(fine.groups["one"][1]) < len(skin)
+    assert len(fine.groups["all"][2]) == len(fine.cells)
+    assert fine.groups["corner"][0].tolist() == [[0]]
+
+
+def test_lines_are_divided_around_a_point():
+    ends = np.array([[0, 1]])
+    raw = RawMesh(np.array([[0.0], [1.0]]), ends, KINDS["line"], "vtk", numbers=np.arange(2))
+    fine = around(raw, 0.02, (0.4,))
+    x = np.sort(fine.points[:, 0])
+    gaps = np.diff(x)
+    assert gaps.sum() == pytest.approx(1.0)
+    assert gaps[np.abs(x[:-1] - 0.4) < 0.03].max() <= 0.02
+    assert len(fine.cells) < 0.6 / 0.02
+
+
+def test_solids_around_a_point_are_refused():
+    with pytest.raises(MeshError, match="size makes all elements smaller"):
+        around(one_cell("hexahedron", 1), 0.1, (0.5, 0.5, 0.5))
+
+
+@pytest.mark.parametrize("shape", ["triangle", "quadrilateral"])
+def test_constant_strains_and_curvatures_pass_through_cells_of_unlike_size(tmp_path, shape):
+    """No forces inside a plate in any of the six states, over the forces at its edges."""
+    path = tmp_path / "plate.inp"
+    i, j = (c.ravel() for c in np.meshgrid(range(9), range(5)))
+    inside = (i % 8 > 0) & (j % 4 > 0)
+    nodes = (
+        np.stack([i, j], axis=1) / 20
+        + 0.01 * np.stack([np.sin(7 * j), np.cos(5 * i)]).T * (inside[:, None])
+    )
+    first = np.flatnonzero((i < 8) & (j < 4)) + 1
+    cells = np.stack([first, first + 1, first + 10, first + 9], axis=1)
+    if shape == "triangle":
+        cells = np.vstack([cells[:, [0, 1, 2]], cells[:, [0, 2, 3]]])
+    rows = [f"{k + 1}, {a!r}, {b!r}, 0." for k, (a, b) in enumerate(nodes.tolist())]
+    elements = [f"{k + 1}, {', '.join(map(str, cell))}" for k, cell in enumerate(cells.tolist())]
+    card = f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET=ALL"
+    path.write_text("\n".join(["*NODE", *rows, card, *elements]) + "\n")
+    shell = ao.Shell(E=70e9, nu=0.33, rho=2700.0, thickness=0.02)
+    mesh = ao.read_mesh(path, gdim=3, refine=[((0.23, 0.09, 0.0), 0.006)])
+    assert mesh.cell == shape
+    part = on_mesh(ao.Structure(mesh, shell))
+    x, y, _ = part.form.space.tabulate_dof_coordinates().T
+    on_edge = (np.abs(x - 0.2) > 0.2 - 1e-9) | (np.abs(y - 0.1) > 0.1 - 1e-9)
+    zero = np.zeros_like(x)
+    bent = [  # w, its derivatives by y and minus by x: the rotations
+        (x * x / 2, zero, -x),
+        (y * y / 2, y, zero),
+        (x * y, x, -y),
+    ]
+    states = [(zero, zero, w, *turns, zero) for w, *turns in bent]
+    states += [(x, zero, *4 * [zero]), (zero, y, *4 * [zero]), (y, x, *4 * [zero])]
+    assert mesh.n_cells > 200
+    for state in states:
+        forces = multiply(part.K, np.stack(state, axis=1).reshape(-1, 1)).reshape(-1, 6)
+        assert np.abs(forces[~on_edge]).max() < 1e-7 * np.abs(forces[on_edge]).max()
 
 
 # -- decks
@@ -260,6 +358,55 @@ def test_a_blow_on_a_halved_deck_is_that_on_an_infinite_plate(tmp_path):
     assert errors[0] > 0.03
     assert errors[1] < 2e-3
     assert errors[2] < 6e-4
+
+
+def test_a_blow_on_a_deck_with_smaller_cells_at_the_site_is_that_on_an_infinite_plate(tmp_path):
+    """As above, with a fourth of the cells that halving all of them takes; and with a bar."""
+    path = deck(tmp_path / "a.inp", 4)
+    mass, stiffness, end, place = 1e-3, 1e5, 2.5e-4, (0.31, 0.11, 0.0)
+    bending, area = 70e9 * 2e-3**3 / 12 / (1 - 0.33**2), 2700 * 2e-3
+    impedance = 8 * np.sqrt(area * bending)
+    exact = solve_ivp(
+        lambda _, y: [-y[1] / mass, stiffness * (y[0] - y[1] / impedance)],
+        (0.0, end), [1.0, 0.0], rtol=1e-9, atol=1e-9, max_step=1e-6,
+    )  # fmt: skip
+    hits, cells = [], []
+    for options in ({}, {"refine": [(place, 0.01)]}, {"size": 0.01}):
+        part = ao.read_model(path, "m", **options)
+        error = None if "size" in options else "estimate"
+        model = ao.extract(part, ao.Site(place, (0, 0, -1.0)), n=100, error=error)
+        ball = ao.RigidMass(mass=mass, velocity=1.0)
+        hits.append(ao.simulate(model, ball, ao.Linear(stiffness), duration=end))
+        cells.append(on_mesh(part).mesh.n_cells)
+    coarse, near, all_small = (hit.peak_force / exact.y[1].max() - 1 for hit in hits)
+    assert abs(coarse) > 5e-3
+    assert abs(near) < 2e-3
+    assert abs(near - all_small) < 2e-3
+    assert 4 * cells[1] < cells[2]
+    assert abs(near) < hits[1].error_budget["peak_force"].total < 0.1
+
+
+def everywhere(n: int, size: float) -> list[tuple[tuple[float, ...], float]]:
+    """A size around the middle of each cell of a `deck`."""
+    x, y = ((np.arange(count) + 0.5) * 0.2 / n for count in (2 * n, n))
+    return [((a, b, 0.0), size) for a in x for b in y]
+
+
+@pytest.mark.filterwarnings("ignore:.*changes nothing")
+@pytest.mark.parametrize("beam", ["", "rib", "triangles", "rigid"])
+def test_a_deck_divided_everywhere_is_the_deck_of_thirds(tmp_path, beam):
+    """Its parts, joints and supports follow; triangles have another diagonal in the corner."""
+    site = ao.Site((0.1, 0.15, 0.0), (0.0, 0.0, -1.0))
+    structures = []
+    for n, options in ((4, {"refine": everywhere(4, 0.045)}), (12, {})):
+        more = held_end(n, beam) if beam == "rigid" else ""
+        path = deck(tmp_path / f"{n}.inp", n, beam, more)
+        structures.append(ao.read_model(path, "m", **options))
+    assert structures[0].dofs == structures[1].dofs
+    assert structures[0].mass == pytest.approx(structures[1].mass, rel=1e-12)
+    a, b = (ao.extract(part, site, n=10) for part in structures)
+    assert a.k0 == pytest.approx(b.k0, rel=1e-7)
+    assert a.omega == pytest.approx(b.omega, rel=1e-6)
 
 
 def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path, monkeypatch):

@@ -279,6 +279,8 @@ class RawMesh:
     model: Model | None = None
     #: number of each node in the file's mesh
     numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: for each cell the one that it was a part of before the last division; none: not divided
+    parents: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: as in `FileMesh`
     cad: CadSurface | None = None
     #: as in `FileMesh`, of all nodes if of any

@@ -777,11 +777,6 @@ def _content(
         raise MeshError(
             f"{path.name} is a geometry, not a mesh: give the element size in metres, as 5e-3."
         )
-    if not geometry and options.get("refine"):
-        raise MeshError(
-            f"{path.name} is a finished mesh: refine applies to geometry files only "
-            f"({', '.join(GEOMETRY)}); size halves all of its cells."
-        )
     if unit is not None and suffix in STATES_UNIT:
         raise MeshError(f"{path.name} states its own unit of length: leave unit out.")
     if merge is not None and geometry and suffix not in CAD:

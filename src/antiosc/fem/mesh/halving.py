@@ -73,15 +73,18 @@ def scheme(shape: str) -> Scheme:
     halves = distance.argmin(axis=-1)
     of_cell = [[corners[vertices].mean(axis=0) for vertices in members]]
     of_halves = [[lattice[half[vertices]].mean(axis=0) for vertices in members] for half in halves]
-    weights = _weights(kind, 1, np.array(of_cell)), _weights(kind, 2, np.array(of_halves))
+    weights = weights_at(shape, 1, np.array(of_cell)), weights_at(shape, 2, np.array(of_halves))
     return Scheme(members, halves, weights)
 
 
-def _weights(kind: basix.CellType, degree: int, places: Array) -> Array:
-    """Weights (c, m, nodes) of the nodes of a cell at reference places (c, m, dim)."""
+def weights_at(shape: str, degree: int, places: Array) -> Array:
+    """Weights (…, nodes) of the nodes of a cell at reference places (…, dim)."""
+    kind = getattr(basix.CellType, shape)
     element = basix.create_element(basix.ElementFamily.P, kind, degree)
+    if not places.size:  # which basix does not take
+        return np.zeros((*places.shape[:-1], element.dim))
     flat = places.reshape(-1, places.shape[-1])
-    return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:2], -1)
+    return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:-1], -1)
 
 
 def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
@@ -116,33 +119,49 @@ def halvings(longest: float, size: float) -> int:
 
 def longest_cell(corners: Array) -> float:
     """Largest distance [m] between two corners of one of the cells (cells, corners, dim)."""
-    pairs = zip(*np.triu_indices(corners.shape[1], 1), strict=True)
-    return max(float(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).max()) for a, b in pairs)
+    return float(lengths(corners).max())
+
+
+def lengths(corners: Array) -> Array:
+    """Largest distance (cells,) [m] between two corners of each cell (cells, corners, dim)."""
+    a, b = np.triu_indices(corners.shape[1], 1)
+    return np.asarray(np.linalg.norm(corners[:, a] - corners[:, b], axis=2).max(axis=1))
 
 
 def halved(raws: Sequence[RawMesh]) -> list[RawMesh]:
     """Meshes with all cells halved once; nodes of common edges and faces keep common numbers."""
     halves = [_halved(raw) for raw in raws]
     first = 1 + max(int(raw.numbers.max()) for raw in raws)
-    parents = [half.parents for half in halves]
+    return numbered(raws, halves, common_numbers([half.parents for half in halves], first))
+
+
+def common_numbers(parents: Sequence[IntArray], first: int) -> list[IntArray]:
+    """Numbers, from `first` on, of the new nodes of meshes: the same between the same parents."""
     _, index = np.unique(keys(np.vstack(parents)), return_inverse=True)
-    of_meshes = np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
+    return np.split(first + index.ravel(), np.cumsum([len(rows) for rows in parents])[:-1])
+
+
+def numbered(
+    raws: Sequence[RawMesh], divided: Sequence[Divided], numbers: Sequence[IntArray]
+) -> list[RawMesh]:
+    """The divided meshes with the numbers of their new nodes, which follow the joints of a deck."""
     model = raws[0].model
     if model is not None and model["joints"]["equations"]:
-        model = {**model, "joints": _joints(model["joints"], halves, of_meshes)}
+        model = {**model, "joints": _joints(model["joints"], divided, numbers)}
     return [
-        replace(half.mesh, model=model, numbers=np.concatenate([half.mesh.numbers, new]))
-        for half, new in zip(halves, of_meshes, strict=True)
+        replace(one.mesh, model=model, numbers=np.concatenate([one.mesh.numbers, new]))
+        for one, new in zip(divided, numbers, strict=True)
     ]
 
 
-class Halves(NamedTuple):
-    """A halved mesh.
+class Divided(NamedTuple):
+    """A mesh with divided cells.
 
     Attributes
     ----------
     mesh : without the numbers of its new nodes.
-    parents : (n, 8) numbers of the nodes between which each new node lies, -1: fewer.
+    parents : (n, 8) numbers of the nodes between which each new node lies, -1: fewer; twice that
+        which is nearer.
     nodes, weights : (n, nodes of a cell) numbers of the nodes that give its place, by weights.
     """
 
@@ -156,7 +175,7 @@ class Halves(NamedTuple):
 LEAST_WEIGHT = 1e-12
 
 
-def _joints(joints: Joints, halves: Sequence[Halves], numbers: Sequence[IntArray]) -> Joints:
+def _joints(joints: Joints, halves: Sequence[Divided], numbers: Sequence[IntArray]) -> Joints:
     """The joints of a deck with the new nodes, by number, that may lie between dependent ones."""
     known = dict(joints.get("among", ()))
     near = [*{terms[0][0] for terms in joints["equations"]}, *known]
@@ -172,7 +191,7 @@ def _joints(joints: Joints, halves: Sequence[Halves], numbers: Sequence[IntArray
     return {**joints, "among": [*among.items()]}
 
 
-def _halved(raw: RawMesh) -> Halves:
+def _halved(raw: RawMesh) -> Divided:
     """A mesh with all cells halved once."""
     kind = raw.kind
     shape = scheme(kind.shape)
@@ -200,11 +219,12 @@ def _halved(raw: RawMesh) -> Halves:
         cells=cells[:, np.argsort(order)].astype(np.int64),
         groups=_groups(raw, old_corners, lattice),
         labels=labels,
+        parents=np.repeat(np.arange(len(raw.cells)), len(shape.halves)),
     )
     padded = np.where(rows >= 0, raw.numbers[rows], -1)
     cell, place = np.divmod(first, weights.shape[0] * weights.shape[1])
     of_places = weights.reshape(-1, weights.shape[2])[place]
-    return Halves(result, padded, raw.numbers[nodes[cell]], of_places)
+    return Divided(result, padded, raw.numbers[nodes[cell]], of_places)
 
 
 def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:

@@ -29,6 +29,7 @@ from antiosc.base.errors import AntioscWarning, ChoiceWarning, InputError, MeshE
 from antiosc.fem.mesh import Mesh, distributed, parallel
 from antiosc.fem.mesh.halving import with_cells_of
 from antiosc.fem.mesh.soundness import refuse_degenerate, sound
+from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import agree, collective, compat, on_root, warn
 from antiosc.io import cad_volume
 from antiosc.io.by_gmsh import GEOMETRY
@@ -92,8 +93,9 @@ def read_mesh(
         at a tight fillet are straightened, and if the volume is then off that in CAD by more than
         0.5 %, elements follow the curvature. `order=1` drops mid-side nodes.
     refine
-        Pairs (point, size): elements of that size around the point, growing away from it;
-        geometry files only. A site with a radius needs elements no larger than the radius.
+        Pairs (point, size): elements of that size around the point, growing away from it. Those of
+        a finished mesh of shells or beams are divided into thirds there until none is longer. A
+        site with a radius needs elements no larger than the radius.
     groups
         For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
         element sets, node sets (a node set also holds the facets that it spans), and tags
@@ -158,7 +160,7 @@ def read_mesh(
         flag(name, either)
     if piece is not None:
         piece = whole("piece", piece, least=1)
-    _check_refinements(refine)
+    check_refinements(refine)
     numbered = numbered_elements(elements)
     if parts is not None:
         if cells is not None:
@@ -199,16 +201,18 @@ def read_mesh(
         if size is not None:
             plausible.refuse_size(size, raw.points, file.name)
         mesh = sound(flattened(raw, gdim, file.name), file.name, made_here, by=BY_PIECE)
-        if size is None or made_here:
+        if made_here:
             return mesh
-        return with_cells_of(size, [mesh], file.name)[0]
+        if size is not None:
+            mesh = with_cells_of(size, [mesh], file.name)[0]
+        return with_cells_near(refine, [mesh], file.name)[0]
 
     def work() -> RawMesh:
         return read(
             file,
             size if made_here else None,
             order,
-            refine,
+            refine if made_here else (),
             cells=cells,
             trust=trust,
             timeout=timeout,
@@ -245,7 +249,7 @@ def numbered_elements(elements: object) -> dict[str, list[int]]:
     return groups
 
 
-def _check_refinements(refine: Sequence[Refinement]) -> None:
+def check_refinements(refine: Sequence[Refinement]) -> None:
     """InputError unless `refine` is a sequence of (point, size)."""
     if not isinstance(refine, Sequence) or isinstance(refine, str):
         raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
