@@ -194,6 +194,9 @@ from antiosc.recovery.place import (
 from antiosc.reduce.error.bisection import (
     gathered as gathered,
 )
+from antiosc.reduce.error.divided import (
+    added_cells as added_cells,
+)
 from antiosc.reduce.error.model_errors import (
     ModelErrors as ModelErrors,
 )

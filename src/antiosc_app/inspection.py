@@ -239,15 +239,27 @@ class Inspection:
         besides = "".join(f", {number} of kind {other}" for other, number in others)
         return f"{count} cells of kind {shape}{besides}{divided}"
 
+    @property
+    def divides(self) -> bool:
+        """Whether the cells of a finished mesh become smaller around a point: no solids, no bars
+        with hinges.
+        """
+        is_truss = self.kept and self.shape == "interval"
+        return not self.meshed and self.family != "Solid" and not is_truss
+
     def forecast(
-        self, size: float | None = None, n: int | None = None, grows: bool = False
+        self,
+        size: float | None = None,
+        n: int | None = None,
+        grows: bool = False,
+        near: Sequence[tuple[Sequence[float], float]] = (),
     ) -> Forecast:
         """Forecast of a model of `n` anti-oscillators with cells of another size [m]; `grows`: and
-        of those with more that the force may need.
+        of those with more that the force may need; `near`: (point, size) of smaller cells.
 
         Those of a finished mesh are halved, all of them; a geometry is meshed again.
         """
-        from antiosc.extension import halvings
+        from antiosc.extension import added_cells, halvings
 
         dim = DIMENSIONS[self.family]
         cells = float(self.n_cells)
@@ -257,6 +269,8 @@ class Inspection:
         elif size is not None:
             finer = self.size / size if self.meshed else 2.0 ** halvings(self.largest, size)
             cells *= finer**dim
+        if near and self.structure is not None:
+            cells += added_cells(self.structure, near)
         n = n or self.count
         one = forecast_of(self.shape, dim, cells, [n], self.dofs / self.n_cells)
         if not grows:

@@ -48,7 +48,7 @@ from antiosc.models.body import coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
-from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, Inspection
+from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, Inspection, rounded_down
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
@@ -63,6 +63,7 @@ from antiosc_app.scene_file.document import (
 )
 from antiosc_app.scene_file.scene import CompiledScene, by_strengths, worst_by_strengths
 from antiosc_app.set_up import (
+    FINER,
     FIRST,
     FLOOR,
     FLOORS,
@@ -512,6 +513,7 @@ class Opened:
             "fall": {"damping": RATIO, "corner_radius": _corner(inspection)},
             "family": inspection.family,
             "geometry": inspection.meshed,
+            "refines": inspection.meshed or (inspection.divides and self._given is None),
             "size": 0.0 if self._given or inspection.kept else inspection.size,
             "sizes": [] if self._given or inspection.kept else _finer_sizes(inspection),
             "most_n": MOST_OSCILLATORS,
@@ -649,6 +651,9 @@ class Opened:
 
     def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
         """The impact of a set-up that is not known yet; `quickly` as in `_struck`."""
+        if set_up.finer and set_up.near is None and self._opened().look.divides:
+            coarse = self._struck(replace(set_up, finer=False, stressed=()), quickly=True)
+            set_up = replace(set_up, near=_near(coarse))
         source = self._in_cells_of(set_up)
         is_sheet = source.look.family == "Shell"
         longest = max(LONGER * DURATION, source.look.duration if is_sheet else 0.0)
@@ -868,6 +873,8 @@ class Opened:
         """
         set_up = read(values.get("setup"))
         look = self._opened().look
+        if checks.flag("finer", values.get("finer", False)):
+            return self._forecast_near(set_up)
         forecast = look.forecast(set_up.size, set_up.n)
         count = 0 if set_up.size is None or look.meshed else halvings(look.largest, set_up.size)
         if set_up.size is None or not (forecast.is_long or count > 1):
@@ -886,13 +893,32 @@ class Opened:
             return {"question": text, "larger": _halved(look, count - 1)}
         return {"question": text}
 
+    def _forecast_near(self, set_up: SetUp) -> Data:
+        """The cost of smaller cells around the site of a finished mesh, as `_forecast`, once the
+        impact is known.
+        """
+        look = self._opened().look
+        blow = self._impacts.get(repr(set_up))
+        if blow is None or not look.divides or set_up.size is not None:
+            return {"question": ""}
+        size = _near(blow)
+        near = [(place, size) for place in (set_up.point, *set_up.stressed)]
+        forecast = look.forecast(n=set_up.n, grows=set_up.n is None, near=near)
+        if not forecast.is_long:
+            return {"question": ""}
+        text = (
+            f"With cells of {_in_mm(size)} around the site the mesh has"
+            f" {count_text(forecast.cells)} cells in place of {look.n_cells}, and {forecast.text()}."
+        )
+        return {"question": text, "fits": forecast.fits}
+
     def _coarse(self, blow: PageImpact) -> str:
         """Sentences, after those on cells too large for the contact, where such smaller ones do not
         fit into the free memory; else "".
         """
         look = self._opened().look
         cell = coarse_at(blow.model, "", blow.hit.assembly.contact_time_estimate)
-        if cell is None or look.meshed or look.kept or self._given is not None:
+        if cell is None or look.meshed or look.kept or self._given is not None or look.divides:
             return ""
         n = blow.sections["extract"]["n"]
         forecast = look.forecast(cell.allowed, n)
@@ -1068,6 +1094,15 @@ def _in_mm(size: float) -> str:
     return f"{1e3 * size:.4g} mm"
 
 
+def _near(blow: PageImpact) -> float:
+    """Size [m] of the cells around the site of a finished mesh that the waves of the contact need,
+    or a third of those that are there.
+    """
+    needed = coarse_at(blow.model, "", blow.hit.assembly.contact_time_estimate)
+    there = min(size for size, _, _ in (info_of(blow.model).cells or {}).values())
+    return rounded_down(min(needed.allowed if needed else np.inf, there / FINER))
+
+
 def _finer_sizes(look: Inspection) -> list[tuple[float, str]]:
     """Smaller cell sizes [m] and what a model with them takes, as far as it has room."""
     steps = range(1, MOST_STEPS + 1)
@@ -1118,7 +1153,10 @@ def _smaller_cells(look: Inspection, has_size: bool, finer: bool) -> str:
         return "cell size"
     if look.meshed:
         return "Finer mesh here, or cell size"
-    return live.halved("cell size", DIMENSIONS[look.family] * (has_size and not look.kept))
+    size = live.halved("cell size", DIMENSIONS[look.family] * (has_size and not look.kept))
+    if not look.divides or not has_size or finer:
+        return size
+    return "Finer mesh here" if look.kept else f"Finer mesh here, or {size}"
 
 
 def _in_words(value: object, fields: Mapping[str, str]) -> object:
@@ -1233,7 +1271,7 @@ def _told(blow: PageImpact) -> Data:
 
 def _taken(blow: PageImpact) -> Data:
     """The number of anti-oscillators, and whether the mesh is refined at the site."""
-    finer = "refine" in blow.sections.get("geometry", {})
+    finer = any("refine" in blow.sections.get(name, {}) for name in ("geometry", "deck"))
     return {"n": blow.sections["extract"]["n"], "finer": finer}
 
 

@@ -204,6 +204,8 @@ class SetUp:
     size: float | None = None
     #: whether the mesh is refined around the site; None: if the error bar asks for it
     finer: bool | None = None
+    #: size of the cells of a finished mesh there [m]; None: what the waves of the contact need
+    near: float | None = None
     #: places of the largest stress around which it is refined then, too
     stressed: tuple[Sequence[float], ...] = ()
     #: yield strength of the materials of a deck that state none [Pa], or the name of a material
@@ -223,7 +225,7 @@ class SetUp:
     def __post_init__(self) -> None:
         for name in ("point", "direction"):
             checks.floats(name, getattr(self, name), (3,))
-        for name in ("radius", "thickness", "size"):
+        for name in ("radius", "thickness", "size", "near"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
         of_deck = [("density", "kg/m³"), ("modulus", "Pa")]
@@ -375,6 +377,8 @@ def _part(source: InspectedFile, set_up: SetUp, finer: Sequence[Sequence[float]]
     read = dict(source.look.read)
     if set_up.size is not None:
         read["size"] = set_up.size
+    if finer and inspection.divides and set_up.near:
+        read["refine"] = [[list(place), set_up.near] for place in finer]
     if inspection.of_deck:
         names = ("yield_strength", "yield_range", "density", "modulus")
         given = {name: value for name in names if (value := getattr(set_up, name))}

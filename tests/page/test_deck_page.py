@@ -168,6 +168,7 @@ def test_coarse_cells_say_that_the_size_that_is_needed_does_not_fit(opened, monk
     look = opened._opened().look
     needed = SimpleNamespace(allowed=look.largest / 8)
     monkeypatch.setattr(page, "coarse_at", lambda *_: needed)
+    monkeypatch.setattr(inspection.Inspection, "divides", False)
     first = opened.calls["settle"](values)["caution"]
     room = 1.01 * look.forecast(look.largest / 2, 10).bytes
     monkeypatch.setattr(inspection, "free_memory", lambda: room)
@@ -231,8 +232,8 @@ def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened,
     assert "are not taken" in found["warnings"][-1][1]
     assert "There is no error bar, because the cells" in found["caution"]
     told = " ".join([found["caution"], *found["verdict"], *(one for _, one in found["warnings"])])
-    assert "(cell size, which halves all cells: each time 4 times as many)" in told
-    assert "Finer mesh here" not in told
+    size = "cell size, which halves all cells: each time 4 times as many"
+    assert f"(Finer mesh here, or {size})" in told
     assert told.count("The cell at the site measures") == 1
     judged = opened.calls["verdict"]({"tab": "a", "turn": 1, "setup": setup})["judged"]
     assert judged["strength"] is None
@@ -502,3 +503,42 @@ def test_a_part_of_fibres_is_asked_for_no_yield_strength():
     steel = ao.material("steel S235", thickness=1e-3)
     assert not page._may_yield(ao.Structure(mesh, ao.Laminate([ply])))
     assert page._may_yield(ao.Structure(mesh, steel))
+
+
+def test_finer_cells_around_the_site_of_a_deck_are_those_that_the_contact_needs(opened, deck):
+    """The page takes the size of its caution; the force is that of the scene with `refine`."""
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-3, "n": 20}
+    setup["striker"] |= {"radius": 0.02, "speed": 1.0}
+    assert opened.calls["look"]({})["refines"]
+    asked = {"tab": "a", "turn": 1, "setup": setup}
+    told = opened.calls["settle"](asked)
+    coarse = " ".join([told["caution"], *(one for _, one in told["warnings"])])
+    assert "(Finer mesh here, or cell size, which halves all cells" in coarse
+    assert opened.calls["forecast"]({"setup": setup, "finer": True})["question"] == ""  # is short
+    finer = asked | {"turn": 2, "setup": setup | {"finer": True}}
+    found = opened.calls["settle"](finer)
+    assert found["taken"]["finer"]
+    assert "The cell at the site measures" not in found["caution"]
+    blow = opened._struck(set_up.read(finer["setup"]))
+    ((place, size),) = blow.sections["deck"]["refine"]
+    allowed = float(re.search(r"cells of at most ([\d.]+) mm", coarse)[1])
+    assert 1e3 * size == pytest.approx(allowed, rel=0.05)
+    assert place == setup["point"]
+    part = ao.read_model(deck, "m", refine=[(place, size)])
+    assert blow.structure.dofs == part.dofs
+    look = opened._opened().look
+    foreseen = look.forecast(n=20, near=[(place, size)])
+    assert foreseen.cells == part.matrices.mesh.n_cells
+    assert foreseen.dofs == pytest.approx(part.dofs, rel=0.2)
+
+
+def test_finer_cells_around_a_site_that_take_long_are_asked_for(opened, monkeypatch):
+    setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-3, "n": 20}
+    opened.calls["settle"]({"tab": "a", "turn": 1, "setup": setup})
+    monkeypatch.setattr(inspection, "LONG", 0.0)
+    told = opened.calls["forecast"]({"setup": setup, "finer": True})
+    assert told["fits"]
+    assert "around the site the mesh has" in told["question"]
+    assert re.search(r"about [\d.]+ s and [\d.]+ GB", told["question"])
+    monkeypatch.setattr(inspection, "free_memory", lambda: 1.0)
+    assert not opened.calls["forecast"]({"setup": setup, "finer": True})["fits"]

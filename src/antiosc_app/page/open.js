@@ -357,7 +357,7 @@ class Bench {
     document.addEventListener("keydown", (e) => {
       if (e.ctrlKey && e.key === "z" && e.target.type !== "number") { e.preventDefault(); this.undo(this.past, this.future); }
     });
-    find("finer").hidden = !facts.geometry;
+    find("finer").hidden = !facts.refines;
     find("finer").onclick = () => this.finer();
     find("coarser").onclick = () => this.coarser();
     find("stop").onclick = () => this.stop();
@@ -624,11 +624,18 @@ class Bench {
   }
 
   // Smaller cells around the site and the largest stress, or where the impacts of a fall strike and its stress is largest.
-  finer() {
+  async finer() {
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
     if (this.falls()) return this.striker({ finer: places.concat(data.stressed ? [data.stressed] : []) });
     const more = data.stress_place ? [data.stress_place] : [];
-    this.change({ ...this.chosen, finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
+    const make = () => this.change({ ...this.chosen, finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
+    try {
+      const { question, fits = true } = this.chosen ? {} : await this.call("forecast", { setup: this.setup, finer: true });
+      if (question) this.ask(question, fits ? "Make it" : "Make it all the same", make);
+      else make();
+    } catch (error) {
+      this.wrong(error.message, true);
+    }
   }
 
   coarser() {
@@ -672,8 +679,9 @@ class Bench {
     find("in-python").hidden = falls || Boolean(this.chosen);
     if (falls) find("stresses").hidden = true;
     for (const id of ["hold-row", "held-list", "map"]) find(id).hidden = falls || id === "hold-row" && !this.facts.faces.length;
-    find("finer").hidden = !this.facts.geometry || this.is_finer() && !this.stressed_elsewhere();
-    find("coarser").hidden = !this.facts.geometry || !this.is_finer();
+    const refines = falls ? this.facts.geometry : this.facts.refines;
+    find("finer").hidden = !refines || this.is_finer() && !this.stressed_elsewhere();
+    find("coarser").hidden = !refines || !this.is_finer();
     const strikes = clicks_hold ? "" : "A click strikes there. ";
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
     this.name_map();

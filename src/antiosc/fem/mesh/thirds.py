@@ -14,10 +14,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import basix
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.checks import point_text
@@ -300,7 +301,8 @@ def _thirds(raws: Sequence[RawMesh], marked: IntArray) -> list[RawMesh]:
     first = 1 + max(int(raw.numbers.max()) for raw in raws)
     vertices = common_numbers([cut.new.between for cut in cuts], first)
     first += sum(map(len, vertices))
-    filled = [_filled(*each) for each in zip(raws, nodes, cuts, vertices, strict=True)]
+    of_raws = zip(raws, nodes, cuts, vertices, strict=True)
+    filled = [_filled(raw, cells, cut, new) for raw, cells, cut, new in of_raws]
     middles = common_numbers([new.between for _, new in filled], first)
     divided = [
         _divided(raw, cells, cut, rows[:, np.argsort(order)], new)
@@ -393,4 +395,5 @@ def _edges(raw: RawMesh, edges: IntArray, cut: _Cut) -> IntArray:
         at = positions(rows, cut.new.between)
         points.append(np.where(at >= 0, len(raw.points) + at, edges[:, k]))
     pieces = np.stack([*points, edges[:, 1]], axis=1)[:, [[0, 1], [1, 2], [2, 3]]].reshape(-1, 2)
-    return np.asarray(pieces[pieces[:, 0] != pieces[:, 1]])
+    is_part = pieces[:, 0] != pieces[:, 1]
+    return pieces[is_part]

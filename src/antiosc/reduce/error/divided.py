@@ -18,6 +18,7 @@ halved elements: its joints follow the numbers of the nodes.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 from weakref import WeakKeyDictionary
@@ -32,15 +33,18 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.clock import clock
 from antiosc.base.errors import InputError, without_warnings
 from antiosc.base.progress import doing
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.forecast import OF_SHELLS, of_sheet
 from antiosc.fem.mesh import Mesh, distributed
 from antiosc.fem.mesh.halving import halved, scheme
+from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, holding, on_mesh
 from antiosc.fem.structure.support import NumberedNodes, Support
 from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.io.request import Refinement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.reduce.error.bisection import gathered
 from antiosc.reduce.error.scheme import Estimate, MeshErrors, loads_of_shapes, shapes_of
@@ -53,8 +57,7 @@ if TYPE_CHECKING:
 CELLS = 4
 #: The error over the difference of the flexibilities, which converge with the size squared.
 REMAINING = 1 / (1 - 1 / 4)
-#: Kinds of cells by their geometric order, and the order of nodes in which they are passed on.
-KIND_OF = {1: "quad", 2: "quad9"}
+#: The order of nodes in which cells are passed on.
 CONVENTION = "gmsh"
 #: Corrections of a solve with K + sM to one with K: each leaves a tenth of the error, of the lowest
 #: mode alone.
@@ -218,15 +221,20 @@ def finer(mesh: Mesh) -> Mesh:
     """The mesh on one rank with each cell c divided, into those with the input numbers 4c to
     4c + 3.
     """
+    return distributed(halved([_raw(mesh)])[0], mesh.name, mesh.comm)
+
+
+def _raw(mesh: Mesh) -> RawMesh:
+    """The arrays of a mesh on one rank, with its cells by their input numbers."""
     pieces = gathered(mesh, np.zeros(mesh.n_cells))
     assert pieces is not None  # on one rank
-    kind = KINDS[KIND_OF[mesh.order]]
+    kind = next(k for k in KINDS.values() if (k.shape, k.order) == (mesh.cell, mesh.order))
     order = np.argsort(compat.node_order(kind.shape, kind.nodes, CONVENTION))
     groups = {
         name: {dim: rows.astype(np.int64) for dim, rows in parts.items()}
         for name, parts in pieces.groups.items()
     }
-    raw = RawMesh(
+    return RawMesh(
         pieces.points,
         pieces.cells[:, order].astype(np.int64),
         kind,
@@ -234,7 +242,17 @@ def finer(mesh: Mesh) -> Mesh:
         groups,
         numbers=np.arange(len(pieces.points)),
     )
-    return distributed(halved([raw])[0], mesh.name, mesh.comm)
+
+
+def added_cells(structure: Structure, refine: Sequence[Refinement]) -> int:
+    """Number of cells by which those of the sheets and lines of a structure, on one rank, become
+    more with `refine`.
+    """
+    count = 0
+    for member in with_parts(structure).members():
+        raw = _raw(replace(member.part.mesh, groups={}))
+        count += len(with_cells_near(refine, [raw], raw.kind.shape)[0].cells) - len(raw.cells)
+    return count
 
 
 def interpolation(
