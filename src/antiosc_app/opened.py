@@ -652,8 +652,8 @@ class Opened:
     def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
         """The impact of a set-up that is not known yet; `quickly` as in `_struck`."""
         if set_up.finer and set_up.near is None and self._opened().look.divides:
-            coarse = self._struck(replace(set_up, finer=False, stressed=()), quickly=True)
-            set_up = replace(set_up, near=_near(coarse))
+            before = self._struck(replace(set_up, finer=False, stressed=()), quickly=True)
+            set_up = replace(set_up, near=_near(before))
         source = self._in_cells_of(set_up)
         is_sheet = source.look.family == "Shell"
         longest = max(LONGER * DURATION, source.look.duration if is_sheet else 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+import warnings
 
 import numpy as np
 import pytest
@@ -430,6 +431,24 @@ def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path
     assert forces[0] == pytest.approx(forces[2], rel=1e-6)
 
 
+def test_smaller_cells_beside_a_tie_leave_its_edge_and_tell_it_at_the_tie(tmp_path):
+    """A site away from the tie has its cells; the tied cell goes on to hang on the whole edge."""
+    tied = tied_cell({15: (0.4, 0.2), 10: (0.4, 0.1)}, (0.1, 0.0), "THICK")
+    path = deck(tmp_path / "a.inp", 2, more=tied)
+    site = ao.Site((0.15, 0.05, 0.0), (0.0, 0.0, -1.0))
+    ties, frequencies = [], []
+    for options in ({}, {"refine": [(site.point, 0.02)]}, {"refine": [((0.38, 0.15, 0.0), 0.02)]}):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            part = ao.read_model(path, "m", **options)
+        stays = [one for one in told if "stay at (0.38, 0.15, 0) m" in str(one.message)]
+        assert bool(stays) == ("(0.38" in str(options))
+        ties.append(part.dofs)
+        frequencies.append(ao.extract(part, site, n=10).omega[0])
+    assert ties[0] < ties[1]
+    assert frequencies[1:] == pytest.approx([frequencies[0]] * 2, rel=0.02)
+
+
 def test_decks_that_cannot_be_halved_say_why(tmp_path):
     tied = tied_cell({15: (0.4, 0.2), 10: (0.4, 0.1)}, (0.1, 0.0), "THICK")
     path = deck(tmp_path / "a.inp", 2, more=tied)
@@ -443,5 +462,6 @@ def test_decks_that_cannot_be_halved_say_why(tmp_path):
         "*SOLID SECTION, ELSET=ALL, MATERIAL=M\n1e-4\n",
         encoding="ascii",
     )
-    with pytest.raises(InputError, match="hinges at their ends"):
-        ao.read_model(bars, "m", size=0.5)
+    for options in ({"size": 0.5}, {"refine": [((0, 0, 0), 0.1)]}):
+        with pytest.raises(InputError, match="hinges at their ends"):
+            ao.read_model(bars, "m", **options)

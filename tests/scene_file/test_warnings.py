@@ -96,7 +96,10 @@ def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, ca
         first = text.index("There is no error bar")
         assert first < text.index("The cell at the site measures") < force
         assert text.count("The cell at the site measures") == 1
-        assert "(size in [deck], which halves all cells: each time 4 times as many)" in text
+        assert (
+            "(refine in [deck], or size in [deck], which halves all cells: each time 4 times as"
+            in text
+        )
         assert "refine, or size" not in text
         assert live.NO_MESH_ERROR in text
     assert said.err.startswith("warning: of plate.inp are not taken")

@@ -82,6 +82,7 @@ def with_cells_near(
                 " refine."
             )
         raws = after(raws, finer)
+    told += [_large(raws, point, size, name) for point, size in refine]
     raws[0].remarks = [*raws[0].remarks, *filter(None, told)]
     return raws
 
@@ -93,6 +94,20 @@ def _stays(raws: Sequence[RawMesh], point: Sequence[float], size: float, name: s
     return (
         f"{name}: its cells around {point_text(point)} are no longer than {size:g} m, so that"
         " refine changes nothing there."
+    )
+
+
+def _large(raws: Sequence[RawMesh], point: Sequence[float], size: float, name: str) -> str:
+    """Sentence that the cells at a point stay larger than a size; "" if they do not."""
+    longest = max(
+        float(lengths(_corners(raw))[_distances(raw, point) <= 0].max(initial=0.0)) for raw in raws
+    )
+    if longest <= size * (1 + ROUNDING):
+        return ""
+    return (
+        f"{name}: cells of {longest:.3g} m stay at {point_text(point)}, larger than the {size:g} m of"
+        " refine: joints on their nodes, or solids beside them, keep them; choose a point farther"
+        " from these."
     )
 
 
@@ -129,29 +144,33 @@ def _corners(raw: RawMesh) -> Array:
 
 def _too_large(refine: Sequence[Refinement], raw: RawMesh) -> BoolArray:
     """Mask of the cells that are longer than the sizes around the points."""
+    growth, reach = GRADING
+    allowed = np.full(len(raw.cells), np.inf)
+    for point, size in refine:
+        distance = np.maximum(_distances(raw, point) - reach * size, 0.0)
+        allowed = np.minimum(allowed, size + growth * distance)
+    return np.asarray(lengths(_corners(raw)) > allowed * (1 + ROUNDING))
+
+
+def _distances(raw: RawMesh, point: Sequence[float]) -> Array:
+    """Distances (cells,) [m] of a point from the balls around the cells; negative inside."""
     corners = _corners(raw)
     centres = corners.mean(axis=1)
     radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    growth, reach = GRADING
-    allowed = np.full(len(corners), np.inf)
-    for point, size in refine:
-        x = np.asarray(point, dtype=float)[: centres.shape[1]]
-        distance = np.linalg.norm(centres - x, axis=1) - radii
-        allowed = np.minimum(allowed, size + growth * np.maximum(distance - reach * size, 0.0))
-    return np.asarray(lengths(corners) > allowed * (1 + ROUNDING))
+    x = np.asarray(point, dtype=float)[: centres.shape[1]]
+    return np.asarray(np.linalg.norm(centres - x, axis=1) - radii)
 
 
 def _unmarked(raws: Sequence[RawMesh]) -> IntArray:
-    """Numbers of the vertices at which no cell is divided: of solids, and of cells with joints on a
-    node inside or between them, which would be no node of the parts of these.
+    """Numbers of the vertices at which no cell is divided: of solids, and of second-order cells
+    with joints on a node, whose middle nodes would be no nodes of their parts.
     """
     acted = _joined_nodes(raws[0].model)
     kept = [np.zeros(0, dtype=np.int64)]
     for raw in raws:
         numbers = raw.numbers[raw.cells]
-        vertices = numbers[:, : raw.kind.vertices]
-        inner = np.isin(numbers[:, raw.kind.vertices :], acted).any(axis=1)
-        kept.append(vertices[inner | (raw.kind.dim > 2)].ravel())
+        stays = np.isin(numbers, acted).any(axis=1) & (raw.kind.order > 1)
+        kept.append(numbers[stays | (raw.kind.dim > 2), : raw.kind.vertices].ravel())
     return np.concatenate(kept)
 
 
@@ -314,7 +333,9 @@ def _thirds(raws: Sequence[RawMesh], marked: IntArray) -> list[RawMesh]:
     return numbered(raws, divided, numbers)
 
 
-def _filled(raw: RawMesh, nodes: IntArray, cut: _Cut, vertices: IntArray) -> tuple[IntArray, _New]:
+def _filled(
+    raw: RawMesh, nodes: IntArray, cut: _Cut, vertices: NDArray[Any]
+) -> tuple[IntArray, _New]:
     """The nodes (parts, nodes of a cell) of the parts in dolfinx's order, and the new ones in the
     middles of edges and cells; `vertices`: numbers of the new vertices.
     """
@@ -382,7 +403,8 @@ def _spans(parents: IntArray, cells: IntArray) -> IntArray:
     """Rows of the parts of cells, in the order of these."""
     first, end = (np.searchsorted(parents, cells, side) for side in ("left", "right"))
     count = end - first
-    return np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    rows = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+    return np.asarray(rows, dtype=np.int64)
 
 
 def _edges(raw: RawMesh, edges: IntArray, cut: _Cut) -> IntArray:
