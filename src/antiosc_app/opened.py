@@ -908,7 +908,7 @@ class Opened:
             return {"question": ""}
         text = (
             f"With cells of {_in_mm(size)} around the site the mesh has"
-            f" {count_text(forecast.cells)} cells in place of {look.n_cells}, and {forecast.text()}."
+            f" {count_text(forecast.cells)} cells, {look.n_cells} before, and {forecast.text()}."
         )
         return {"question": text, "fits": forecast.fits}
 

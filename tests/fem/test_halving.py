@@ -431,6 +431,20 @@ def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path
     assert forces[0] == pytest.approx(forces[2], rel=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:.*the area of the offset surface")
+def test_fibres_and_offsets_of_divided_elements_are_those_of_their_elements(tmp_path):
+    """Around the fold, where neighbours have other fibres, against a deck of finer elements."""
+    site = ao.Site((0.03, 0.12, 0.04), (0.0, 0.0, -1.0))
+    near = [(site.point, 0.02)]
+    stiffness = [
+        ao.extract(
+            ao.read_model(deck(tmp_path / f"{n}.inp", n, "fold"), "m", **options), site, n=5
+        ).k0
+        for n, options in ((4, {"refine": near}), (24, {}))
+    ]
+    assert stiffness[0] == pytest.approx(stiffness[1], rel=0.03)
+
+
 def test_smaller_cells_beside_a_tie_leave_its_edge_and_tell_it_at_the_tie(tmp_path):
     """A site away from the tie has its cells; the tied cell goes on to hang on the whole edge."""
     tied = tied_cell({15: (0.4, 0.2), 10: (0.4, 0.1)}, (0.1, 0.0), "THICK")

@@ -105,9 +105,9 @@ def _large(raws: Sequence[RawMesh], point: Sequence[float], size: float, name: s
     if longest <= size * (1 + ROUNDING):
         return ""
     return (
-        f"{name}: cells of {longest:.3g} m stay at {point_text(point)}, larger than the {size:g} m of"
-        " refine: joints on their nodes, or solids beside them, keep them; choose a point farther"
-        " from these."
+        f"{name}: cells of {longest:.3g} m stay at {point_text(point)}, larger than the {size:g} m"
+        " of refine: joints on their nodes, or solids beside them, keep them; choose a point"
+        " farther from these."
     )
 
 
