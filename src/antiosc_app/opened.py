@@ -44,7 +44,7 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import SMALLER_CELLS, capitalised, count_text, engineering, percent, plain
 from antiosc.extension import halvings, stress_seconds, with_parts, with_stresses
 from antiosc.models.auto_contact import AUTO
-from antiosc.models.body import coarse_at, info_of
+from antiosc.models.body import ModelInfo, coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
@@ -1259,7 +1259,11 @@ def _told(blow: PageImpact) -> Data:
         "place": live.striker_place(blow.hit, blow_data),
         "settled": blow.settled,
         "refining": blow.refining,
-        "about": f"{headline.about} Computed for {engineering(blow_data['duration'], 's')}.",
+        "about": _joined(
+            headline.about,
+            _cell_at(info),
+            f"Computed for {engineering(blow_data['duration'], 's')}.",
+        ),
         "caution": headline.caution if blow.settled else blow.hit.unfinished,
         "verdict": _said(headline, blow.settled),
         "dofs": blow.structure.dofs,
@@ -1267,6 +1271,20 @@ def _told(blow: PageImpact) -> Data:
         "taken": _taken(blow),
         "python": repr(site),
     }
+
+
+def _cell_at(info: ModelInfo) -> str:
+    """Sentence on the size of the cell at the site of a sheet, and its thickness there; "" of
+    others.
+    """
+    if not info.cells or info.thickness is None:
+        return ""
+    ((size, bending, _),) = info.cells.values()
+    if not bending:
+        return ""
+    thickness = engineering(info.thickness, "m")
+    length = engineering(size, "m")
+    return f"The sheet is {thickness} thick at the site, and its cell there {length} long."
 
 
 def _taken(blow: PageImpact) -> Data:

@@ -29,6 +29,7 @@ from antiosc import (
     Support,
     Truss,
 )
+from antiosc.base import process
 from antiosc.base._types import Array, IntArray, SolverChoice
 from antiosc.base.checks import (
     choice,
@@ -43,7 +44,7 @@ from antiosc.base.checks import (
 )
 from antiosc.base.errors import InputError, NotTakenWarning
 from antiosc.base.materials import MaterialRecord, growth_like, same_kind, yielding
-from antiosc.base.texts import engineering
+from antiosc.base.texts import count_text, engineering
 from antiosc.extension import (
     AssembledMatrices,
     Attachment,
@@ -51,6 +52,7 @@ from antiosc.extension import (
     GivenSheet,
     assemble_checked,
     attachments_of,
+    before_meshing,
     check_refinements,
     distributed,
     flattened,
@@ -491,6 +493,8 @@ def _reader(
             raws = _with_cells_of(size, raws, file.name)
         if refine:
             raws = _near(refine, raws, file.name)
+        if size is not None or refine:
+            _require_room(raws, file.name)
         return dict(zip(meshes, raws, strict=True))
 
     return work
@@ -504,6 +508,18 @@ def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawM
             " program that made it."
         )
     return _finer(raws, with_cells_of(size, raws, name))
+
+
+def _require_room(raws: Sequence[RawMesh], name: str) -> None:
+    """OutOfMemoryError unless matrices and factor of the divided parts fit in the free memory."""
+    costs = [before_meshing(raw.kind.shape, raw.kind.dim, len(raw.cells), [0]) for raw in raws]
+    cells = sum(len(raw.cells) for raw in raws)
+    dofs = sum(count for count, _ in costs)
+    process.require(
+        sum(cost.bytes for _, cost in costs),
+        f"{name} with {cells} cells, some {count_text(float(f'{dofs:.2g}'))} dofs,",
+        "choose a larger size, or make cells smaller around the site alone (refine)",
+    )
 
 
 def _near(refine: Sequence[Refinement], raws: Sequence[RawMesh], name: str) -> list[RawMesh]:

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from abaqus_decks import tied_cell
-from antiosc.base.errors import InputError, MeshError
+from antiosc.base import process
+from antiosc.base.errors import InputError, MeshError, OutOfMemoryError
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.halving import halved, scheme, with_cells_of
 from antiosc.fem.mesh.soundness import sound
@@ -20,6 +21,7 @@ from antiosc.fem.mesh.thirds import with_cells_near
 from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.neutral import KINDS, RawMesh
+from antiosc_decks import from_deck
 from scene_files import antiosc, numbers
 
 pytestmark = pytest.mark.fem
@@ -461,6 +463,25 @@ def test_smaller_cells_beside_a_tie_leave_its_edge_and_tell_it_at_the_tie(tmp_pa
         frequencies.append(ao.extract(part, site, n=10).omega[0])
     assert ties[0] < ties[1]
     assert frequencies[1:] == pytest.approx([frequencies[0]] * 2, rel=0.02)
+
+
+def test_a_divided_deck_that_does_not_fit_is_refused_before_it_is_assembled(tmp_path, monkeypatch):
+    """Before any structure is made, with what it needs and what is free."""
+    path = deck(tmp_path / "a.inp", 2)
+    made, structure = [], ao.Structure
+
+    def assembled(*given, **options):
+        made.append(given)
+        return structure(*given, **options)
+
+    monkeypatch.setattr(from_deck, "Structure", assembled)
+    monkeypatch.setattr(process, "free_memory", lambda: 2e8)
+    for options in ({"size": 2e-3}, {"refine": [((0.2, 0.1, 0.0), 2e-3)], "size": 4e-3}):
+        with pytest.raises(OutOfMemoryError, match=r"needs about .* GB and 0.2 GB are free"):
+            ao.read_model(path, "m", **options)
+    assert made == []
+    ao.read_model(path, "m", size=0.05)
+    assert len(made) == 1
 
 
 def test_decks_that_cannot_be_halved_say_why(tmp_path):

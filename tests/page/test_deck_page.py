@@ -514,6 +514,9 @@ def test_finer_cells_around_the_site_of_a_deck_are_those_that_the_contact_needs(
     told = opened.calls["settle"](asked)
     coarse = " ".join([told["caution"], *(one for _, one in told["warnings"])])
     assert "(Finer mesh here, or cell size, which halves all cells" in coarse
+    assert (
+        "The sheet is 2.00 mm thick at the site, and its cell there 236 mm long." in told["about"]
+    )
     assert opened.calls["forecast"]({"setup": setup, "finer": True})["question"] == ""  # is short
     finer = asked | {"turn": 2, "setup": setup | {"finer": True}}
     found = opened.calls["settle"](finer)
