@@ -507,7 +507,7 @@ def _with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawM
             f"{name} keeps its elements, for {reason}: read it without a size, or mesh it in the"
             " program that made it."
         )
-    return _finer(raws, with_cells_of(size, raws, name))
+    return with_cells_of(size, raws, name, _finer)
 
 
 def _require_room(raws: Sequence[RawMesh], name: str) -> None:

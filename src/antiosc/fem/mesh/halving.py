@@ -8,11 +8,11 @@ three shapes at most. Second-order cells keep their curved sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import basix
 import numpy as np
@@ -87,7 +87,13 @@ def weights_at(shape: str, degree: int, places: Array) -> Array:
     return np.asarray(element.tabulate(0, flat)[0, :, :, 0]).reshape(*places.shape[:-1], -1)
 
 
-def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMesh]:
+#: What completes the meshes of a round of divisions, from those before.
+After: TypeAlias = Callable[[Sequence[RawMesh], list[RawMesh]], list[RawMesh]]
+
+
+def with_cells_of(
+    size: float, raws: Sequence[RawMesh], name: str, after: After = lambda _, finer: finer
+) -> list[RawMesh]:
     """Meshes with common numbers of nodes, halved until no cell is longer than `size` [m].
 
     Raises
@@ -108,7 +114,7 @@ def with_cells_of(size: float, raws: Sequence[RawMesh], name: str) -> list[RawMe
             f"{count:.1e}, more than {MOST_CELLS:.0e}; choose a larger size."
         )
     for _ in range(rounds):
-        raws = halved(raws)
+        raws = after(raws, halved(raws))
     return raws
 
 

@@ -10,7 +10,7 @@ fewer corners the cells at the others are larger (after R. Schneiders, Engineeri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -25,6 +25,7 @@ from antiosc.base.checks import point_text
 from antiosc.base.errors import MeshError
 from antiosc.fem.mesh.halving import (
     ROUNDING,
+    After,
     Divided,
     common_numbers,
     lengths,
@@ -60,12 +61,12 @@ def with_cells_near(
     raws: Sequence[RawMesh],
     name: str,
     kept: Sequence[int] = (),
-    after: Callable[[Sequence[RawMesh], list[RawMesh]], list[RawMesh]] = lambda _, finer: finer,
+    after: After = lambda _, finer: finer,
 ) -> list[RawMesh]:
     """Meshes with common numbers of nodes, with cells of the sizes of `refine` around its points.
 
     The sizes grow away from the points as those of `read_mesh` of a geometry. `kept`: numbers of
-    nodes between which edges stay; `after`: what completes the meshes of a round.
+    nodes between which edges stay.
 
     Raises
     ------
