@@ -271,7 +271,6 @@ OPTIONS = {
     ("a.msh", (("fragments", True),)): (None, "fragments joins"),
     ("a.STEP", ()): (None, "a.STEP"),
     ("a.stl", (("solid", True),)): (None, "a.stl"),
-    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine applies"),
     ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (None, "states"),
     ("a.geo", (("merge", 1e-3),)): (None, "applies"),
 }
