@@ -312,13 +312,13 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
     On the page such an error bar is scaled by the difference that its modified body makes there.
-    `unknown` says why a quantity has none, `rebounds` whether the impulse is m v (1 + e).
+    `unknown` says why a quantity has none, `condition` is the end of the others, `rebounds` whether the impulse is m v (1 + e).
     """
     none: Data = {"shares": {}, "variants": {}, "unknown": {}, "rebounds": False}
     if not budget:
         return none
     causes = budget.causes
-    barred = {name: bar for name, bar in budget.items() if name not in budget.incomparable}
+    barred = {name: bar for name, bar in budget.items() if name not in budget.unbarred}
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in barred.items()}
     if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
         return none
@@ -333,7 +333,7 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         }
     rebounds = budget.rebound is not None
     bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
-    told = {"mark": budget.mark, "footnote": budget.footnote, "unknown": budget.unbarred}
+    told = {"condition": budget.condition, "footnote": budget.footnote, "unknown": budget.unbarred}
     return bodies_and_bars | told
 
 
@@ -363,7 +363,7 @@ def deflection(hit: History, budget: ErrorBudget | None) -> Data | None:
     motion = None if isinstance(hit, SceneHistory) else hit.site_motion
     if motion is None:
         return None
-    known = budget is not None and budget.deflection is not None
+    known = budget is not None and budget.deflection is not None and not budget.no_bar
     sides = budget.sides(DEFLECTION) if known and budget is not None else None
     return {"value": motion.largest, "bar": sides, "told": _until(hit, motion)}
 
@@ -1186,8 +1186,10 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
 
 
 def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
-    """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before."""
-    if budget is None or rough(hit, budget):
+    """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before, or
+    there is no bar: the reason of that has its own.
+    """
+    if budget is None or budget.no_bar or rough(hit, budget):
         return ""
     return capitalised(_narrows(hit, budget))
 

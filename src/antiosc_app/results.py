@@ -465,7 +465,8 @@ def _impact(results: SceneResults) -> Presentation:
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
-    known = {"error_budget": bars, "deflection": deflection(hit, budget)}
+    reason = budget.footnote if budget is not None and budget.no_bar else ""
+    known = {"error_budget": bars, "no_error_bar": reason, "deflection": deflection(hit, budget)}
     known = {name: value for name, value in known.items() if value}
     summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
     held = conditions(results)
@@ -567,11 +568,9 @@ def _errors(hit: History) -> list[Block]:
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.mark}"]}
+    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.condition}"]}
     for name, bar in budget.items():
         shares = budget.shares(name)
-        if name not in budget.incomparable:
-            shares["total"] = bar.without_law + (bar.law or 0.0)
         cells = [shares[cause] for cause in (*budget.causes, "total")]
         told = ["–" if share is None else percent(share) for share in cells]
         table[_spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
@@ -1233,7 +1232,9 @@ def _sweep(results: SceneResults) -> Presentation:
         label(place): list(values) for place, values in varied(results.compiled).items()
     }
     table: Columns = dict(varied_values)
-    bars = _bar_column([row.budget for row in results.facts])
+    budgets = [row.budget for row in results.facts]
+    bars = _bar_column(budgets)
+    notes = [*[BARS_OF_SWEEP] * bool(bars), *_without_bars(budgets)]
     for name, unit in QUANTITIES.items():
         table[f"{_spaced(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force":
@@ -1255,10 +1256,10 @@ def _sweep(results: SceneResults) -> Presentation:
     shown = {with_unit(name): values for name, values in varied_values.items()}
     shown |= {name: values for name, values in table.items() if name not in varied_values}
     return Presentation(
-        text=[format_columns(table)],
+        text=[format_columns(table), *_without_bars(budgets)],
         tables={"sweep.csv": table},
         numbers={"sweep": table},
-        sections={"Sweep": [shown, *[BARS_OF_SWEEP] * bool(bars)]},
+        sections={"Sweep": [shown, *notes]},
         pictures=[chart("Sweep", caption, draw)],
     )
 
@@ -1270,17 +1271,19 @@ def with_unit(name: str) -> str:
 
 
 def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
-    """The column of the bars of peak forces, without what one row does not know: law, or mesh."""
-    budgets_known = [budget for budget in budgets if budget is not None]
-    if not budgets_known:
+    """The column of the bars of peak forces; NaN in the rows without one."""
+    shares = [budget and budget.shares("peak_force")["total"] for budget in budgets]
+    if not any(share is not None for share in shares):
         return {}
-    lacks_law = any(budget.law or budget["peak_force"].total is None for budget in budgets_known)
-    lacks_mesh = any("mesh" in budget.unknown for budget in budgets_known)
-    left_out = " and ".join(["the law"] * lacks_law + ["the mesh"] * lacks_mesh)
-    name = f"± without {left_out} (%)" if left_out else "± (%)"
-    share = "without_law" if lacks_law else "total"
-    shares = [budget and getattr(budget["peak_force"], share) for budget in budgets]
+    given = any(budget.law for budget in budgets if budget is not None and not budget.no_bar)
+    name = "± without the law (%)" if given else "± (%)"
     return {name: 100 * np.array(shares, dtype=float)}
+
+
+def _without_bars(budgets: Sequence[ErrorBudget | None]) -> list[str]:
+    """Why rows of a sweep have no bar, each reason once."""
+    told = [budget.footnote for budget in budgets if budget is not None and budget.no_bar]
+    return list(dict.fromkeys(told))
 
 
 def _yield_columns(rows: Sequence[RowFacts]) -> Columns:

@@ -30,7 +30,7 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(
     budget = error_budget(hit)
     caution = live.caution_of(hit, budget, part)
     assert caution.startswith("There is no error bar") == is_coarse == (budget is None)
-    assert is_coarse or budget.footnote.startswith("* These bars lack the mesh")
+    assert is_coarse or budget.footnote.startswith("There is no error bar. The mesh's error")
     assert ("The cell at the site measures" in caution) == is_coarse
 
 

@@ -265,13 +265,17 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
         assert 0 < off[name] < budget[name].truncation < budget[name].total
         assert budget[name].mesh == 0
         assert budget.shares(name)["mesh"] is None
-        assert budget.shown(name).endswith(" %*")
+        assert budget.shown(name).endswith(" (no error bar)")
+        assert budget.shares(name)["total"] is budget.shares(name)["above"] is None
     assert not {"mesh", "geometry", "model"} & set(budget.causes)
     assert budget.no_mesh.endswith("it is an assembly")
     assert str(budget).count("mesh's error") == 1
     assert force_bar(budget) is None  # a stress counts with all of the force's error, or none
-    assert _bars(hit, budget, 0.0)["mark"] == budget.mark == "*"
-    assert f"* {budget.no_mesh} {budget.law}".strip() in hit.summary().splitlines()[1]
+    on_page = _bars(hit, budget, 0.0)
+    assert on_page["shares"] == {}
+    assert set(on_page["unknown"]) == {*QUANTITIES, "restitution"}
+    assert hit.summary().splitlines()[1].endswith(f"There is no error bar. {budget.no_mesh}")
+    assert "±" not in str(budget) + hit.summary()
     with pytest.raises(ao.InputError, match="estimate"):
         _ = struck(replace(whole, info=ModelInfo())).error_budget
 

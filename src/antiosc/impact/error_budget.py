@@ -333,10 +333,10 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
-        missing = "The mesh is" if rough else "Mesh and truncation are"
+        missing = "The mesh's error is" if rough else "The errors of mesh and truncation are"
         reason = model.info.no_estimate
         remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
-        without_mesh = f"{missing} not in these bars: {remedy}."
+        without_mesh = f"{missing} not known: {remedy}."
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if patch_notes:
@@ -399,7 +399,7 @@ def _kept(
 
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
-WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
+WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids, is not known: "
 #: What estimates what no estimate was asked for.
 ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"

@@ -197,7 +197,7 @@ class History(RunHistory, Results):
             rows = [
                 *(("contact", text) for text in [self.verdict] if text),
                 ("peak force", self.force_text),
-                *([("", budget.footnote)] if budget and budget.mark else []),
+                *([("", budget.footnote)] if budget and budget.left_out else []),
                 *(("site", point) for point in places.values()),
                 ("impulse", engineering(self.impulse, "N s", 4)),
                 ("contacts", self.count_text),

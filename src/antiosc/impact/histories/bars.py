@@ -34,8 +34,10 @@ CAUSES = (
 ASSUMED = ("model", "law")
 #: Why a contact time has no bar.
 NO_BAR = "no error bar: the number of its contacts is uncertain"
-#: Behind a bar that leaves something out, and before what it leaves out.
-MARK = "*"
+#: In place of a bar that would lack a cause, which may be the largest one.
+WITHOUT_BAR = "no error bar"
+#: Behind a bar for a law of the caller's, whose error he alone knows.
+BY_GIVEN_LAW = " (law as given)"
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
 
@@ -116,8 +118,9 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
-    law : why the error of the contact's law is not in the bars; "" where it is.
-    no_mesh : why the mesh's error is not in the bars; "" where it is.
+    law : why the error of the contact's law is not in the bars; "" where it is. Where the law was
+        given, the bars are those for this law; else there are none (`unbarred`).
+    no_mesh : why the mesh's error is not known, so that there are no bars; "" where it is.
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
@@ -219,7 +222,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         m v (1 + e); not relative. None if it is not known.
         """
         rebound = self.rebound
-        if rebound is None or rebound.restitution is None or "impulse" in self.incomparable:
+        if rebound is None or rebound.restitution is None or "impulse" in self.unbarred:
             return None
         below, above = self.sides("impulse")
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
@@ -228,14 +231,26 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """A quantity with its error as text, marked if the error leaves something out."""
         bar = self.bar(name)
         value = engineering(bar.value, UNITS[name], digits)
+        if self.no_bar:
+            return f"{value} ({WITHOUT_BAR})"
         if name in self.incomparable:
             return value
-        return f"{value} {plus_minus(self.sides(name))}{self.mark}"
+        return f"{value} {plus_minus(self.sides(name))}{self.condition}"
 
     @property
-    def mark(self) -> str:
-        """The mark of a bar that leaves something out, which `left_out` tells; "" if none does."""
-        return MARK * bool(self.left_out)
+    def no_bar(self) -> bool:
+        """Whether a cause is not known that may be the largest: the law's error, or the mesh's."""
+        return bool(self.no_mesh) or self.unknown_law
+
+    @property
+    def unknown_law(self) -> bool:
+        """Whether the error of the contact's law is not known, where that was not given."""
+        return any(bar.law is None for bar in self.bars.values())
+
+    @property
+    def condition(self) -> str:
+        """The end of a bar that holds for a given law; "" of others."""
+        return BY_GIVEN_LAW * bool(self.law)
 
     @property
     def lacking(self) -> str:
@@ -245,12 +260,13 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     @property
     def left_out(self) -> str:
         """What the bars leave out; "" if nothing."""
-        return " ".join(filter(None, [self.no_mesh, self.law]))
+        told = self.unknown_law or not self.no_mesh
+        return " ".join(filter(None, [self.no_mesh, self.law * told]))
 
     @property
     def footnote(self) -> str:
-        """What marked bars leave out, after the mark, told once beside them; "" if nothing."""
-        return f"{self.mark} {self.left_out}".strip()
+        """Why there are no bars, or what they leave out, told once beside them; "" if nothing."""
+        return f"{'There is no error bar. ' * self.no_bar}{self.left_out}"
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
         """A coefficient of restitution as text, with its error if that is known."""
@@ -259,12 +275,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
-        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.mark}"
+        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.condition}"
 
     @property
     def unbarred(self) -> dict[str, str]:
-        """Quantity without a bar -> why it has none."""
-        return dict.fromkeys(self.incomparable, NO_BAR)
+        """Quantity without a bar, or "restitution" -> why it has none; a reason that all have is
+        the `footnote`.
+        """
+        without = (*self.bars, "restitution") if self.no_bar else ()
+        return dict.fromkeys(without, WITHOUT_BAR) | dict.fromkeys(self.incomparable, NO_BAR)
 
     def shares(self, name: str) -> dict[str, float | None]:
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
@@ -275,7 +294,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         shares = {
             cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
         }
-        if name in self.incomparable:
+        if name in self.unbarred:
             return {**shares, "total": None, "below": None, "above": None}
         below, above = self.sides(name)
         return {**shares, "total": bar.total, "below": below, "above": above}
