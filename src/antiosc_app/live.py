@@ -312,7 +312,8 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
     On the page such an error bar is scaled by the difference that its modified body makes there.
-    `unknown` says why a quantity has none, `condition` is the end of the others, `rebounds` whether the impulse is m v (1 + e).
+    `unknown` says why a quantity has none, `condition` ends the others, `rebounds` whether the
+    impulse is m v (1 + e).
     """
     none: Data = {"shares": {}, "variants": {}, "unknown": {}, "rebounds": False}
     if not budget:
@@ -1181,15 +1182,13 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
     if budget is None:
         return ""
     bar = budget["peak_force"]
-    start = rough_force(Numerical(bar.without_law) if bar.total is None else bar.total)
+    start = rough_force(bar.known if bar.law is not None else Numerical(bar.known))
     return start + _narrows(hit, budget) if start else ""
 
 
 def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
-    """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before, or
-    there is no bar: the reason of that has its own.
-    """
-    if budget is None or budget.no_bar or rough(hit, budget):
+    """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before."""
+    if budget is None or rough(hit, budget):
         return ""
     return capitalised(_narrows(hit, budget))
 
@@ -1201,7 +1200,10 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
     ending = _end_of_law(hit) if cause == "law" else f"{NARROWING.lower()}{remedy}"
     share = percent(getattr(bar, cause))
-    told = f"the largest part of the bar of the peak force comes from the {cause}, {share}"
+    whole = "the bar of the peak force"
+    if budget.no_bar:
+        whole = "the known part of the peak force's error"
+    told = f"the largest part of {whole} comes from the {cause}, {share}"
     return f"{': '.join(filter(None, [told, ending]))}."
 
 

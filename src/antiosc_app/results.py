@@ -584,7 +584,7 @@ def _rest_of_force(budget: ErrorBudget | None) -> float | None:
     if budget is None or "mesh" in budget.unknown:
         return None
     bar = budget["peak_force"]
-    return bar.without_law + (bar.law or 0.0) - bar.truncation
+    return bar.known - bar.truncation
 
 
 #: What the bars of probes leave out: the mesh's error of a strain at a point is not estimated.

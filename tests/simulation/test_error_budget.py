@@ -262,7 +262,7 @@ def test_a_part_whose_mesh_has_no_estimator_has_the_shares_that_are_known():
     budget = hit.error_budget
     off = differences(struck(few, tol=1e-5), struck(whole, tol=1e-5))
     for name in QUANTITIES:
-        assert 0 < off[name] < budget[name].truncation < budget[name].total
+        assert 0 < off[name] < budget[name].truncation < budget[name].known
         assert budget[name].mesh == 0
         assert budget.shares(name)["mesh"] is None
         assert budget.shown(name).endswith(" (no error bar)")

@@ -58,6 +58,7 @@ class ErrorBar:
     model : bound for the element family, such as a beam in place of a solid bar.
     law : bound for the contact law and its parameters; None: not known.
     stretch : bound for second-order forces of omitted modes, if a part stretches.
+    without_mesh : whether the mesh's error is not known, and `mesh` 0.
     """
 
     value: float
@@ -71,6 +72,7 @@ class ErrorBar:
     model: float = 0.0
     law: float | None = 0.0
     stretch: float = 0.0
+    without_mesh: bool = False
 
     @property
     def numerical(self) -> float:
@@ -83,11 +85,14 @@ class ErrorBar:
         return self.numerical + self.model
 
     @property
+    def known(self) -> float:
+        """Sum of the causes that are known."""
+        return self.without_law + (self.law or 0.0)
+
+    @property
     def total(self) -> float | None:
-        """Sum of all causes; None where the error of the contact's law is not known."""
-        if self.law is None:
-            return None
-        return self.without_law + self.law
+        """Sum of all causes; None where the error of the law or of the mesh is not known."""
+        return None if self.law is None or self.without_mesh else self.known
 
 
 class Rebound(NamedTuple):
@@ -186,7 +191,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def worst(self) -> float | None:
-        """Largest total of the three quantities; None if the error of the law is unknown."""
+        """Largest total of the three quantities; None if one is not known."""
         totals = [bar.total for bar in self.bars.values()]
         if None in totals:
             return None
@@ -205,12 +210,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def sides(self, name: str) -> tuple[float, float]:
         """Relative error of a quantity below and above it, as far as physics allows.
 
-        Without the law where its error is unknown. No quantity is negative, and the impulse of a
+        By the causes that are known. No quantity is negative, and the impulse of a
         blow on a part at rest lies between m v and 2 m v (`rebound`).
         """
         bar = self.bar(name)
-        total = bar.without_law if self.law or bar.total is None else bar.total
-        below, above = min(total, 1.0), total
+        below, above = min(bar.known, 1.0), bar.known
         if name == "impulse" and self.rebound is not None and bar.value > 0:
             low, high = (limit / bar.value for limit in self.rebound.impulses)
             return min(below, max(1 - low, 0.0)), min(above, max(high - 1, 0.0))
