@@ -994,6 +994,9 @@ def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
         worst = ao.peak_field(part, struck(speed), sharp_edges=False).margin()
         bounds = dataclasses.replace(worst, force_error=0.2).bounds
         assert bounds[end] == pytest.approx(1.0, rel=0.05)
+    assert struck(found.contact).peak_force == pytest.approx(hit.law.yield_force, rel=2 * CLOSE)
+    assert found.contact > hit.law.yield_speed(0.3)  # on a rigid wall, which does not give way
+    assert f"from about {engineering(found.contact, 'm/s', 2)} on" in found.sentence
 
 
 @pytest.mark.parametrize(("exposure", "found"), [(0.5, True), (0.2, False)])
