@@ -20,7 +20,7 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
-from antiosc.base.cfc import CLASSES, PASSED
+from antiosc.base.cfc import CLASSES, PASSED, SHOCK_FILTER
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
@@ -1087,13 +1087,15 @@ def _fall(results: SceneResults) -> Presentation:
     peaks = results.peaks or {}
     is_single = hasattr(fall, "flights")
     table = (
-        dict(fall.impacts.columns()) if is_single else _quantiles(fall, QUANTITIES | {"lost": "J"})
+        fall.impacts.columns() | _dents_and_shocks(fall)
+        if is_single
+        else _quantiles(fall, QUANTITIES | {"lost": "J"})
     )
     accelerometers = results.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
         (
             f"accelerometer {name}",
-            f"at most {peak.g:.5g} g ({accelerometers[name].get('filter', 'unfiltered')}),"
+            f"at most {plain(peak.g, 4)} g ({accelerometers[name].get('filter', 'unfiltered')}),"
             f" in impact {peak.impact + 1}",
         )
         for name, peak in peaks.items()
@@ -1143,14 +1145,28 @@ def _fall(results: SceneResults) -> Presentation:
 
 
 def _fall_text(fall: Fall, worst: WorstField | None) -> list[str]:
-    """The impacts of a fall as text, and the largest stress of each."""
-    stresses = _stress_columns(fall, worst)
+    """The impacts of a fall as text; dent, acceleration and largest stress of each."""
     numbers = {"impact": np.arange(1, len(fall.impacts) + 1)}
-    return [fall.summary(), *([format_columns(numbers | stresses)] if stresses else [])]
+    further = _dents_and_shocks_told(fall) | _stress_columns(fall, worst)
+    return [fall.summary(), *([format_columns(numbers | further)] if fall.impacts else [])]
+
+
+#: Name of the column of the largest accelerations of the centre of mass.
+SHOCKS = f"centre of mass in g, {SHOCK_FILTER}"
+
+
+def _dents_and_shocks(fall: Fall) -> Columns:
+    """The deepest dent of each impact, and the acceleration of the centre of mass."""
+    return {"dent (m)": fall.dents, SHOCKS: np.array([peak.g for peak in fall.shocks])}
+
+
+def _dents_and_shocks_told(fall: Fall) -> Columns:
+    """The same for a reader: the acceleration with the digits that its force has."""
+    return _dents_and_shocks(fall) | {SHOCKS: [plain(peak.g, 3) for peak in fall.shocks]}
 
 
 def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
-    """The impacts of a fall as a table that fits on paper, with the largest stress of each."""
+    """The impacts of a fall as a table that fits on paper, with what each does to the part."""
     impacts = fall.impacts
     before, after = (impacts.column(f"speed_{when}") for when in ("before", "after"))
     return {
@@ -1158,6 +1174,7 @@ def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
+        **_dents_and_shocks_told(fall),
         **_stress_columns(fall, worst),
         "contact time (s)": impacts.column("contact_time"),
         "speed before, after (m/s)": [
