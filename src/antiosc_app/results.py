@@ -456,7 +456,7 @@ def _impact(results: SceneResults) -> Presentation:
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
-        probe.force = _rest_of_force(budget)
+        probe.force = None if budget is None else budget.rest_of_force
     _compare_with_fewer(results, probes)
     left_out = budget is not None and bool(budget.law)
     probe_rows = _probe_rows(probes, left_out)
@@ -577,36 +577,27 @@ def _errors(hit: History) -> list[Block]:
     return [rows, table, *budget.notes]
 
 
-def _rest_of_force(budget: ErrorBudget | None) -> float | None:
-    """Relative error of the force beside the truncation, which a signal has by itself; without that
-    of the law where it is unknown. None where that of the mesh is not estimated.
-    """
-    if budget is None or "mesh" in budget.unknown:
-        return None
-    bar = budget["peak_force"]
-    return bar.known - bar.truncation
-
-
 #: What the bars of probes leave out: the mesh's error of a strain at a point is not estimated.
 PROBE_BARS = (
     "the bars of probes are the error by the anti-oscillators, and that of the force{}, which the"
     " values follow; the mesh's error at their points is not in them"
 )
 WITHOUT_FORCE = (
-    "the bars of probes are the error by the anti-oscillators alone: that of the force is not"
-    " known, nor the mesh's at their points"
+    "probes have no error bar: they follow the force, whose error is not known; told is their error"
+    " by the anti-oscillators"
 )
 
 
 def _bar_of_probe(peak: Columns) -> str:
-    """The error of a largest value as text, with its shares; "" if it is not known."""
-    if peak["error"] is None:
+    """The error of a largest value as text, with its shares, or that it has no bar; "" if nothing
+    is known.
+    """
+    if peak["truncation"] is None:
         return ""
-    shares = (
-        f"anti-oscillators {percent(peak['truncation'])}, force {percent(peak['force'] or 0.0)}"
-    )
-    told = "" if peak["force"] is None else f" ({shares})"
-    return f" ± {percent(peak['error'])}{told}"
+    shares = f"anti-oscillators {percent(peak['truncation'])}"
+    if peak["error"] is None:
+        return f" (no error bar; {shares})"
+    return f" ± {percent(peak['error'])} ({shares}, force {percent(peak['force'])})"
 
 
 def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
@@ -722,7 +713,7 @@ def _fact_of_probe(probe: Probe) -> tuple[str, str]:
     """
     peak = (probe.settled or probe).peak()
     name = ", ".join(filter(None, [f"{probe.name}: {_spaced(peak['quantity'])}", peak["filter"]]))
-    bar = "" if peak["error"] is None else f" ± {percent(peak['error'])}"
+    bar = " (no error bar)" if peak["error"] is None else f" ± {percent(peak['error'])}"
     return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
 
 
@@ -1039,7 +1030,8 @@ class Probe:
             signals = self.values, self.fewer.values
             share = error_of_largest(*signals, component == "magnitude")
             peak["truncation"] = share
-            peak["error"] = None if share is None else share + (self.force or 0.0)
+            if share is not None and self.force is not None:
+                peak["error"] = share + self.force
         peak |= {"unit": unit, "time": time}
         if self.quantity == "acceleration":
             peak["g"] = value / GRAVITY

@@ -207,6 +207,14 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Largest of the three sums of all causes but model and law."""
         return max(bar.numerical for bar in self.bars.values())
 
+    @property
+    def rest_of_force(self) -> float | None:
+        """Relative error of the peak force beside its truncation, which a signal of the part has by
+        itself; None where the force has no bar.
+        """
+        bar = self.bars["peak_force"]
+        return None if self.no_bar else bar.known - bar.truncation
+
     def sides(self, name: str) -> tuple[float, float]:
         """Relative error of a quantity below and above it, as far as physics allows.
 
