@@ -48,7 +48,7 @@ from antiosc.models.body import coarse_at, info_of
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
-from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, Inspection
+from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, LONG, Inspection
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
@@ -153,6 +153,10 @@ SOON, FEWEST = 60.0, 10
 #: Seconds of stresses over those that were forecast: 0.77 to 1.3 on a plate of 3 mm with 50 modes,
 #: and on the bracket with 20, of 0.5 to 5 ms; by a search of random numbers 0.58 to 4.0.
 FORECAST = (0.7, 1.5)
+#: Seconds of a fall with its free modes and stresses over those of a model with as many
+#: anti-oscillators: 1.6 with 339 000 dofs; 11 with 33 000 and 149 000 beside other work, which left
+#: it a third of a core.
+OF_FALL = (1.5, 4.0)
 #: Words of notes on pieces, which the page lists.
 OF_PIECES = ("the others are not", "it falls into", "of its pieces")
 #: Finer cell sizes that are offered, and over that of a geometry the next one.
@@ -735,7 +739,6 @@ class Opened:
         """The free body of a fall's part, for all floors, heights and orientations."""
         structure = self._structure(scene)
         options = set_up.damping, set_up.striker.corner_radius
-
         mesh = _key(scene, OF_MESH)
 
         def body() -> FreeBody:
@@ -745,7 +748,7 @@ class Opened:
             self._last_body = mesh, new_body
             return new_body
 
-        return self._bodies.of(f"{_key(scene, OF_STRUCTURE)} {options}", body)
+        return self._bodies.of(_key_of_body(scene, set_up), body)
 
     # -- the steps of an answer
 
@@ -903,11 +906,18 @@ class Opened:
         return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
     def _answering(self, set_up: SetUp) -> Sequence[float]:
-        """When the whole answer to a set-up may end [s]; none if not long, and of a fall."""
+        """When the whole answer to a set-up may end [s]; none if not long."""
         if set_up.striker.kind == FLOOR:
-            return []
+            return self._landing(set_up)
         forecast = self._opened().look.forecast(set_up.size, set_up.n, grows=set_up.n is None)
         return forecast.told(forecast.answer)
+
+    def _landing(self, set_up: SetUp) -> Sequence[float]:
+        """When a fall may end, as `_answering`; none where the modes of the part are known."""
+        scene = self._compiled(scene_of(self._opened(), set_up, DURATION))
+        seconds = self._opened().look.forecast(set_up.size, MODES).seconds
+        ends = [share * seconds for share in OF_FALL]
+        return [] if _key_of_body(scene, set_up) in self._bodies or ends[0] < LONG else ends
 
     def _saving(self, set_up: SetUp) -> Sequence[float]:
         """When the report may end, as `_answering`: all but the model, which is known."""
@@ -966,6 +976,11 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {"folder": self._folder, "written": names, "again": again, "report": name}
+
+
+def _key_of_body(scene: CompiledScene, set_up: SetUp) -> str:
+    """The key of the free body of a fall's part, for all floors, heights and orientations."""
+    return f"{_key(scene, OF_STRUCTURE)} {(set_up.damping, set_up.striker.corner_radius)}"
 
 
 def _lasting(impact_map: ImpactMap) -> str:
