@@ -359,6 +359,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rebound_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
         without_mesh,
+        tuple(model_notes),
     )
 
 

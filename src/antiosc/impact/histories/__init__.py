@@ -206,6 +206,7 @@ class History(RunHistory, Results):
                 ("energy drift", f"{self.energy.drift:.1e}"),
                 ("step", engineering(self.step, "s")),
                 ("force error", error_text(self)),
+                *(("model", note) for note in (budget.of_model if budget else ())),
                 ("law", verdict.law_text(self)),
                 *(("stretch", text) for text in self.stretch_texts),
                 ("status", self.explanation),
