@@ -38,6 +38,8 @@ NO_BAR = "no error bar: the number of its contacts is uncertain"
 WITHOUT_BAR = "no error bar"
 #: Behind a bar for a law of the caller's, whose error he alone knows.
 BY_GIVEN_LAW = " (law as given)"
+#: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
+WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
 
@@ -242,14 +244,20 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its error as text, marked if the error leaves something out."""
+        """A quantity with its error as text, of one that may be 0 how large it may be, or that it
+        has no bar.
+        """
         bar = self.bar(name)
         value = engineering(bar.value, UNITS[name], digits)
         if self.no_bar:
             return f"{value} ({WITHOUT_BAR})"
         if name in self.incomparable:
             return value
-        return f"{value} {plus_minus(self.sides(name))}{self.condition}"
+        below, above = self.sides(name)
+        if percent(below) == WHOLE:
+            most = engineering((1 + above) * bar.value, UNITS[name], 2)
+            return f"{value}, at most {most}{self.condition}"
+        return f"{value} {plus_minus((below, above))}{self.condition}"
 
     @property
     def no_bar(self) -> bool:
