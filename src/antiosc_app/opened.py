@@ -154,9 +154,9 @@ SOON, FEWEST = 60.0, 10
 #: and on the bracket with 20, of 0.5 to 5 ms; by a search of random numbers 0.58 to 4.0.
 FORECAST = (0.7, 1.5)
 #: Seconds of a fall with its free modes and stresses over those of a model with as many
-#: anti-oscillators: 1.6 with 339 000 dofs; 11 with 33 000 and 149 000 beside other work, which left
-#: it a third of a core.
-OF_FALL = (1.5, 4.0)
+#: anti-oscillators: 1.6 with 339 000 dofs; 7 to 11 with 33 000 to 149 000 beside other work, which
+#: left it a third of a core.
+OF_FALL = (1.5, 8.0)
 #: Words of notes on pieces, which the page lists.
 OF_PIECES = ("the others are not", "it falls into", "of its pieces")
 #: Finer cell sizes that are offered, and over that of a geometry the next one.

@@ -297,16 +297,39 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _quantiles_told(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
-    """The table of `_quantiles` for a reader."""
+#: Name of the column of quantiles with their whole bar.
+WHOLE_BAR = "with the model's error"
+
+
+def _quantiles_told(
+    ensemble: Sample | Drops, units: Mapping[str, str], budget: ErrorBudget | None = None
+) -> Columns:
+    """The table of `_quantiles` for a reader; with a budget of the model, which all runs share,
+    also from where to where a quantile may lie by both errors.
+    """
     table = _quantiles(ensemble, units)
     each = [unit for unit in units.values() for _ in ensemble.quantiles]
     told = {"quantity": [text.rpartition(" (")[0] for text in table["quantity"]]}
     told["quantile"] = [percent(q) for q in table["quantile"]]
     for name in ("value", "low", "high"):
         values = zip(table[name], each, strict=True)
-        told[name] = [engineering(value, unit, 4) for value, unit in values]
+        told[name] = [engineering(value, unit) for value, unit in values]
+    if budget is not None and not budget.no_bar:
+        names = [name for name in units for _ in ensemble.quantiles]
+        ends = zip(names, table["low"], table["high"], each, strict=True)
+        told[WHOLE_BAR] = [_with_model_error(budget, *end) for end in ends]
     return told
+
+
+def _with_model_error(budget: ErrorBudget, name: str, low: float, high: float, unit: str) -> str:
+    """The ends of a quantile's bar widened by the errors of the model, as text; a dash where these
+    are not known.
+    """
+    if name in budget.unbarred:
+        return "–"
+    below, above = budget.sides(name)
+    ends = (1 - below) * low, (1 + above) * high
+    return " to ".join(engineering(end, unit) for end in ends) + budget.condition
 
 
 # -- the kinds of results
@@ -1081,8 +1104,9 @@ def _fall(results: SceneResults) -> Presentation:
     table = (
         fall.impacts.columns() | _dents_and_shocks(fall)
         if is_single
-        else _quantiles(fall, QUANTITIES | {"lost": "J"})
+        else _quantiles(fall, UNITS_OF_FALLS)
     )
+    told = {} if is_single else _quantiles_told(fall, UNITS_OF_FALLS)
     accelerometers = results.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
         (
@@ -1117,7 +1141,7 @@ def _fall(results: SceneResults) -> Presentation:
         caution = caution_of_fall(fall)
     return Presentation(
         text=[
-            *(_fall_text(fall, worst) if is_single else [format_columns(table)]),
+            *(_fall_text(fall, worst) if is_single else [format_columns(told)]),
             format_rows(rows),
         ],
         caution=caution,
@@ -1127,7 +1151,7 @@ def _fall(results: SceneResults) -> Presentation:
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
             "Fall": [
-                *([narrow_table(fall, worst), touches_text(fall)] if is_single else [table]),
+                *([narrow_table(fall, worst), touches_text(fall)] if is_single else [told]),
                 rows,
                 how_it_ended(fall.message),
             ],
@@ -1308,14 +1332,17 @@ def _yield_columns(rows: Sequence[RowFacts]) -> Columns:
     }
 
 
+#: Quantities of an ensemble of falls, and their units.
+UNITS_OF_FALLS = QUANTITIES | {"lost": "J"}
 #: What the bars of quantiles hold.
 BARS_OF_FALLS = (
     "the bar of a quantile by the number of falls alone: the errors of the model and of the"
     " contact's law, which all falls have, are not in it"
 )
 BARS_OF_QUANTILES = (
-    "low, high: the bar of a quantile by the number of runs alone. The errors of the model, which"
-    " all runs have, and the verdicts are those of the run without random values:"
+    "low, high: the bar of a quantile by the number of runs alone; with the model's error: both"
+    " together. The errors of the model, which all runs have, and the verdicts are those of the run"
+    " without random values:"
 )
 
 
@@ -1332,6 +1359,36 @@ def nominal_rows(nominal: Nominal | None) -> Rows:
     return rows + _stress_rows(nominal.fields, force_bar(budget))
 
 
+#: The drawn input by which blows are compared with the speeds of yield.
+SPEED = "impactor.velocity"
+
+
+def yielding_share(inputs: Mapping[str, Array], nominal: Nominal) -> str:
+    """Sentence on the share of the drawn blows that are faster than the speeds from which the part
+    yields; "" where the speed is not drawn, or those are not known.
+    """
+    if SPEED not in inputs:
+        return ""
+    speeds = np.abs(inputs[SPEED])
+    told = []
+    for name, peak in nominal.fields.items():
+        found = peak.yield_speeds
+        ends = (
+            {} if found is None else {"may be reached": found.possible, "is certain": found.certain}
+        )
+        shares = [
+            f"{percent(float(np.mean(speeds >= limit)))} are at or above"
+            f" {engineering(limit, 'm/s', 2)}, from where yield {what}"
+            for what, limit in ends.items()
+            if limit is not None
+        ]
+        told += [f"{_spaced(name)}: of the {speeds.size} blows {' and '.join(shares)}"] * bool(
+            shares
+        )
+    note = " (by their speeds alone: what else is drawn shifts these limits)"
+    return f"{'; '.join(told)}{note}" if told else ""
+
+
 def _nominal_numbers(nominal: Nominal | None) -> Columns:
     """The numbers of a study's run without random values; {} if there is none."""
     if nominal is None:
@@ -1343,17 +1400,21 @@ def _nominal_numbers(nominal: Nominal | None) -> Columns:
 def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
-    told = _quantiles_told(results.sample, QUANTITIES)
+    nominal_run = results.nominal
+    budget = None if nominal_run is None else error_budget(nominal_run.hit)
+    told = _quantiles_told(sample, QUANTITIES, budget)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     caption = (
         "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     )
-    nominal = nominal_rows(results.nominal)
+    nominal = nominal_rows(nominal_run)
+    if nominal_run is not None and (shares := yielding_share(sample.inputs, nominal_run)):
+        nominal.append(("", shares))
     return Presentation(
         text=[format_columns(told), BARS_OF_QUANTILES, format_rows(nominal)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={
-            "monte_carlo": _quantiles(results.sample, QUANTITIES),
+            "monte_carlo": _quantiles(sample, QUANTITIES),
             **_nominal_numbers(results.nominal),
         },
         plotted={"monte_carlo": sample},
