@@ -24,6 +24,8 @@ OK, NO = b"200", b"403"
 def answered(values):
     if "wrong" in values:
         raise InputError("wrong must not be given.")
+    if "refused" in values:
+        raise InputError(values["refused"])
     if "broken" in values:
         raise ZeroDivisionError("by 0")
     return {"got": values}
@@ -110,6 +112,12 @@ def test_a_report_that_was_written_is_served_with_its_own_policy(served, tmp_pat
         assert status(sent(served, request(served, path=address, **get))) in (b"404", NO)
     path.unlink()
     assert status(sent(served, request(served, path=f"/{served.token}/report_1", **get))) == b"404"
+
+
+def test_an_error_is_a_sentence_on_the_page(served):
+    for told, shown in (("the force is 2 N.", "The force is 2 N."), ("a.stp has no faces.",) * 2):
+        reply = sent(served, request(served, body=json.dumps({"refused": told}).encode()))
+        assert json.loads(reply.split(b"\r\n\r\n")[1])["error"] == shown
 
 
 def test_a_defect_is_told_on_the_page_and_on_the_terminal(served, capsys):
