@@ -47,7 +47,7 @@ class FallPage {
         }
       }
       const below = (className, text) => made("td", made("tr", find("numbers"), "", { className }), text, { colSpan: 4 });
-      below("done", one.told);
+      below("note done", one.told);
       if (one.contact_time_note) below("note", `${one.touches} touches: the contact time is that ${one.contact_time_note}`);
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
