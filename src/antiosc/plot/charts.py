@@ -265,7 +265,7 @@ def _error_of(hit: HistoryLike) -> tuple[float, str]:
     """
     budget = getattr(hit, "__dict__", {}).get("error_budget")
     if budget and not budget.no_bar and np.isfinite(total := max(budget.sides("peak_force"))):
-        return total, f"error{{}}, without {budget.lacking}" if budget.lacking else "error{}"
+        return total, f"error{{}}{budget.condition}"
     error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
     return error, "numerical error{}"
 

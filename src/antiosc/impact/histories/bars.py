@@ -275,11 +275,6 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return BY_GIVEN_LAW * bool(self.law)
 
     @property
-    def lacking(self) -> str:
-        """What the bars leave out, in a few words: "the law", "the mesh" or both; "" if nothing."""
-        return " and ".join(["the law"] * bool(self.law) + ["the mesh"] * bool(self.no_mesh))
-
-    @property
     def left_out(self) -> str:
         """What the bars leave out; "" if nothing."""
         told = self.unknown_law or not self.no_mesh
