@@ -462,8 +462,10 @@ def test_only_a_striker_chosen_by_name_has_the_name_of_a_standard(struck_beam):
     """A steel mass of 5 kg with a tip of 50 mm at 2 m/s has the energy of IK09, and is none."""
     assert "striker       rigid mass of 5.00 kg at 2.00 m/s, tip radius 50.0 mm" in struck_beam[0]
     assert "A rigid mass of 5.00 kg at 2.00 m/s strikes" in struck_beam[2]
-    page = re.sub("<script.*?</script>|<[^>]+>", "", struck_beam[2], flags=re.DOTALL)  # and hashes
-    assert not re.search("IK\\d+", struck_beam[0] + page)
+    told = re.sub(
+        r"<[^>]*>|[\w+/=]{200,}", " ", struck_beam[0] + struck_beam[2]
+    )  # without its data
+    assert not re.search("IK\\d+", told)
     assert assets.striker_text(ao.named_impactor("IK09")) == "IK09 hammer of 5.00 kg at 2.00 m/s"
     assert "hammer" not in assets.striker_text(ao.named_impactor("IK09", 3.0))
 

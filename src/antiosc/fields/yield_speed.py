@@ -23,7 +23,7 @@ from antiosc.base.stresses import length
 from antiosc.base.texts import engineering
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import shapes_of, stress_amplitudes
-from antiosc.fields.margin import NO_ZONES, Margin, Zones, on_part, only_solids, zones_of
+from antiosc.fields.margin import Margin, Zones, zones_of, zones_on
 from antiosc.impact.histories import History
 from antiosc.impact.histories.verdict import yield_share
 
@@ -103,7 +103,7 @@ def yield_speeds(
     if not isinstance(speed, float) or speed <= 0 or at_speed is None or columns is None:
         return YieldSpeeds(None, None)
     contact = _speed_of_contact(hit, at_speed, speed)
-    is_solid = only_solids(structure, shapes_of(structure, hit, PART), None)
+    shapes = shapes_of(structure, hit, PART)
     here = _largest(structure, hit, columns)
     if not (here and hit.peak_force):  # nothing grows with the speed
         return YieldSpeeds(None, None, contact=contact.speed)
@@ -112,7 +112,7 @@ def yield_speeds(
     def bounds(x: float) -> tuple[float, float]:
         """Logarithms of the bounds of the exposure at the speed exp(x)."""
         run = at_speed(exp(x))
-        zones = on_part(structure, zones_of(run, PART)) if is_solid else NO_ZONES
+        zones = zones_on(structure, shapes, None, zones_of(run, PART), run, PART)
         factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
         least, most = _scaled(worst, factors, zones, force(run)).bounds
         return _log(least), _log(most)
