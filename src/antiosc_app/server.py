@@ -218,6 +218,8 @@ class _Request(BaseHTTPRequestHandler):
             answer = {"answer": call(values)}
         except AntioscError as error:
             answer = {"error": capitalised(str(error))}
+            if getattr(error, "radius", None):  # a larger patch mends it
+                answer["field"] = "radius"
         except Exception as error:  # or the page would wait for a server that is well
             traceback.print_exc()
             name = type(error).__name__

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from math import ceil, floor, inf, log10, pi
+from math import inf, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import AntiOscillators, History, truncation_error
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, percent, rounded_up
 from antiosc.extension import enough_radius, may_stretch, out_of_reach, taken_as_linear
 
 T = TypeVar("T")
@@ -181,9 +181,3 @@ def duration_of_map(hit: History) -> float:
     released = hit.contacts[-1][1] if hit.contacts else 0.0
     contact = LONGER_OF_MAP * max(released, DURATION)
     return max(contact, float(hit.run.time[-1]))
-
-
-def rounded_up(value: float) -> float:
-    """A number with two digits, not below it."""
-    power = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / power * (1 - 1e-9)) * power:.2g}")

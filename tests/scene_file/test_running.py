@@ -439,6 +439,21 @@ def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
     assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
 
 
+def test_a_map_tells_its_sites_and_its_time_first(tmp_path, capsys, monkeypatch):
+    """In the words of the dry run; as many sites as the map then has."""
+    chosen = '[map]\nwhere = "eye"\nradius = 4e-3\nn = 4\nmodes = 8\nmost_sites = 6\n'
+    path = written(tmp_path, BRACKET + chosen)
+    assert antiosc("map", path, "--dry-run") == 0
+    told = re.search(r"map +(\d+) sites, about .* s", capsys.readouterr().out)
+    assert antiosc("map", path) == 0
+    here = capsys.readouterr()
+    assert "the map has" not in here.err
+    assert f" of {told[1]} sites: " in here.out
+    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
+    assert antiosc("map", path) == 0
+    assert f"antiosc: the map has {told[1]} sites, about " in capsys.readouterr().err
+
+
 def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(
     tmp_path, capsys, monkeypatch
 ):

@@ -30,6 +30,7 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import (
+    PATCH_RADIUS,
     SMALLER_CELLS,
     ReprMixin,
     capitalised,
@@ -147,6 +148,8 @@ class Margin(ReprMixin):
         larger than that radius; else inf.
     hollow_stress : most by which the stress may be larger beside a hollow under the patch of a
         contact, Pa, since the patch is larger than the contact; it counts in the bar alone.
+    hollow_patch : radius of the smallest patch there that its contact allows, m; 0 if the present
+        one is not larger.
     mesh_error : error of the value by the mesh, in its unit; 0 where it is not estimated, of beams.
     others : least and largest stress that some other place has within its own error by the mesh,
         with the spread in the largest: the stress of the part is no less and no more either. In
@@ -175,6 +178,7 @@ class Margin(ReprMixin):
     edge_stress: float = 0.0
     thin_stress: float = 0.0
     hollow_stress: float = 0.0
+    hollow_patch: float = 0.0
     mesh_error: float = 0.0
     others: tuple[float, float] = (0.0, 0.0)
     force_error: float = 0.0
@@ -318,10 +322,13 @@ class Margin(ReprMixin):
             )
         if self.hollow_stress:
             more = engineering(self.hollow_stress, "Pa", 2)
+            remedy = ""
+            if self.hollow_patch:
+                least = engineering(self.hollow_patch, "m", 2)
+                remedy = f"; a patch radius of {least} or more narrows it ({PATCH_RADIUS})"
             sentences.append(
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
-                f" stress may be larger by up to {more}, which is in the bar; a smaller patch,"
-                f" of 1.8 radii of the contact at least, narrows it ({PATCH_RADIUS})"
+                f" stress may be larger by up to {more}, which is in the bar{remedy}"
             )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
@@ -533,6 +540,11 @@ class Zones(NamedTuple):
         return max((zone.hollow_stress for zone in self.contacts), default=0.0)
 
     @property
+    def hollow_patch(self) -> float:
+        """Radius [m] of the smallest patch over such a hollow; 0 if none may be smaller."""
+        return max((zone.smallest_patch for zone in self.contacts if zone.hollow_stress), default=0)
+
+    @property
     def thin(self) -> float:
         """Least thickness over the radius of a contact, of those that the mesh does not resolve."""
         return min((zone.unresolved_depth for zone in self.contacts), default=inf)
@@ -583,7 +595,7 @@ def margin_of(
         beyond = replace(beyond, beyond=leave_out, nearer=nearer, asked=zones.asked)
         if not beyond.is_mises:
             return beyond
-        names = ("edge_stress", "thin_stress", "hollow_stress", "thin")
+        names = ("edge_stress", "thin_stress", "hollow_stress", "hollow_patch", "thin")
         of_zones = {name: getattr(zones, name) for name in names}
         return replace(beyond, **of_zones)
     spread = zones.spread_error(points)
@@ -901,8 +913,6 @@ def balls_of_edges(structure: Structure, shapes: Array, part: str | None) -> tup
     return sharp_edges(structure, shapes, part)
 
 
-#: Where the radius of a patch is changed.
-PATCH_RADIUS = where_to_change("radius in [sites.NAME]", "patch radius")
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
 

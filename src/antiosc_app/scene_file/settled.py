@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from antiosc.base.errors import AntioscError, warn, warnings_to, without_warnings
+from antiosc.base.texts import rounded_up
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.automatic import only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
@@ -18,7 +19,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.run import has_sheets
 from antiosc_app.scene_file.scene import MESHED, CompiledScene
-from antiosc_app.until_parted import OSCILLATORS, Choice, rounded_up, tell_radius, until_parted
+from antiosc_app.until_parted import OSCILLATORS, Choice, tell_radius, until_parted
 
 if TYPE_CHECKING:
     from antiosc import History, Structure

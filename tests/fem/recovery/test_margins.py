@@ -611,6 +611,13 @@ def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
     hollow = dataclasses.replace(margin, hollow_stress=2.0)
     assert hollow.stresses[1] == margin.stresses[1] + 2.0
     assert "a hollow lies under the patch" in hollow.sentence.lower()
+    assert "narrows it" not in hollow.sentence  # no smaller patch holds
+    advised = measured.smallest_patch
+    assert radii[0] < 0.58 * advised < 1.1 * radii[0]  # the law of the contact holds up to 0.58
+    assert Zones.about([measured]).hollow_patch == advised
+    assert measured._replace(radii=(radii[0], advised)).smallest_patch == 0.0
+    hollow = dataclasses.replace(hollow, hollow_patch=advised)
+    assert f"a patch radius of {engineering(advised, 'm', 2)} or more narrows it" in hollow.sentence
 
 
 def without(mesh: ao.Mesh, is_cut: Callable[[np.ndarray], np.ndarray]) -> ao.Mesh:

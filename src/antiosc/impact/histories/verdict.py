@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
-from antiosc.base.texts import engineering, percent, restitution_text
+from antiosc.base.texts import engineering, percent, restitution_text, rounded_up
 from antiosc.engine.contact import cracking
 from antiosc.engine.contact.choice import Choice, elastic_pressure, lacks_strength
 from antiosc.engine.contact.dent import rim_radius
@@ -34,6 +34,8 @@ from antiosc.models.body import site_points
 #: von Mises stress is 4 % of its largest on the surface and 17 % below the contact (nu = 0.3;
 #: Johnson, *Contact Mechanics*, 3.4), and the plastic zone of a full dent has 2 to 3 radii (6.3).
 CONTACT_RADII = 3.0
+#: Radius of the smallest patch over that of its contact: laws hold up to 1/0.58, and a little more.
+OVER_CONTACT = 1.8
 #: Least thickness of a part over the radius of a contact with which the largest stress at that
 #: distance is within `EDGE_ERROR` of the half-space's, on a rigid base or held at its rim: of
 #: thinner plates it is 0.07 to 31 times that (benchmarks/plate_under_contact.py).
@@ -146,6 +148,15 @@ class YieldingZone(NamedTuple):
         if not (contact < patch and self.hollow < min(patch, self.depth)):
             return 0.0
         return self.force / np.pi * (contact**-2 - patch**-2)
+
+    @property
+    def smallest_patch(self) -> float:
+        """Radius [m] of the smallest patch that the contact allows; 0 if the present one is not
+        larger.
+        """
+        contact, patch = self.radii
+        least = rounded_up(OVER_CONTACT * contact)
+        return least if least < patch else 0.0
 
     @property
     def _half_space_stress(self) -> float:
