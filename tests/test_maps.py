@@ -18,20 +18,23 @@ pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
 import meshio
+from scipy.spatial import cKDTree
 
 import antiosc as ao
 import parts
 import sheets
 from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import engineering, on_page, percent
+from antiosc.fem.assembly import with_parts
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
-from antiosc.models.doubts import EDGE, NEAR
+from antiosc.models.doubts import EDGE, NEAR, NO_RESULT
 from antiosc.models.driving_point import stiffness_error
 from antiosc.reduce.error import divided
 from antiosc.reduce.site import functional
-from antiosc.reduce.site.map_sites import Resolved, sites_of, surface
+from antiosc.reduce.site.map_sites import Resolved, number_of_sites, sites_of, surface, thinned
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results, map_stresses
+from antiosc.strikes.map_forecast import foreseen_map
 from antiosc.strikes.map_results import hardest, low_band
 from antiosc_app import live as verdict, live_meshes as sites, report
 from antiosc_app.live import COARSE_CELLS, headline_of_map
@@ -807,3 +810,104 @@ def test_a_stress_has_the_error_of_the_force_also_without_that_of_the_law():
     assert "force, without that of the contact's law, this stress" in verdict.stress_note(
         peak, force
     )
+
+
+def test_fewer_sites_lie_apart_on_both_sides_of_a_plate():
+    """No vertex is farther from a site than two of these from each other; triangles keep a side."""
+    plate = parts.box((12, 8, 1), (0.12, 0.08, 2e-3), "tetrahedron")
+    part = ao.Structure(plate, ao.Solid(**parts.STEEL))
+    ground = surface(with_parts(part).members()[0].part, None)
+    few = thinned(ground, 30)
+    assert len(few.points) == 30
+    assert thinned(ground, len(ground.points)) is ground
+    heights = few.points[few.elements][:, :, 2]
+    flat = np.abs(few.normals[few.elements][:, :, 2]).min(axis=1) > 0.9
+    assert flat.any()
+    assert np.ptp(heights[flat], axis=1).max() == 0  # none runs through the plate
+    assert all((np.abs(few.points[:, 2] - z) < 1e-9).sum() > 5 for z in (0, 2e-3))
+    with_normals = [np.hstack([x.points, 0.03 * x.normals]) for x in (ground, few)]
+    far = cKDTree(with_normals[1]).query(with_normals[0])[0].max()
+    assert far <= cKDTree(with_normals[1]).query(with_normals[1], 2)[0][:, 1].min() + 1e-9
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_the_sites_of_a_map_are_counted_before_it(steel):
+    """As many as it has and leaves out, also of fewer; fewer are struck as they are among all."""
+    matrices = with_parts(steel)
+    for where, most in (("top", None), (None, None), (["top", "end"], 7)):
+        found = ao.impact_map(steel, where, n=4, modes=10, radius="facets", most_sites=most)
+        counted = number_of_sites(matrices, where, Resolved(), most)
+        assert counted == len(found) + found.skipped
+        assert foreseen_map(steel, where, None, "facets", most).sites == counted
+    everywhere = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02)
+    few = ao.impact_map(steel, "top", n=4, modes=10, radius=0.02, most_sites=9)
+    alike = cKDTree(everywhere.points).query(few.points)[1]
+    np.testing.assert_allclose(few.points, everywhere.points[alike], atol=1e-12)
+    np.testing.assert_allclose(few.models.k0, everywhere.models.k0[alike], rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_the_seconds_of_a_map_are_between_the_ends_of_its_forecast(monkeypatch):
+    """Within a factor of 2, by the clock of this process."""
+    monkeypatch.setattr(time, "perf_counter", time.process_time)  # whatever else the machine does
+    part = block((12, 8, 4), cell="tetrahedron")
+    ball = ao.Sphere(radius=0.01, material="steel S235", velocity=1.0)
+    given = {"duration": 1e-3, "radius": 0.02, "modes": 20}
+    ao.impact_map(part, "top", ball, **given, most_sites=5)  # what is loaded once
+    least, most = foreseen_map(part, "top", None, 0.02, modes=20).ends
+    start = time.process_time()
+    ao.impact_map(part, "top", ball, **given)
+    assert least / 2 < time.process_time() - start < 2 * most
+
+
+def test_a_small_patch_does_not_depend_on_a_large_one_beside_it():
+    """Each is projected within its own radius, and no face that its lines cross is left out."""
+    ball = parts.box((6, 6, 6), (0.02, 0.02, 0.02), "tetrahedron")
+    part = with_parts(ao.Structure(ball, ao.Solid(**parts.STEEL))).members()[0].part
+    points = np.array([[0.006, 0.007, 0.02], [0.011, 0.01, 0.02], [0.02, 0.009, 0.008]])
+    directions = np.array([[0, 0, -1.0], [0.1, 0, -1.0], [-1.0, 0, 0]])
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    radii = np.array([1e-3, 9e-3, 2.5e-3])
+    together = located(part, points, directions, radii)
+    for i in range(3):
+        alone = located(part, points[i : i + 1], directions[i : i + 1], radii[i : i + 1])
+        assert together.share[i] == pytest.approx(alone.share[0], rel=1e-12)
+        apart = together.loads[:, i] - alone.loads[:, 0]
+        assert abs(apart).max() < 1e-12 * abs(alone.loads).max()
+    faces = part.faces
+    count = len(faces.facets)
+    random = np.random.default_rng(3)
+    on_face = np.einsum("fv,fvd->fd", random.dirichlet(np.ones(3), count), faces.corners)
+    along = random.standard_normal((count, 3))
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    heights = random.uniform(-0.02, 0.02, (count, 1))
+    pairs = zip(*faces._crossed(on_face + heights * along, along, 0.02), strict=True)
+    assert {(i, i) for i in range(count)} <= {(int(face), int(point)) for face, point in pairs}
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+def test_sites_without_a_result_are_marked_and_told_by_their_place(steel):
+    """A heavy, fast ball on one small patch beside large ones."""
+    points = [(0.06, 0.04, 0.03), (0.08, 0.04, 0.03)]
+    forces = []
+
+    def failed(models, *_):
+        forces.append(len(models))
+        nothing = np.array([1.0, np.nan])
+        return SimpleNamespace(
+            peak_force=nothing,
+            contact_time=nothing,
+            restitution=nothing,
+            impulse=nothing,
+            force=[None] * 2,
+        )
+
+    ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(maps, "simulate_many", failed)
+        patch.setattr(maps, "peak_deflections", lambda *_: np.ones(2))
+        options = {"direction": (0, 0, -1), "radius": 0.025, "accuracy": 1e9}
+        found = ao.impact_map(steel, points, ball, law, 4e-4, **options)
+    assert forces == [2]
+    assert found.doubtful.tolist() == [False, True]
+    assert found.reasons.tolist() == ["", NO_RESULT]

@@ -218,6 +218,10 @@ from antiosc.strikes.impact_map import (
     on_plane as on_plane,
     with_stresses as with_stresses,
 )
+from antiosc.strikes.map_forecast import (
+    MapForecast as MapForecast,
+    foreseen_map as foreseen_map,
+)
 from antiosc.strikes.map_results import (
     doubts_text as doubts_text,
     hardest as hardest,

@@ -38,7 +38,7 @@ from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
     from antiosc import Structure
-    from antiosc.extension import Tradeoff, TradeoffMember
+    from antiosc.extension import MapForecast, Tradeoff, TradeoffMember
 
 
 #: Seconds from which the time of a run is told before it.
@@ -299,9 +299,8 @@ def _study(options: Namespace) -> int:
         run.refuse_draws(document, first.structure)
     scene.warnings[:] = first.warnings
     _check_probes(begun)
-    foreseen = _of_run(document, scene, first.structure) if options.command == "run" else None
-    if foreseen is not None and foreseen.answer > LONG_RUN:
-        print_text(f"antiosc: the part has {foreseen.text()}.", sys.stderr)
+    if told := _told_before(options.command, document, scene, first.structure):
+        print_text(f"antiosc: {told}.", sys.stderr)
     scene, evaluate = settled(document, begun)
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
@@ -350,6 +349,8 @@ def _forecast(document: Document, scene: CompiledScene) -> str:
         rows += [*results.advice_of(built), ("dofs", dofs), ("factor", _factor(built.structure))]
     foreseen = _of_run(document, scene, built.structure)
     rows += [] if foreseen is None else [("time", foreseen.text())]
+    of_map = _of_map(scene, built.structure)
+    rows += [] if of_map is None else [("map", of_map.text())]
     rows += [
         (f"box of {outline_of_part.name}", outline_of_part.text())
         for outline_of_part in outline.outlines(scene)
@@ -361,6 +362,30 @@ def _forecast(document: Document, scene: CompiledScene) -> str:
         rows += _impact_rows(scene, built)
     rows += [("warning", sentence) for sentence in built.warnings]
     return results.format_rows(rows)
+
+
+def _told_before(
+    command: str, document: Document, scene: CompiledScene, structure: Structure | None
+) -> str:
+    """What is told of the cost of a run or a map that takes long; else ""."""
+    if command == "run":
+        of_run = _of_run(document, scene, structure)
+        return f"the part has {of_run.text()}" if of_run and of_run.answer > LONG_RUN else ""
+    of_map = _of_map(scene, structure) if command == "map" else None
+    return f"the map has {of_map.text()}" if of_map and of_map.ends[-1] > LONG_RUN else ""
+
+
+#: Arguments of a map that its forecast has too.
+OF_MAP = ("where", "direction", "radius", "most_sites", "modes")
+
+
+def _of_map(scene: CompiledScene, structure: Structure | None) -> MapForecast | None:
+    """Forecast of the map of a scene; None without one."""
+    if scene.map is None or structure is None:
+        return None
+    from antiosc.extension import foreseen_map
+
+    return foreseen_map(structure, *(scene.map.arguments.get(name) for name in OF_MAP))
 
 
 def _of_run(

@@ -9,8 +9,9 @@ from scipy.spatial import cKDTree
 
 from antiosc import Fall
 from antiosc.base._types import Array, IntArray
+from antiosc.base.cfc import SHOCK_FILTER
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import capitalised, engineering, percent, point_text
+from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
 from antiosc_app.fall_caution import caution_of_fall, law_bar, made_of
 from antiosc_app.live import (
     Data,
@@ -120,6 +121,7 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
         "bar": law_bar(impact),
+        "told": _done_to_part(fall, k),
         "touches": impact.touches,
         "contact_time_note": impact.contact_time_note,
         "time": impact.time,
@@ -129,6 +131,14 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
         "frame": int(np.searchsorted(times, impact.time)),
         "curve": {"time": samples, "force": np.interp(samples, time, force)},
     }
+
+
+def _done_to_part(fall: Fall, k: int) -> str:
+    """The dent of an impact, if there is one that is known, and the shock of the part."""
+    depth = float(fall.dents[k])
+    dent = "" if np.isnan(depth) else f"a dent of {engineering(depth, 'm')}"
+    shock = f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}"
+    return "; ".join(filter(None, (dent, shock)))
 
 
 def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:

@@ -27,6 +27,7 @@ from antiosc.base.errors import (
     without_warnings,
 )
 from antiosc.base.materials import density_like
+from antiosc.base.texts import rounded_up
 from antiosc.io.cad_volume import CUT, FOLLOW
 from antiosc.io.remade import ANEW
 from antiosc_app.scene_file.document import GEOMETRIES
@@ -40,7 +41,6 @@ from antiosc_app.units import (
     unit_of,
     unit_of_length,
 )
-from antiosc_app.until_parted import rounded_up
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure

@@ -312,13 +312,14 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
     """Relative errors by quantity and cause, and modified bodies for mesh and truncation errors.
 
     On the page such an error bar is scaled by the difference that its modified body makes there.
-    `unknown` says why a quantity has none, `rebounds` whether the impulse is m v (1 + e).
+    `unknown` says why a quantity has none, `condition` ends the others, `rebounds` whether the
+    impulse is m v (1 + e).
     """
     none: Data = {"shares": {}, "variants": {}, "unknown": {}, "rebounds": False}
     if not budget:
         return none
     causes = budget.causes
-    barred = {name: bar for name, bar in budget.items() if name not in budget.incomparable}
+    barred = {name: bar for name, bar in budget.items() if name not in budget.unbarred}
     shares = {name: {c: getattr(bar, c) for c in causes} for name, bar in barred.items()}
     if not np.isfinite([v for by_cause in shares.values() for v in by_cause.values()]).all():
         return none
@@ -333,7 +334,7 @@ def _bars(hit: History, budget: ErrorBudget | None, local: float) -> Data:
         }
     rebounds = budget.rebound is not None
     bodies_and_bars = {"shares": shares, "variants": variants, "rebounds": rebounds}
-    told = {"mark": budget.mark, "footnote": budget.footnote, "unknown": budget.unbarred}
+    told = {"condition": budget.condition, "footnote": budget.footnote, "unknown": budget.unbarred}
     return bodies_and_bars | told
 
 
@@ -363,7 +364,7 @@ def deflection(hit: History, budget: ErrorBudget | None) -> Data | None:
     motion = None if isinstance(hit, SceneHistory) else hit.site_motion
     if motion is None:
         return None
-    known = budget is not None and budget.deflection is not None
+    known = budget is not None and budget.deflection is not None and not budget.no_bar
     sides = budget.sides(DEFLECTION) if known and budget is not None else None
     return {"value": motion.largest, "bar": sides, "told": _until(hit, motion)}
 
@@ -1181,7 +1182,7 @@ def rough(hit: History, budget: ErrorBudget | None) -> str:
     if budget is None:
         return ""
     bar = budget["peak_force"]
-    start = rough_force(Numerical(bar.without_law) if bar.total is None else bar.total)
+    start = rough_force(bar.known if bar.law is not None else Numerical(bar.known))
     return start + _narrows(hit, budget) if start else ""
 
 
@@ -1199,7 +1200,10 @@ def _narrows(hit: History, budget: ErrorBudget) -> str:
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
     ending = _end_of_law(hit) if cause == "law" else f"{NARROWING.lower()}{remedy}"
     share = percent(getattr(bar, cause))
-    told = f"the largest part of the bar of the peak force comes from the {cause}, {share}"
+    whole = "the bar of the peak force"
+    if budget.no_bar:
+        whole = "the known part of the peak force's error"
+    told = f"the largest part of {whole} comes from the {cause}, {share}"
     return f"{': '.join(filter(None, [told, ending]))}."
 
 

@@ -41,14 +41,29 @@ from antiosc.base.errors import (
 )
 from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
-from antiosc.base.texts import SMALLER_CELLS, capitalised, count_text, engineering, percent, plain
-from antiosc.extension import halvings, stress_seconds, with_parts, with_stresses
+from antiosc.base.texts import (
+    SMALLER_CELLS,
+    capitalised,
+    count_text,
+    engineering,
+    percent,
+    plain,
+    rounded_up,
+)
+from antiosc.extension import (
+    foreseen_map,
+    halvings,
+    stress_seconds,
+    with_parts,
+    with_stresses,
+)
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import ModelInfo, coarse_at, info_of
+from antiosc.models.doubts import NO_RESULT
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
-from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, Inspection, rounded_down
+from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, LONG, Inspection, rounded_down
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
@@ -91,7 +106,6 @@ from antiosc_app.until_parted import (
     Choice,
     duration_of_map,
     next_count,
-    rounded_up,
     tell_radius,
     until_parted,
     why_more,
@@ -101,6 +115,7 @@ from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
     from antiosc import Fall, Mesh, Site, Structure
+    from antiosc.extension import MapForecast
     from antiosc.io.neutral import Piece
     from antiosc_studies.drops.fall import WorstField
     from antiosc_studies.drops.free_body import FreeBody
@@ -154,6 +169,13 @@ SOON, FEWEST = 60.0, 10
 #: Seconds of stresses over those that were forecast: 0.77 to 1.3 on a plate of 3 mm with 50 modes,
 #: and on the bracket with 20, of 0.5 to 5 ms; by a search of random numbers 0.58 to 4.0.
 FORECAST = (0.7, 1.5)
+#: Seconds of a fall with its free modes and stresses over those of a model with as many
+#: anti-oscillators: 1.6 with 339 000 dofs; 7 to 11 with 33 000 to 149 000 beside other work, which
+#: left it a third of a core.
+OF_FALL = (1.5, 8.0)
+#: Most seconds of the site of a map that is struck by itself, over those of its model, as it has
+#: error bars.
+ALONE = 2.0
 #: Words of notes on pieces, which the page lists.
 OF_PIECES = ("the others are not", "it falls into", "of its pieces")
 #: Finer cell sizes that are offered, and over that of a geometry the next one.
@@ -260,6 +282,7 @@ class Opened:
         self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._mapped: ResultCache[tuple[ImpactMap, dict[int, History]]] = ResultCache(1)
+        self._map_costs: ResultCache[MapForecast] = ResultCache(TABS)
         self._sites: ResultCache[Site | None] = ResultCache(TABS)
         self._source: InspectedFile | None = None
         self._first: Data = {}
@@ -292,6 +315,7 @@ class Opened:
             "fields": self._fields,
             "verdict": self._verdict,
             "map": self._map,
+            "map_forecast": self._foreseen_map,
             "write": self._write,
         }
         answers = {name: partial(self._in_turn, step) for name, step in steps.items()}
@@ -423,7 +447,7 @@ class Opened:
         def work() -> Data:
             if overtaken():
                 return {"stale": True}
-            if step != self._map:  # whose time is not foreseen
+            if step not in (self._map, self._foreseen_map):
                 self._ends = self._saving(set_up) if writes else self._answering(set_up)
             return step(set_up, values)
 
@@ -740,7 +764,6 @@ class Opened:
         """The free body of a fall's part, for all floors, heights and orientations."""
         structure = self._structure(scene)
         options = set_up.damping, set_up.striker.corner_radius
-
         mesh = _key(scene, OF_MESH)
 
         def body() -> FreeBody:
@@ -750,7 +773,7 @@ class Opened:
             self._last_body = mesh, new_body
             return new_body
 
-        return self._bodies.of(f"{_key(scene, OF_STRUCTURE)} {options}", body)
+        return self._bodies.of(_key_of_body(scene, set_up), body)
 
     # -- the steps of an answer
 
@@ -793,38 +816,85 @@ class Opened:
 
     def _map(self, set_up: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""
-        with without_warnings():  # those of one site
-            blow = self._struck(set_up)
-        group = values.get("where")
+        blow, group, most = self._map_of(set_up, values)
         stress = checks.whole("stress", values.get("stress", 0), least=0)
-        if group is not None:
-            group = face_of(self._opened(), group).get("where")
-        work = partial(self._impact_map, set_up, blow, group)
-        impact_map, alone = self._mapped.of(repr((set_up, group)), lambda: (work(), {}))
+        key = repr((set_up, group, most))
+        if key not in self._mapped:
+            ends = self._map_cost(set_up, blow, group, most).ends
+            self._ends = ends if ends[-1] > LONG else ()
+        work = partial(self._impact_map, set_up, blow, group, most)
+        impact_map, alone = self._mapped.of(key, lambda: (work(), {}))
         if stress:
             options = {"sharp_edges": False, "worst": True}
             impact_map = with_stresses(blow.structure, impact_map, stress, **options)
         return self._told_of_map(impact_map, blow.structure, values, alone)
 
-    def _impact_map(self, set_up: SetUp, blow: PageImpact, group: str | None) -> ImpactMap:
-        """The impacts of a set-up at all points of a group of faces."""
+    def _map_of(self, set_up: SetUp, values: Table) -> tuple[PageImpact, str | None, int | None]:
+        """(impact of the site, group of faces, most sites) of a map."""
+        with without_warnings():  # those of one site
+            blow = self._struck(set_up)
+        group, most = values.get("where"), values.get("most_sites")
+        if group is not None:
+            group = face_of(self._opened(), group).get("where")
+        return blow, group, None if most is None else checks.whole("sites", most)
+
+    def _foreseen_map(self, set_up: SetUp, values: Table) -> Data:
+        """The number of sites of a map, and its seconds: `fixed`, and for `each` site; `known`: the
+        most sites that were asked for in maps that are known.
+        """
+        blow, group, _ = self._map_of(set_up, values)
+        cost = self._map_cost(set_up, blow, group, None)
+        known = [
+            most
+            for most in (None, values.get("most_sites"))
+            if repr((set_up, group, most)) in self._mapped
+        ]
+        return {**cost._asdict(), "known": known}
+
+    def _map_cost(
+        self, set_up: SetUp, blow: PageImpact, group: str | None, most: int | None
+    ) -> MapForecast:
+        """The forecast of a map."""
+        solid = self._opened().look.family == "Solid"
+        radius = set_up.radius or (Resolved() if solid else blow.model.patch_radius)
+        direction = None if solid else set_up.direction
+        key = f"{_key(blow.scene, OF_STRUCTURE)} {group} {radius}"
+
+        def foreseen() -> MapForecast:
+            of_map = foreseen_map(blow.structure, group, direction, radius)
+            # the site with the largest force is struck by itself
+            alone = self._opened().look.forecast(set_up.size, blow.sections["extract"]["n"])
+            least, most = of_map.fixed
+            return of_map._replace(fixed=[least + alone.seconds, most + ALONE * alone.seconds])
+
+        cost = self._map_costs.of(key, foreseen)
+        return cost if most is None else cost._replace(sites=min(most, cost.sites))
+
+    def _impact_map(
+        self, set_up: SetUp, blow: PageImpact, group: str | None, most: int | None
+    ) -> ImpactMap:
+        """The impacts of a set-up at points of a group of faces."""
+        map_with = partial(self._map_with, set_up, blow, group, most)
         if self._opened().look.family != "Solid" or set_up.radius:
-            return self._map_with(set_up, blow, group, set_up.radius or blow.model.patch_radius)
+            return map_with(set_up.radius or blow.model.patch_radius)
         own = float(blow.model.patch_radius or 0.0)
         for least in dict.fromkeys((0.0, own, 2 * own, 4 * own)):
             messages: list[str] = []
             with warnings_to(messages.append):
-                result = self._map_with(set_up, blow, group, Resolved(least))
-            assert result.peak_force is not None
-            unanswered = np.isnan(result.peak_force) & ~result.doubtful
-            if unanswered.mean() <= UNANSWERED:
+                result = map_with(Resolved(least))
+            if np.mean(result.reasons == NO_RESULT) <= UNANSWERED:
                 break
         for message in messages:
             warn(message)
         return result
 
     def _map_with(
-        self, set_up: SetUp, blow: PageImpact, group: str | None, radius: Radius
+        self,
+        set_up: SetUp,
+        blow: PageImpact,
+        group: str | None,
+        most: int | None,
+        radius: Radius,
     ) -> ImpactMap:
         """The map with patches of a radius."""
         is_solid = self._opened().look.family == "Solid"
@@ -839,6 +909,7 @@ class Opened:
             radius=radius,
             n=set_up.n,
             longest=None if set_up.duration else max(duration, LONGER * DURATION),
+            most_sites=most,
         )
 
     def _told_of_map(
@@ -929,11 +1000,18 @@ class Opened:
         return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
     def _answering(self, set_up: SetUp) -> Sequence[float]:
-        """When the whole answer to a set-up may end [s]; none if not long, and of a fall."""
+        """When the whole answer to a set-up may end [s]; none if not long."""
         if set_up.striker.kind == FLOOR:
-            return []
+            return self._landing(set_up)
         forecast = self._opened().look.forecast(set_up.size, set_up.n, grows=set_up.n is None)
         return forecast.told(forecast.answer)
+
+    def _landing(self, set_up: SetUp) -> Sequence[float]:
+        """When a fall may end, as `_answering`; none where the modes of the part are known."""
+        scene = self._compiled(scene_of(self._opened(), set_up, DURATION))
+        seconds = self._opened().look.forecast(set_up.size, MODES).seconds
+        ends = [share * seconds for share in OF_FALL]
+        return [] if _key_of_body(scene, set_up) in self._bodies or ends[0] < LONG else ends
 
     def _saving(self, set_up: SetUp) -> Sequence[float]:
         """When the report may end, as `_answering`: all but the model, which is known."""
@@ -992,6 +1070,11 @@ class Opened:
         self.reports[name] = page.resolve()
         again = f"antiosc run {shlex.quote(str(scene.resolve()))}"
         return {"folder": self._folder, "written": names, "again": again, "report": name}
+
+
+def _key_of_body(scene: CompiledScene, set_up: SetUp) -> str:
+    """The key of the free body of a fall's part, for all floors, heights and orientations."""
+    return f"{_key(scene, OF_STRUCTURE)} {(set_up.damping, set_up.striker.corner_radius)}"
 
 
 def _lasting(impact_map: ImpactMap) -> str:

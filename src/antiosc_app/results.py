@@ -20,7 +20,7 @@ import numpy as np
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
 from antiosc.base._types import Array
-from antiosc.base.cfc import CLASSES, PASSED
+from antiosc.base.cfc import CLASSES, PASSED, SHOCK_FILTER
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import (
@@ -297,16 +297,39 @@ def _quantiles(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
     return dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
 
 
-def _quantiles_told(ensemble: Sample | Drops, units: Mapping[str, str]) -> Columns:
-    """The table of `_quantiles` for a reader."""
+#: Name of the column of quantiles with their whole bar.
+WHOLE_BAR = "with the model's error"
+
+
+def _quantiles_told(
+    ensemble: Sample | Drops, units: Mapping[str, str], budget: ErrorBudget | None = None
+) -> Columns:
+    """The table of `_quantiles` for a reader; with a budget of the model, which all runs share,
+    also from where to where a quantile may lie by both errors.
+    """
     table = _quantiles(ensemble, units)
     each = [unit for unit in units.values() for _ in ensemble.quantiles]
     told = {"quantity": [text.rpartition(" (")[0] for text in table["quantity"]]}
     told["quantile"] = [percent(q) for q in table["quantile"]]
     for name in ("value", "low", "high"):
         values = zip(table[name], each, strict=True)
-        told[name] = [engineering(value, unit, 4) for value, unit in values]
+        told[name] = [engineering(value, unit) for value, unit in values]
+    if budget is not None and not budget.no_bar:
+        names = [name for name in units for _ in ensemble.quantiles]
+        ends = zip(names, table["low"], table["high"], each, strict=True)
+        told[WHOLE_BAR] = [_with_model_error(budget, *end) for end in ends]
     return told
+
+
+def _with_model_error(budget: ErrorBudget, name: str, low: float, high: float, unit: str) -> str:
+    """The ends of a quantile's bar widened by the errors of the model, as text; a dash where these
+    are not known.
+    """
+    if name in budget.unbarred:
+        return "–"
+    below, above = budget.sides(name)
+    ends = (1 - below) * low, (1 + above) * high
+    return " to ".join(engineering(end, unit) for end in ends) + budget.condition
 
 
 # -- the kinds of results
@@ -456,7 +479,7 @@ def _impact(results: SceneResults) -> Presentation:
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
-        probe.force = _rest_of_force(budget)
+        probe.force = None if budget is None else budget.rest_of_force
     _compare_with_fewer(results, probes)
     left_out = budget is not None and bool(budget.law)
     probe_rows = _probe_rows(probes, left_out)
@@ -465,7 +488,8 @@ def _impact(results: SceneResults) -> Presentation:
     columns |= {f"{name} energy (J)": getattr(hit.energy, name) for name in ENERGIES}
     bars = {} if budget is None else {name: budget.shares(name) for name in budget}
     is_scene = isinstance(hit, SceneHistory)
-    known = {"error_budget": bars, "deflection": deflection(hit, budget)}
+    reason = budget.footnote if budget is not None and budget.no_bar else ""
+    known = {"error_budget": bars, "no_error_bar": reason, "deflection": deflection(hit, budget)}
     known = {name: value for name, value in known.items() if value}
     summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
     held = conditions(results)
@@ -567,25 +591,13 @@ def _errors(hit: History) -> list[Block]:
     rows += [("details", text) for text in hit.details]
     if budget is None:
         return [rows]
-    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.mark}"]}
+    table: Columns = {"Error budget": ["value", *budget.causes, f"total{budget.condition}"]}
     for name, bar in budget.items():
         shares = budget.shares(name)
-        if name not in budget.incomparable:
-            shares["total"] = bar.without_law + (bar.law or 0.0)
         cells = [shares[cause] for cause in (*budget.causes, "total")]
         told = ["–" if share is None else percent(share) for share in cells]
         table[_spaced(name)] = [engineering(bar.value, QUANTITIES[name], 4), *told]
     return [rows, table, *budget.notes]
-
-
-def _rest_of_force(budget: ErrorBudget | None) -> float | None:
-    """Relative error of the force beside the truncation, which a signal has by itself; without that
-    of the law where it is unknown. None where that of the mesh is not estimated.
-    """
-    if budget is None or "mesh" in budget.unknown:
-        return None
-    bar = budget["peak_force"]
-    return bar.without_law + (bar.law or 0.0) - bar.truncation
 
 
 #: What the bars of probes leave out: the mesh's error of a strain at a point is not estimated.
@@ -594,20 +606,21 @@ PROBE_BARS = (
     " values follow; the mesh's error at their points is not in them"
 )
 WITHOUT_FORCE = (
-    "the bars of probes are the error by the anti-oscillators alone: that of the force is not"
-    " known, nor the mesh's at their points"
+    "probes have no error bar: they follow the force, whose error is not known; told is their error"
+    " by the anti-oscillators"
 )
 
 
 def _bar_of_probe(peak: Columns) -> str:
-    """The error of a largest value as text, with its shares; "" if it is not known."""
-    if peak["error"] is None:
+    """The error of a largest value as text, with its shares, or that it has no bar; "" if nothing
+    is known.
+    """
+    if peak["truncation"] is None:
         return ""
-    shares = (
-        f"anti-oscillators {percent(peak['truncation'])}, force {percent(peak['force'] or 0.0)}"
-    )
-    told = "" if peak["force"] is None else f" ({shares})"
-    return f" ± {percent(peak['error'])}{told}"
+    shares = f"anti-oscillators {percent(peak['truncation'])}"
+    if peak["error"] is None:
+        return f" (no error bar; {shares})"
+    return f" ± {percent(peak['error'])} ({shares}, force {percent(peak['force'])})"
 
 
 def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
@@ -723,7 +736,7 @@ def _fact_of_probe(probe: Probe) -> tuple[str, str]:
     """
     peak = (probe.settled or probe).peak()
     name = ", ".join(filter(None, [f"{probe.name}: {_spaced(peak['quantity'])}", peak["filter"]]))
-    bar = "" if peak["error"] is None else f" ± {percent(peak['error'])}"
+    bar = " (no error bar)" if peak["error"] is None else f" ± {percent(peak['error'])}"
     return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
 
 
@@ -1040,7 +1053,8 @@ class Probe:
             signals = self.values, self.fewer.values
             share = error_of_largest(*signals, component == "magnitude")
             peak["truncation"] = share
-            peak["error"] = None if share is None else share + (self.force or 0.0)
+            if share is not None and self.force is not None:
+                peak["error"] = share + self.force
         peak |= {"unit": unit, "time": time}
         if self.quantity == "acceleration":
             peak["g"] = value / GRAVITY
@@ -1088,13 +1102,16 @@ def _fall(results: SceneResults) -> Presentation:
     peaks = results.peaks or {}
     is_single = hasattr(fall, "flights")
     table = (
-        dict(fall.impacts.columns()) if is_single else _quantiles(fall, QUANTITIES | {"lost": "J"})
+        fall.impacts.columns() | _dents_and_shocks(fall)
+        if is_single
+        else _quantiles(fall, UNITS_OF_FALLS)
     )
+    told = {} if is_single else _quantiles_told(fall, UNITS_OF_FALLS)
     accelerometers = results.compiled.document.data.get("accelerometers", {}) if peaks else {}
     rows = [
         (
             f"accelerometer {name}",
-            f"at most {peak.g:.5g} g ({accelerometers[name].get('filter', 'unfiltered')}),"
+            f"at most {plain(peak.g, 4)} g ({accelerometers[name].get('filter', 'unfiltered')}),"
             f" in impact {peak.impact + 1}",
         )
         for name, peak in peaks.items()
@@ -1124,7 +1141,7 @@ def _fall(results: SceneResults) -> Presentation:
         caution = caution_of_fall(fall)
     return Presentation(
         text=[
-            *(_fall_text(fall, worst) if is_single else [format_columns(table)]),
+            *(_fall_text(fall, worst) if is_single else [format_columns(told)]),
             format_rows(rows),
         ],
         caution=caution,
@@ -1134,7 +1151,7 @@ def _fall(results: SceneResults) -> Presentation:
         fields={} if worst is None else {"worst.vtu": worst.write},
         sections={
             "Fall": [
-                *([narrow_table(fall, worst), touches_text(fall)] if is_single else [table]),
+                *([narrow_table(fall, worst), touches_text(fall)] if is_single else [told]),
                 rows,
                 how_it_ended(fall.message),
             ],
@@ -1144,14 +1161,28 @@ def _fall(results: SceneResults) -> Presentation:
 
 
 def _fall_text(fall: Fall, worst: WorstField | None) -> list[str]:
-    """The impacts of a fall as text, and the largest stress of each."""
-    stresses = _stress_columns(fall, worst)
+    """The impacts of a fall as text; dent, acceleration and largest stress of each."""
     numbers = {"impact": np.arange(1, len(fall.impacts) + 1)}
-    return [fall.summary(), *([format_columns(numbers | stresses)] if stresses else [])]
+    further = _dents_and_shocks_told(fall) | _stress_columns(fall, worst)
+    return [fall.summary(), *([format_columns(numbers | further)] if fall.impacts else [])]
+
+
+#: Name of the column of the largest accelerations of the centre of mass.
+SHOCKS = f"centre of mass in g, {SHOCK_FILTER}"
+
+
+def _dents_and_shocks(fall: Fall) -> Columns:
+    """The deepest dent of each impact, and the acceleration of the centre of mass."""
+    return {"dent (m)": fall.dents, SHOCKS: np.array([peak.g for peak in fall.shocks])}
+
+
+def _dents_and_shocks_told(fall: Fall) -> Columns:
+    """The same for a reader: the acceleration with the digits that its force has."""
+    return _dents_and_shocks(fall) | {SHOCKS: [plain(peak.g, 3) for peak in fall.shocks]}
 
 
 def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
-    """The impacts of a fall as a table that fits on paper, with the largest stress of each."""
+    """The impacts of a fall as a table that fits on paper, with what each does to the part."""
     impacts = fall.impacts
     before, after = (impacts.column(f"speed_{when}") for when in ("before", "after"))
     return {
@@ -1159,6 +1190,7 @@ def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:
         "time (s)": impacts.column("time"),
         "peak force (N)": impacts.column("peak_force"),
         "± by law (%)": 100 * impacts.column("law_error"),
+        **_dents_and_shocks_told(fall),
         **_stress_columns(fall, worst),
         "contact time (s)": impacts.column("contact_time"),
         "speed before, after (m/s)": [
@@ -1233,7 +1265,9 @@ def _sweep(results: SceneResults) -> Presentation:
         label(place): list(values) for place, values in varied(results.compiled).items()
     }
     table: Columns = dict(varied_values)
-    bars = _bar_column([row.budget for row in results.facts])
+    budgets = [row.budget for row in results.facts]
+    bars = _bar_column(budgets)
+    notes = [*[BARS_OF_SWEEP] * bool(bars), *_without_bars(budgets)]
     for name, unit in QUANTITIES.items():
         table[f"{_spaced(name)} ({unit})"] = getattr(batch, name)
         if name == "peak_force":
@@ -1255,10 +1289,10 @@ def _sweep(results: SceneResults) -> Presentation:
     shown = {with_unit(name): values for name, values in varied_values.items()}
     shown |= {name: values for name, values in table.items() if name not in varied_values}
     return Presentation(
-        text=[format_columns(table)],
+        text=[format_columns(table), *_without_bars(budgets)],
         tables={"sweep.csv": table},
         numbers={"sweep": table},
-        sections={"Sweep": [shown, *[BARS_OF_SWEEP] * bool(bars)]},
+        sections={"Sweep": [shown, *notes]},
         pictures=[chart("Sweep", caption, draw)],
     )
 
@@ -1270,17 +1304,19 @@ def with_unit(name: str) -> str:
 
 
 def _bar_column(budgets: Sequence[ErrorBudget | None]) -> Columns:
-    """The column of the bars of peak forces, without what one row does not know: law, or mesh."""
-    budgets_known = [budget for budget in budgets if budget is not None]
-    if not budgets_known:
+    """The column of the bars of peak forces; NaN in the rows without one."""
+    shares = [budget and budget.shares("peak_force")["total"] for budget in budgets]
+    if not any(share is not None for share in shares):
         return {}
-    lacks_law = any(budget.law or budget["peak_force"].total is None for budget in budgets_known)
-    lacks_mesh = any("mesh" in budget.unknown for budget in budgets_known)
-    left_out = " and ".join(["the law"] * lacks_law + ["the mesh"] * lacks_mesh)
-    name = f"± without {left_out} (%)" if left_out else "± (%)"
-    share = "without_law" if lacks_law else "total"
-    shares = [budget and getattr(budget["peak_force"], share) for budget in budgets]
+    given = any(budget.law for budget in budgets if budget is not None and not budget.no_bar)
+    name = "± without the law (%)" if given else "± (%)"
     return {name: 100 * np.array(shares, dtype=float)}
+
+
+def _without_bars(budgets: Sequence[ErrorBudget | None]) -> list[str]:
+    """Why rows of a sweep have no bar, each reason once."""
+    told = [budget.footnote for budget in budgets if budget is not None and budget.no_bar]
+    return list(dict.fromkeys(told))
 
 
 def _yield_columns(rows: Sequence[RowFacts]) -> Columns:
@@ -1296,14 +1332,17 @@ def _yield_columns(rows: Sequence[RowFacts]) -> Columns:
     }
 
 
+#: Quantities of an ensemble of falls, and their units.
+UNITS_OF_FALLS = QUANTITIES | {"lost": "J"}
 #: What the bars of quantiles hold.
 BARS_OF_FALLS = (
     "the bar of a quantile by the number of falls alone: the errors of the model and of the"
     " contact's law, which all falls have, are not in it"
 )
 BARS_OF_QUANTILES = (
-    "low, high: the bar of a quantile by the number of runs alone. The errors of the model, which"
-    " all runs have, and the verdicts are those of the run without random values:"
+    "low, high: the bar of a quantile by the number of runs alone; with the model's error: both"
+    " together. The errors of the model, which all runs have, and the verdicts are those of the run"
+    " without random values:"
 )
 
 
@@ -1320,6 +1359,36 @@ def nominal_rows(nominal: Nominal | None) -> Rows:
     return rows + _stress_rows(nominal.fields, force_bar(budget))
 
 
+#: The drawn input by which blows are compared with the speeds of yield.
+SPEED = "impactor.velocity"
+
+
+def yielding_share(inputs: Mapping[str, Array], nominal: Nominal) -> str:
+    """Sentence on the share of the drawn blows that are faster than the speeds from which the part
+    yields; "" where the speed is not drawn, or those are not known.
+    """
+    if SPEED not in inputs:
+        return ""
+    speeds = np.abs(inputs[SPEED])
+    told = []
+    for name, peak in nominal.fields.items():
+        found = peak.yield_speeds
+        ends = (
+            {} if found is None else {"may be reached": found.possible, "is certain": found.certain}
+        )
+        shares = [
+            f"{percent(float(np.mean(speeds >= limit)))} are at or above"
+            f" {engineering(limit, 'm/s', 2)}, from where yield {what}"
+            for what, limit in ends.items()
+            if limit is not None
+        ]
+        told += [f"{_spaced(name)}: of the {speeds.size} blows {' and '.join(shares)}"] * bool(
+            shares
+        )
+    note = " (by their speeds alone: what else is drawn shifts these limits)"
+    return f"{'; '.join(told)}{note}" if told else ""
+
+
 def _nominal_numbers(nominal: Nominal | None) -> Columns:
     """The numbers of a study's run without random values; {} if there is none."""
     if nominal is None:
@@ -1331,17 +1400,21 @@ def _nominal_numbers(nominal: Nominal | None) -> Columns:
 def _sample(results: SceneResults) -> Presentation:
     """A Monte Carlo study: quantiles, and inputs and results of each run."""
     sample = results.sample
-    told = _quantiles_told(results.sample, QUANTITIES)
+    nominal_run = results.nominal
+    budget = None if nominal_run is None else error_budget(nominal_run.hit)
+    told = _quantiles_told(sample, QUANTITIES, budget)
     failed = [sample.failed.get(i, "") for i in range(len(sample))]
     caption = (
         "Peak forces (N) of the runs, and their quantiles with the bars of the number of runs."
     )
-    nominal = nominal_rows(results.nominal)
+    nominal = nominal_rows(nominal_run)
+    if nominal_run is not None and (shares := yielding_share(sample.inputs, nominal_run)):
+        nominal.append(("", shares))
     return Presentation(
         text=[format_columns(told), BARS_OF_QUANTILES, format_rows(nominal)],
         tables={"monte_carlo.csv": {**sample.inputs, **sample.values, "error": failed}},
         numbers={
-            "monte_carlo": _quantiles(results.sample, QUANTITIES),
+            "monte_carlo": _quantiles(sample, QUANTITIES),
             **_nominal_numbers(results.nominal),
         },
         plotted={"monte_carlo": sample},

@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError
-from antiosc.base.texts import on_page
+from antiosc.base.texts import capitalised, on_page
 from antiosc_app.live import embedded, policy, script
 
 HOST = "127.0.0.1"
@@ -217,11 +217,13 @@ class _Request(BaseHTTPRequestHandler):
         try:
             answer = {"answer": call(values)}
         except AntioscError as error:
-            answer = {"error": str(error)}
+            answer = {"error": capitalised(str(error))}
+            if getattr(error, "radius", None):  # a larger patch mends it
+                answer["field"] = "radius"
         except Exception as error:  # or the page would wait for a server that is well
             traceback.print_exc()
             name = type(error).__name__
-            answer = {"error": f"antiosc failed ({name}: {error}); the terminal has more."}
+            answer = {"error": f"The program failed ({name}: {error}); the terminal has more."}
         return "application/json", on_page(embedded(answer)).encode()
 
     def _values(self) -> dict[str, Any]:

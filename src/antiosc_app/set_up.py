@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from antiosc import IMPACTORS, Solid
 from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
-from antiosc.base.texts import piece_told
+from antiosc.base.texts import piece_told, rounded_up
 from antiosc_app.guessed_sites import RESOLVED, facet_size_at
 from antiosc_app.inspection import (
     BALL_MATERIAL,
@@ -22,7 +22,6 @@ from antiosc_app.inspection import (
     Inspection,
 )
 from antiosc_app.new import IMPACTS
-from antiosc_app.until_parted import rounded_up
 
 #: A table of a scene.
 Table = dict[str, Any]

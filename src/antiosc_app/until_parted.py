@@ -7,14 +7,14 @@ bodies have parted and the largest deflection is past.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from math import ceil, floor, inf, log10, pi
+from math import inf, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import AntiOscillators, History, truncation_error
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import engineering, percent, rounded_up
 from antiosc.extension import enough_radius, may_stretch, out_of_reach, taken_as_linear
 
 T = TypeVar("T")
@@ -62,11 +62,13 @@ def until_parted(
     *,
     longest: float = LONGER * DURATION,
     is_sheet: bool = False,
+    probed: Callable[[T], Mapping[str, float]] = lambda _: {},
 ) -> tuple[T, Choice]:
     """(result of the last run, its values), with the warnings of that run and why it has more
     anti-oscillators than the first.
 
-    `longest`: largest duration [s].
+    `longest`: largest duration [s]; `probed`: the errors of further quantities of a result by
+    truncation, by their names, which more anti-oscillators reduce too.
 
     Raises
     ------
@@ -93,10 +95,12 @@ def until_parted(
             choice = choice._replace(radius=rounded_up(radius))
             continue
         if choice.n is not None and hit.rerun is not None:
-            truncation = truncation_error(hit.model, hit.rerun).peak_force
-            more = next_count(choice.n, truncation, hit.model)
+            force = truncation_error(hit.model, hit.rerun).peak_force
+            errors = {"the peak force": force, **probed(result)}
+            worst = max(errors, key=errors.__getitem__)
+            more = next_count(choice.n, errors[worst], hit.model)
             if more > choice.n:
-                reason = why_more(choice.n, more, truncation)
+                reason = why_more(choice.n, more, errors[worst], worst)
                 choice = choice._replace(n=more)
                 continue
         if linear and may_stretch(hit) and number < MOST_RUNS - 1:
@@ -128,11 +132,11 @@ def counts_from(n: int, dofs: float) -> list[int]:
     return [n, *(count for count in OSCILLATORS if n < count and count * dofs <= MOST_WORK)]
 
 
-def why_more(n: int, more: int, truncation: float) -> str:
+def why_more(n: int, more: int, truncation: float, of: str = "the peak force") -> str:
     """Why more than n anti-oscillators were taken."""
     return (
-        f"{more} anti-oscillators were taken: with {n}, those left out were estimated to change the"
-        f" peak force by {percent(truncation)}."
+        f"{more} anti-oscillators were taken: with {n}, those left out were estimated to change"
+        f" {of} by {percent(truncation)}."
     )
 
 
@@ -177,9 +181,3 @@ def duration_of_map(hit: History) -> float:
     released = hit.contacts[-1][1] if hit.contacts else 0.0
     contact = LONGER_OF_MAP * max(released, DURATION)
     return max(contact, float(hit.run.time[-1]))
-
-
-def rounded_up(value: float) -> float:
-    """A number with two digits, not below it."""
-    power = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / power * (1 - 1e-9)) * power:.2g}")

@@ -106,12 +106,15 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     hit.error["peak"] = 0.1
     (band,) = plotting.plot_force(hit).collections
     assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.force.max())
-    told_beside = SimpleNamespace(sides=lambda _: (0.3, 0.3), lacking="")
+    told_beside = SimpleNamespace(sides=lambda _: (0.3, 0.3), no_bar=False, condition="")
     vars(hit)["error_budget"] = told_beside
     axes = plotting.plot_force(hit)
     (band,) = axes.collections
     assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.3 * hit.force.max())
     assert axes.get_ylim()[1] > 1.3 * hit.force.max()  # the axis cut it
+    told_beside.no_bar = True  # the band is the error of the run alone
+    (band,) = plotting.plot_force(hit).collections
+    assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.force.max())
     floor = ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[])
     bouncing = ao.simulate(
         floor, ao.RigidMass(0.1), ao.HuntCrossley(1e9, 0.9), 0.3, gravity=9.81, gap=1e-3

@@ -17,6 +17,7 @@ from antiosc.base.texts import engineering, percent
 from antiosc.engine import library
 from antiosc.engine.contact.choice import NO_STRENGTH
 from antiosc.impact.histories import verdict
+from antiosc.impact.histories.bars import QUANTITIES
 from antiosc_app import live as assets
 
 node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs WebAssembly")
@@ -263,6 +264,19 @@ def test_bars_end_where_those_of_the_program_do(share):
     assert told["restitution"][1] is None
     within = share < 0.1
     assert (told["impulse"][1] == told["impulse"][0]) == within
+    units = {**QUANTITIES, "deflection": "m"}
+    units = {name: unit for name, unit in units.items() if name not in budget.unbarred}
+    given = [
+        [name, engineering(budget.bar(name).value, unit, 4), budget.sides(name),
+         budget.bar(name).value, unit]
+        for name, unit in units.items()
+    ]  # fmt: skip
+    script = (assets.FOLDER / "units.js").read_text() + script
+    program = f"console.log(JSON.stringify({json.dumps(given)}.map((one) => bar_texts(...one))))"
+    script = script.split("for (const one of")[0] + program
+    done = subprocess.run(["node", "-e", script], capture_output=True, text=True, check=True)
+    texts = [" ".join(one) for one in json.loads(done.stdout)]
+    assert texts == [budget.shown(name).removesuffix(budget.condition) for name in units]
 
 
 NORMALS = """

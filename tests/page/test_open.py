@@ -26,6 +26,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.models.doubts import NEAR, NO_RESULT
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
 from antiosc_app import (
@@ -328,19 +329,20 @@ def test_patches_of_a_map_grow_until_they_carry_its_forces(opened, monkeypatch):
     """A third of 305 sites of a pin with cells of 0.15 mm had none that carried its force."""
     asked_for = []
 
-    def struck(set_up, blow, group, radius):
+    def struck(set_up, blow, group, most, radius):
+        assert most == 9
         asked_for.append(radius.least)
-        force = np.full(100, 1.0 if radius.least > 5e-4 else np.nan)
-        return SimpleNamespace(peak_force=force, doubtful=np.arange(100) < 50)
+        reason = "" if radius.least > 5e-4 else NO_RESULT
+        return SimpleNamespace(reasons=np.array(50 * [NEAR] + 50 * [reason]))
 
     monkeypatch.setattr(opened, "_map_with", struck)
     blow = SimpleNamespace(model=SimpleNamespace(patch_radius=3e-4))
-    found = opened._impact_map(set_up.read(asked(opened)), blow, None)
-    assert np.isfinite(found.peak_force).all()
+    found = opened._impact_map(set_up.read(asked(opened)), blow, None, 9)
+    assert NO_RESULT not in found.reasons
     assert asked_for == pytest.approx([0.0, 3e-4, 6e-4])
     asked_for.clear()
     blow.model.patch_radius = None  # of a point load: there is no patch that could grow
-    opened._impact_map(set_up.read(asked(opened)), blow, None)
+    opened._impact_map(set_up.read(asked(opened)), blow, None, 9)
     assert asked_for == [0.0]
 
 
@@ -352,7 +354,7 @@ def test_anti_oscillators_of_the_page_are_those_of_its_map_too(opened, monkeypat
     monkeypatch.setattr(opened_page, "duration_of_map", lambda hit: hit.duration)
     blow = SimpleNamespace(structure=None, hit=hit)
     for n in (None, 80):
-        opened._map_with(set_up.read(asked(opened, n=n)), blow, None, None)
+        opened._map_with(set_up.read(asked(opened, n=n)), blow, None, None, None)
     assert asked_for == [None, 80]
 
 
@@ -594,8 +596,10 @@ def test_a_patch_that_is_too_small_for_the_force_grows(opened):
     assert grown["site"]["radius"] > small
     weights = [weight for weight, told in grown["warnings"] if "The patch has grown to" in told]
     assert weights == [NOTE]  # a choice, no caution
-    with pytest.raises(ao.AccuracyError, match="radius of at least"):  # one that is given is kept
+    with pytest.raises(ao.AccuracyError) as told:  # one that is given is kept
         call(opened, "blow", {**setup, "radius": small})
+    told_radius = re.search(r"patch radius of at least (\S+) mm", str(told.value))[1]
+    assert call(opened, "blow", {**setup, "radius": 1e-3 * float(told_radius)})["blow"]
 
 
 @pytest.fixture
@@ -839,11 +843,15 @@ def test_falls_onto_other_floors_share_the_body_and_do_not_depend_on_each_other(
     for one in (page, alone):
         setup = asked(one)
     setup["striker"] |= {"kind": "floor", "height": 0.05, "tilt": [30, 20, 0]}
+    monkeypatch.setattr(module, "LONG", 0.0)
+    shortest, longest = page._answering(set_up.read(setup))
+    assert 0 < shortest < longest
     peaks = []
     for layer in ("none", "cork"):
         setup["striker"] |= {"layer": layer, "layer_thickness": 0.003}
         peaks.append(peaks_of(call(page, "blow", setup)))
     assert len(built) == 1
+    assert page._answering(set_up.read(setup)) == []  # the modes, which take the time, are known
     assert peaks_of(call(alone, "blow", setup)) == pytest.approx(peaks[1], rel=1e-9)
     for one in (page, alone):
         one.close()
@@ -1189,7 +1197,7 @@ return [...document.querySelectorAll("#setup .own-value:not([hidden])")]
 TYPED = """
 const refused = {}, past = bench.past.length, before = JSON.stringify(bench.setup);
 const fields = [...document.querySelectorAll("#setup input[type=number]")];
-for (const field of fields.filter((one) => one.offsetParent)) {
+for (const field of fields.filter((one) => one.name && one.offsetParent)) { // of the set-up
   const row = field.closest("label"), kept = field.value;
   for (const text of field.name === "size" ? ["-1e9"] : ["", "-1e9"]) {
     const signed = row.classList.contains("triple");
@@ -1341,6 +1349,13 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             assert browser.run(MAP_BUTTONS) == ["Map the part"]
             browser.run("bench.face = '+z'; bench.name_map()")
             assert browser.run(MAP_BUTTONS) == ["Map +z", "Map the part"]
+            browser.run(CHOOSE, "#most-sites", "9")
+            for _ in range(100):
+                if takes := browser.run("return document.getElementById('map-takes').textContent"):
+                    break
+                time.sleep(0.1)
+            assert takes.startswith("9 sites, ")  # of the whole part, which was forecast
+            browser.run(CHOOSE, "#most-sites", "")
             browser.run("bench.page = null; bench.map()")  # before any answer
             for _ in range(600):
                 if browser.run("return Boolean(bench.page && bench.page.sites) && !bench.pending"):

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 import antiosc as ao
-from antiosc.base.texts import engineering, plus_minus
+from antiosc.base.texts import engineering, plain, plus_minus
 from antiosc.extension import contact_time_note
 from antiosc.fields.peaks import PeakField
 from antiosc_app import live as assets, live_meshes
@@ -416,20 +416,22 @@ def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_
     )
     assert all(text.endswith(" ± 12 %") for text in bars)
     bars = [(0.1, 0.1), (0.581, 1.682), None]
-    stresses, notes, seen = browser.run(
+    stresses, notes, seen, done = browser.run(
         """const note = "of all contacts, flights included", {impacts} = page.data;
         page.data.stresses = arguments[0].map((bar) => ({stress: 2e7, bar}));
         impacts.forEach((one, k) => Object.assign(one,
           {touches: 1 + 2 * k, contact_time_note: k ? note : ""}));
         page.make_table();
         const texts = (cells) => [...document.querySelectorAll(cells)].map((c) => c.textContent);
-        return [texts("#numbers tr:not(.note) td:last-child"), texts("#numbers .note"),
-          document.documentElement.scrollWidth];""",
+        return [texts("#numbers tr:not(.note) td:last-child"), texts("#numbers .note:not(.done)"),
+          document.documentElement.scrollWidth, texts("#numbers .done")];""",
         bars,
     )
     assert stresses == [f"20.0 MPa {plus_minus(bar) if bar else ''}".strip() for bar in bars]
     counts = (re.match(r"(\d) touches: .* of all contacts, flights included$", n) for n in notes)
     assert [found[1] for found in counts] == ["3", "5"]
+    shocks = [f"the centre of mass has {plain(one.g, 3)} g through" for one in fall.shocks]
+    assert [told in text for told, text in zip(shocks, done, strict=True)] == [True] * len(peaks)
     assert seen <= width
     for k, one in enumerate(fall.impacts):
         low = browser.run(

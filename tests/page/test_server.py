@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import json
+import re
 import socket
 import time
 from types import SimpleNamespace
@@ -11,19 +13,28 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from antiosc.base.errors import InputError
+from antiosc.base.errors import InputError, RangeError
 from antiosc.base.texts import on_page, where_to_change
 from antiosc_app import server
 from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
 from antiosc_app.until_parted import parted
+from paths import ROOT
 
 OK, NO = b"200", b"403"
+SOURCE = ROOT / "src"
+PAGE_FILES = ("open.js", "open.html")
 
 
 def answered(values):
     if "wrong" in values:
         raise InputError("wrong must not be given.")
+    if "refused" in values:
+        raise InputError(values["refused"])
+    if "small" in values:
+        error = RangeError("the patch is too small.")
+        error.radius = values["small"]
+        raise error
     if "broken" in values:
         raise ZeroDivisionError("by 0")
     return {"got": values}
@@ -83,7 +94,9 @@ def test_the_page_and_its_calls_are_answered(served):
     for header in (b"Content-Security-Policy: default-src 'none'", b"no-store", b"no-referrer"):
         assert header in page
     refused = sent(served, request(served, body=b'{"wrong": 1}'))
-    assert json.loads(refused.split(b"\r\n\r\n")[1]) == {"error": "wrong must not be given."}
+    assert json.loads(refused.split(b"\r\n\r\n")[1]) == {"error": "Wrong must not be given."}
+    small = json.loads(sent(served, request(served, body=b'{"small": 1}')).split(b"\r\n\r\n")[1])
+    assert small == {"error": "The patch is too small.", "field": "radius"}  # which is marked
 
 
 def test_remedies_name_the_fields_of_the_page(served):
@@ -110,6 +123,12 @@ def test_a_report_that_was_written_is_served_with_its_own_policy(served, tmp_pat
         assert status(sent(served, request(served, path=address, **get))) in (b"404", NO)
     path.unlink()
     assert status(sent(served, request(served, path=f"/{served.token}/report_1", **get))) == b"404"
+
+
+def test_an_error_is_a_sentence_on_the_page(served):
+    for told, shown in (("the force is 2 N.", "The force is 2 N."), ("a.stp has no faces.",) * 2):
+        reply = sent(served, request(served, body=json.dumps({"refused": told}).encode()))
+        assert json.loads(reply.split(b"\r\n\r\n")[1])["error"] == shown
 
 
 def test_a_defect_is_told_on_the_page_and_on_the_terminal(served, capsys):
@@ -249,3 +268,18 @@ def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
     assert not parted(run(0.5, end=2e-4))  # they touch
     assert not parted(run(0.19), least=0.2)
     assert parted(run(0.21), least=0.2)
+
+
+def test_remedies_on_the_page_begin_with_names_of_its_fields_and_buttons():
+    """Each alternative of `where_to_change`, by the strings of the page's program and its tags."""
+    page = "".join((SOURCE / "antiosc_app/page" / name).read_text() for name in PAGE_FILES)
+    names = {name for name in re.findall(r'["`>]([A-Za-z][^"`<$]+)', page) if len(name) > 2}
+    told = []
+    for path in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "where_to_change":
+                told += [one.value for one in node.args[1:] if isinstance(one, ast.Constant)]
+    assert len(told) > 8
+    alternatives = [one.removeprefix("the field ") for text in told for one in text.split(", or ")]
+    unknown = [one for one in alternatives if not any(map(one.startswith, names))]
+    assert not unknown

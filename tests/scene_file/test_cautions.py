@@ -30,7 +30,7 @@ def test_cells_too_large_for_the_contact_are_told_first_and_leave_no_bar(
     budget = error_budget(hit)
     caution = live.caution_of(hit, budget, part)
     assert caution.startswith("There is no error bar") == is_coarse == (budget is None)
-    assert is_coarse or budget.footnote.startswith("* These bars lack the mesh")
+    assert is_coarse or budget.footnote.startswith("There is no error bar. The mesh's error")
     assert ("The cell at the site measures" in caution) == is_coarse
 
 
@@ -87,13 +87,15 @@ def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
 
 def test_a_wide_bar_without_that_of_the_law_is_told_first_too():
     """A smaller share of it stood first, where no yield strength is known."""
-    bar = SimpleNamespace(total=None, without_law=12.0, mesh=12.0)
-    budgets = type("Budget", (), {"causes": ["mesh"], "__getitem__": lambda *_: bar})
+    bar = SimpleNamespace(law=None, known=12.0, mesh=12.0)
+    budgets = type(
+        "Budget", (), {"causes": ["mesh"], "no_bar": True, "__getitem__": lambda *_: bar}
+    )
     told = live.rough(None, budgets())
     assert told.startswith(
         "The force is a rough one, ± 1200 %, without the error of the contact's law: "
     )
-    bar.without_law = 0.4
+    bar.known = 0.4
     assert live.rough(None, budgets()) == ""
 
 

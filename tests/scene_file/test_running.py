@@ -77,9 +77,8 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     told_of = numbers(tmp_path / "out")["probes"]["quarter"]
     expected = np.linalg.norm(off, axis=1).max() / np.linalg.norm(signal, axis=1).max()
     assert told_of["truncation"] == pytest.approx(expected, rel=1e-2)
-    assert f" ± {percent(told_of['truncation'])} at" in told
-    assert "anti-oscillators alone" in told
-    assert told_of["error"] == told_of["truncation"]
+    assert f" (no error bar; anti-oscillators {percent(told_of['truncation'])}) at" in told
+    assert told_of["error"] is told_of["force"] is None  # of a model without error = "estimate"
     assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
 
 
@@ -95,7 +94,7 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     given = (found.structure, found.history, (0.2, 0.0, 0.0), "acceleration", times)
     whole = numbers(tmp_path / "out")["probes"]["quarter"]
     with without_warnings():
-        bars = {name: ao.probe_error(*given, filter=name) for name in CLASSES}
+        bars = {name: ao.probe_error(*given, filter=name).truncation for name in CLASSES}
     widest = max((name for name in bars if bars[name] < 0.1), key=CLASSES.get)
     peak = whole["filtered"]
     assert whole["truncation"] > 0.1
@@ -105,12 +104,14 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     assert peak["truncation"] == pytest.approx(bars[widest], rel=0.05)
     value = engineering(peak["value"], "m/s²", 4)
     shown = f"through {widest} (to {engineering(5 / 3 * CLASSES[widest], 'Hz')}): largest {value}"
-    assert f"{shown} ± {percent(peak['error'])}" in told
+    assert f"{shown} (no error bar; anti-oscillators {percent(peak['truncation'])})" in told
     text = re.sub("<script.*?</script>", "", page.read_text(), flags=re.DOTALL)
     facts = re.findall("<dt>(.*?)</dt><dd.*?>(.*?)</dd>", text)  # beside the force
-    barred = f"{engineering(peak['value'], 'm/s²')} ± {percent(peak['error'])}"
-    assert facts[-1] == (f"quarter: acceleration, {widest}", barred)
-    assert text.lower().count("the bars of probes are") == 1
+    assert facts[-1] == (
+        f"quarter: acceleration, {widest}",
+        f"{engineering(peak['value'], 'm/s²')} (no error bar)",
+    )
+    assert text.count("robes have no error bar") == 1
     path = written(tmp_path, f'{BEAM}{asked}filter = "{widest}"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     assert shown in capsys.readouterr().out
@@ -436,6 +437,21 @@ def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
     assert antiosc("run", path) == 0
     told = capsys.readouterr().err
     assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
+
+
+def test_a_map_tells_its_sites_and_its_time_first(tmp_path, capsys, monkeypatch):
+    """In the words of the dry run; as many sites as the map then has."""
+    chosen = '[map]\nwhere = "eye"\nradius = 4e-3\nn = 4\nmodes = 8\nmost_sites = 6\n'
+    path = written(tmp_path, BRACKET + chosen)
+    assert antiosc("map", path, "--dry-run") == 0
+    told = re.search(r"map +(\d+) sites, about .* s", capsys.readouterr().out)
+    assert antiosc("map", path) == 0
+    here = capsys.readouterr()
+    assert "the map has" not in here.err
+    assert f" of {told[1]} sites: " in here.out
+    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
+    assert antiosc("map", path) == 0
+    assert f"antiosc: the map has {told[1]} sites, about " in capsys.readouterr().err
 
 
 def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(

@@ -100,6 +100,45 @@ def test_a_patch_that_nobody_gave_carries_the_lowest_yield_strength_too(tmp_path
 
 
 @pytest.mark.fem
+def test_more_anti_oscillators_are_taken_until_the_probes_that_are_asked_for_have_converged():
+    """The force has enough with 20, and the probe with 150; it does not matter which needs more."""
+    model = ao.AntiOscillators(m0=0.02, k0=1e5, m=np.full(20, 0.01), omega=3e3 * np.arange(1, 21))
+    model = replace(model, info=replace(model.info, dofs=3000))
+    taken = []
+
+    def run(choice):
+        taken.append(choice.n)
+        return ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e8), 2e-3)
+
+    def probed(_):
+        return {"the largest velocity of probe p": 0.8 if taken[-1] == 20 else 0.02}
+
+    first = Choice(None, 2e-3, keeps_radius=True, keeps_duration=True, n=20)
+    with pytest.warns(ChoiceWarning, match="change the largest velocity of probe p by 80 %"):
+        _, choice = until_parted(run, lambda hit: hit, first, probed=probed)
+    assert choice.n == taken[-1] == 150
+    _, choice = until_parted(run, lambda hit: hit, first)
+    assert choice.n == 20
+
+
+@pytest.mark.fem
+def test_the_probes_of_a_scene_choose_its_anti_oscillators_too(tmp_path):
+    """What is left is below a tenth by half of them, or there are no more to take."""
+    probe = '[probes.p]\npoint = [0.01, 0.005, 0.0]\nquantity = "velocity"\nsnap = 0.01\n'
+    path = scene(tmp_path, "5e-3", "4e-4", probe)
+    path.write_text(path.read_text().replace("n = 12", 'n = "auto"'))
+    found = settled(read(path))
+    hit, structure = found.evaluate(found.scene.history), found.evaluate(found.scene.structure)
+    n = found.scene.document.data["extract"]["n"]
+    asked = found.scene.probes["p"].arguments
+    with contextlib.suppress(ao.AccuracyWarning):
+        error = ao.probe_error(structure, hit, asked["point"], "velocity", snap=0.01)
+    assert (error.truncation < 0.1) or n == 400
+    alone = read(scene(tmp_path, "5e-3", "4e-4"))
+    alone.data["extract"]["n"] = "auto"
+    assert settled(alone).scene.document.data["extract"]["n"] < n
+
+
 def test_a_patch_of_strike_that_nobody_gave_carries_the_force(tmp_path):
     path = scene(tmp_path, duration="4e-4")
     text = path.read_text().replace("[extract]\nn = 12\n", "")

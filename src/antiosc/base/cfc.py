@@ -13,6 +13,8 @@ from antiosc.base.errors import InputError
 
 #: Name of a channel frequency class -> its frequency [Hz].
 CLASSES = {"CFC60": 60.0, "CFC180": 180.0, "CFC600": 600.0, "CFC1000": 1000.0}
+#: That of the acceleration of a falling part, which is told unasked.
+SHOCK_FILTER = "CFC1000"
 #: Corner frequency of one pass of a filter over its class (SAE J211-1).
 CORNER = 2.0775
 #: Frequency at which a filter leaves 0.707 of a sine, over its class: CORNER (√2 − 1)^(1/4).

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Iterable
-from math import floor, isfinite, log10
+from math import ceil, floor, isfinite, log10
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from antiosc.base.errors import AntioscError
 
+#: Share of the last digit by which a number may exceed one that is rounded up.
+UP_ROUNDING = 1e-6
 #: Most lines of numbers of an object.
 LINES = 4
 
@@ -65,6 +67,8 @@ def in_scene(text: str) -> str:
 
 #: What makes cells smaller: around a site, or all of them.
 SMALLER_CELLS = where_to_change("refine, or size", "Finer mesh here, or cell size")
+#: Where the radius of a patch is changed.
+PATCH_RADIUS = where_to_change("radius in [sites.NAME] or [map]", "patch radius")
 #: Most characters of one value.
 WIDTH = 72
 
@@ -303,6 +307,12 @@ def point_text(point: Iterable[float]) -> str:
     coordinates = [float(x) for x in point]
     rounding = 1e-5 * max(map(abs, coordinates), default=0.0)
     return f"({', '.join(f'{1e3 * x if abs(x) > rounding else 0.0:.4g}' for x in coordinates)}) mm"
+
+
+def rounded_up(value: float) -> float:
+    """A positive number with two digits, not below it but by rounding."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / step - UP_ROUNDING) * step:.2g}")
 
 
 def range_text(low: float, high: float, unit: str = "") -> str:

@@ -30,7 +30,7 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import (
-    COMPARED,
+    PATCH_RADIUS,
     SMALLER_CELLS,
     ReprMixin,
     capitalised,
@@ -48,7 +48,9 @@ from antiosc.impact.histories.verdict import (
     CONTACT_RADII,
     EDGE_ERROR,
     HALF_SPACE,
+    SheetPatch,
     YieldingZone,
+    patches_of,
     yielding_zones,
     yields,
 )
@@ -146,10 +148,12 @@ class Margin(ReprMixin):
         larger than that radius; else inf.
     hollow_stress : most by which the stress may be larger beside a hollow under the patch of a
         contact, Pa, since the patch is larger than the contact; it counts in the bar alone.
-    mesh_error : error of the value by the mesh, in its unit; of shells, where it is not estimated,
-        40 % of the value.
+    hollow_patch : radius of the smallest patch there that its contact allows, m; 0 if the present
+        one is not larger.
+    mesh_error : error of the value by the mesh, in its unit; 0 where it is not estimated, of beams.
     others : least and largest stress that some other place has within its own error by the mesh,
-        with the spread in the largest: the stress of the part is no less and no more either.
+        with the spread in the largest: the stress of the part is no less and no more either. In
+        sheets the largest holds what cells lose that are larger than the patch of a contact.
     force_error : relative error of the forces of the contacts, which the stresses follow; 0 if it
         is not known. Like `mesh_error` it counts in the verdict alone.
     nearer : the worst point in the balls that are left out; None without balls.
@@ -174,6 +178,7 @@ class Margin(ReprMixin):
     edge_stress: float = 0.0
     thin_stress: float = 0.0
     hollow_stress: float = 0.0
+    hollow_patch: float = 0.0
     mesh_error: float = 0.0
     others: tuple[float, float] = (0.0, 0.0)
     force_error: float = 0.0
@@ -268,9 +273,10 @@ class Margin(ReprMixin):
             return max(self.spans, key=lambda span: span.exposure).widest
         of_hertz = (1 + EDGE_ERROR) * max(self.edge_stress, self.thin_stress)
         of_mesh = self.value + self.spread + self.mesh_error
+        in_all = max(self.others[1] - self.stress, 0.0)
         causes = {
             f"the mesh at this place ({SMALLER_CELLS})": of_mesh - self.stress,
-            f"the mesh at another place ({SMALLER_CELLS})": self.others[1] - self.stress,
+            f"the mesh at a place that may have more ({SMALLER_CELLS})": in_all,
             f"the hollow under the patch ({PATCH_RADIUS})": self.hollow_stress,
             "the contact's own stress, which the part's thickness there changes": of_hertz
             - self.stress,
@@ -316,10 +322,13 @@ class Margin(ReprMixin):
             )
         if self.hollow_stress:
             more = engineering(self.hollow_stress, "Pa", 2)
+            remedy = ""
+            if self.hollow_patch:
+                least = engineering(self.hollow_patch, "m", 2)
+                remedy = f"; a patch radius of {least} or more narrows it ({PATCH_RADIUS})"
             sentences.append(
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
-                f" stress may be larger by up to {more}, which is in the bar; a smaller patch,"
-                f" of 1.8 radii of the contact at least, narrows it ({PATCH_RADIUS})"
+                f" stress may be larger by up to {more}, which is in the bar{remedy}"
             )
         if self.thin < inf:
             of_contacts = self.beyond[self.asked :, 3]
@@ -464,7 +473,7 @@ class Zones(NamedTuple):
 
     `asked`: how many of the balls, the first ones, were asked for. `edges`, `supports`: balls
     about sharp inner edges and about rigid supports. `unjudged`: whether the largest stress is
-    sought of materials without a strength.
+    sought of materials without a strength. `patches`: of contacts on sheets.
     """
 
     balls: Array = NOTHING
@@ -473,6 +482,7 @@ class Zones(NamedTuple):
     edges: Array = NOTHING
     supports: Array = NOTHING
     unjudged: bool = False
+    patches: Sequence[SheetPatch] = ()
 
     @property
     def away(self) -> Away | None:
@@ -507,7 +517,12 @@ class Zones(NamedTuple):
 
     def spread_error(self, points: Array) -> Array:
         """Errors (P,) [Pa] of von Mises stresses at points (P, 3)."""
-        return sum((zone.spread_error(points) for zone in self.contacts), np.zeros(len(points)))
+        spreading: list[YieldingZone | SheetPatch] = [*self.contacts, *self.patches]
+        return sum((zone.spread_error(points) for zone in spreading), np.zeros(len(points)))
+
+    def mesh_error(self, points: Array) -> Array:
+        """Errors (P,) [Pa] at points (P, 3) by the cells of sheets, which spread forces."""
+        return sum((one.mesh_error(points) for one in self.patches), np.zeros(len(points)))
 
     @property
     def edge_stress(self) -> float:
@@ -523,6 +538,11 @@ class Zones(NamedTuple):
     def hollow_stress(self) -> float:
         """Largest rise of the stress [Pa] beside a hollow under the patch of a contact."""
         return max((zone.hollow_stress for zone in self.contacts), default=0.0)
+
+    @property
+    def hollow_patch(self) -> float:
+        """Radius [m] of the smallest patch over such a hollow; 0 if none may be smaller."""
+        return max((zone.smallest_patch for zone in self.contacts if zone.hollow_stress), default=0)
 
     @property
     def thin(self) -> float:
@@ -575,7 +595,7 @@ def margin_of(
         beyond = replace(beyond, beyond=leave_out, nearer=nearer, asked=zones.asked)
         if not beyond.is_mises:
             return beyond
-        names = ("edge_stress", "thin_stress", "hollow_stress", "thin")
+        names = ("edge_stress", "thin_stress", "hollow_stress", "hollow_patch", "thin")
         of_zones = {name: getattr(zones, name) for name in names}
         return replace(beyond, **of_zones)
     spread = zones.spread_error(points)
@@ -846,6 +866,30 @@ def zones_of(history: AnyHistory, body: str, *, unjudged: bool = False) -> Zones
     return Zones.about(yielding_zones(*contacts, unknown=unjudged))
 
 
+def zones_on(
+    structure: Structure, shapes: Array, part: str | None, zones: Zones, run: AnyHistory, body: str
+) -> Zones:
+    """What is left out, and which patches spread their forces, on a solid or a sheet."""
+    if only_solids(structure, shapes, part):
+        return on_part(structure, zones) if len(zones.balls) else zones
+    return Zones(patches=_patches_on_sheets(structure, run, body), unjudged=zones.unjudged)
+
+
+def _patches_on_sheets(structure: Structure, run: AnyHistory, body: str) -> list[SheetPatch]:
+    """The patches of the contacts of an impact on isotropic sheets."""
+    from antiosc.recovery.mesh_fields import isotropic_sheet_at  # needs dolfinx
+
+    if not isinstance(run, History):
+        return []
+    patches = []
+    for patch in patches_of(run.contact_histories, run.name_of(body)):
+        found = isotropic_sheet_at(structure, patch.point)
+        if found is not None:
+            sheet, cell = found
+            patches.append(patch._replace(nu=sheet.nu, thickness=sheet.thickness, cell=cell))
+    return patches
+
+
 def on_part(structure: Structure, zones: Zones) -> Zones:
     """The zones with the thickness of a part of one mesh at the contacts; of others as they are."""
     matrices = structure.matrices
@@ -869,8 +913,6 @@ def balls_of_edges(structure: Structure, shapes: Array, part: str | None) -> tup
     return sharp_edges(structure, shapes, part)
 
 
-#: Where the radius of a patch is changed.
-PATCH_RADIUS = where_to_change("radius in [sites.NAME]", "patch radius")
 #: The mesh does not resolve the stress if its jumps over the largest stress exceed this.
 UNRESOLVED_JUMP = 0.2
 
@@ -931,15 +973,3 @@ def only_solids(structure: Structure, shapes: Array, part: str | None) -> bool:
     from antiosc.recovery.mesh_fields import families  # needs dolfinx
 
     return families(structure, shapes, part) == {"solid"}
-
-
-def doubt_of_sheets(structure: Structure, shapes: Array, part: str | None) -> str:
-    """Warning that stresses of sheets have no error estimate; "" for other parts."""
-    from antiosc.recovery.mesh_fields import families  # needs dolfinx
-
-    if "sheet" not in families(structure, shapes, part):
-        return ""
-    return (
-        "the error by the mesh is not estimated for shells, and under a point load or in the disc"
-        f" of the site the stress grows with refinements: {COMPARED}"
-    )

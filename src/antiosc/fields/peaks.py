@@ -387,11 +387,11 @@ class PeakField(Completed):
     error : bound on the underestimate of a value by sampling in time; None for given times.
     exposure : (P,) for stresses: the share of the strength, 1 at yield or failure, 0 where no
         strength is known; None for other quantities, and where no material has a strength.
-    mesh_error : (P,) estimated mesh error of stresses of solids, in their unit: the deviation of
-        the stresses of the cells around a node from their mean (Zienkiewicz and Zhu); 0 in sheets
-        and beams beside solids, otherwise None.
+    mesh_error : (P,) estimated mesh error of stresses of solids and sheets, in their unit: the
+        deviation of the stresses of the cells around a node from their mean (Zienkiewicz and Zhu);
+        0 in beams beside them, otherwise None.
     doubt : why the judged stress is unreliable: a re-entrant corner, the edge of a support, cells
-        that are too large; for sheets, that the mesh error is not estimated; "" otherwise.
+        that are too large; "" otherwise.
     judged : node of the largest value; with a margin its worst point, outside the zones that
         it leaves out (`Margin.beyond`).
     yield_speeds : speeds of the striker from which yield may be reached there, and is certain;
@@ -637,9 +637,8 @@ def peak_field(
     unjudged = not judges_edges and quantity == "von_mises"
     unjudged = unjudged and quantity not in margin.criteria_of(structure)
     zones = _zones(leave_out, history, body, unjudged)
-    if len(zones.balls):
-        is_solid = margin.only_solids(structure, shapes, part)
-        zones = margin.on_part(structure, zones) if is_solid else margin.NO_ZONES
+    if recovered == "stress":
+        zones = margin.zones_on(structure, shapes, part, zones, history, body)
     zones = zones._replace(unjudged=unjudged)
     if not judges_edges and recovered == "stress":
         edges, supports = margin.balls_of_edges(structure, shapes, part)
@@ -715,8 +714,6 @@ def peak_field(
             share = float(result.mesh_error[k] / (result.values[k] or 1.0))
             sentence = margin.doubt_at(structure, shapes, part, result.points[k], share)
             result = replace(result, doubt=sentence)
-        elif result.mesh_error is None and result.values.any():
-            result = replace(result, doubt=margin.doubt_of_sheets(structure, shapes, part))
     if result._margin is not None and result._margin.is_stress:
         judged = replace(
             result._margin,
@@ -836,12 +833,6 @@ def _with_mesh_error(
     return replace(field, mesh_error=mesh_error)
 
 
-#: Share of a stress of shells that counts as its error by the mesh, which is not estimated: on a
-#: plate of 300 × 200 × 2 mm struck on a patch of 4 or 10 mm of radius, cells of 20 mm gave 33 and
-#: 28 % more than those of 2.5 mm, cells of 10 and 5 mm 1 to 8 % more or less.
-NOT_ESTIMATED = 0.4
-
-
 #: Largest error over the stress of a node that is not the judged one. Where the cells differ by
 #: more, one of them touches a sharp edge: of a printed cover a node of 10 MPa between cells that
 #: differed by 24 MPa had 11 MPa on cells of half the size.
@@ -850,22 +841,22 @@ UNKNOWN = 1.0
 
 def _with_errors(field: PeakField, judged: Margin, zones: margin.Zones) -> Margin:
     """A margin with the mesh error of the field, relative to the stress, at its worst point, and
-    where sharp edges are left out with the stresses of the other places that are judged.
+    of sheets, and where sharp edges are left out, with the stresses of all places that are judged.
     """
     if field.mesh_error is None:
-        return replace(judged, mesh_error=NOT_ESTIMATED * judged.value if field.doubt else 0.0)
+        return judged
     k = int(np.argmin(np.linalg.norm(field.points - judged.point, axis=1)))
     shares = _mesh_shares(field)
     judged = replace(judged, mesh_error=float(shares[k]) * judged.value)
-    if judged.away is None:
+    if judged.away is None and not zones.patches:
         return judged
     exposure = field.values if field.exposure is None else field.exposure
     others = ~zones.left_out(field.points)
-    spread = zones.spread_error(field.points[others])
+    spread, by_cells = (of(field.points[others]) for of in (zones.spread_error, zones.mesh_error))
     stresses, shares = judged.strength * exposure[others], shares[others]
     least = float((stresses * (1 - shares)).max(initial=0.0))
-    largest = float((stresses * (1 + np.minimum(shares, UNKNOWN)) + spread).max(initial=0.0))
-    return replace(judged, others=(least, largest))
+    largest = stresses * (1 + np.minimum(shares, UNKNOWN)) + spread + by_cells
+    return replace(judged, others=(least, float(largest.max(initial=0.0))))
 
 
 def _margins_of_spans(

@@ -33,6 +33,7 @@ from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.parameters import has_bars
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
 from antiosc.reduce.site import motions_without_mesh, point_of
@@ -240,6 +241,26 @@ def probed_point(
     return nearest_point(structure, x, part, _reach(point, snap))
 
 
+class ProbeError(float):
+    """Relative error of the largest value of a probe.
+
+    truncation : its share by the number of anti-oscillators.
+    force : that of the force, which the value follows; None where it is not known, and left out.
+    """
+
+    truncation: float
+    force: float | None
+
+    def __new__(cls, truncation: float, force: float | None) -> ProbeError:
+        """The sum of the shares that are known."""
+        error = super().__new__(cls, truncation + (force or 0.0))
+        error.truncation, error.force = truncation, force
+        return error
+
+    def __reduce__(self) -> tuple[type[ProbeError], tuple[float, float | None]]:
+        return ProbeError, (self.truncation, self.force)
+
+
 def probe_error(
     structure: Structure,
     history: History,
@@ -247,15 +268,17 @@ def probe_error(
     quantity: str = "displacement",
     times: ArrayLike | None = None,
     **options: Any,
-) -> float:
-    """Relative error of the largest value of a `probe` by the number of anti-oscillators.
+) -> ProbeError:
+    """Relative error of the largest value of a `probe`: by the number of anti-oscillators, and that
+    of the force, which the values follow.
 
-    The largest difference of its signal to that of the same impact with half of them, over the
-    largest value: of motions the magnitude, of other quantities one component. From 0.1 on the peak
-    has not converged, and the number is no bound, which a warning tells: extract more (n), see an
-    acceleration through a `filter`, or judge it by its shock spectrum (`srs`). The error of the
-    force, which the values follow, is not in it (`hit.error_budget["peak_force"]`; its truncation
-    is), nor that of the mesh at the point. Of a part that stretches linear runs are compared.
+    `.truncation` is the largest difference of its signal to that of the same impact with half of
+    the anti-oscillators, over the largest value: of motions the magnitude, of other quantities one
+    component. From 0.1 on the peak has not converged, and the number is no bound, which a warning
+    tells: extract more (n), see an acceleration through a `filter`, or judge it by its shock
+    spectrum (`srs`). `.force` is that of `hit.error_budget["peak_force"]` beside its truncation;
+    None where the force has no bar, or the model none, and then the sum lacks it. The mesh's error
+    at the point is not in it. Of a part that stretches linear runs are compared.
 
     Parameters
     ----------
@@ -292,7 +315,8 @@ def probe_error(
     error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
     if error >= NOT_CONVERGED:
         on_root(structure.comm, partial(warn, _not_converged(quantity, error), AccuracyWarning))
-    return error
+    force = history.error_budget.rest_of_force if has_bars(model) else None
+    return ProbeError(error, force)
 
 
 #: Error by the number of anti-oscillators from which it is no bound: a peak acceleration of

@@ -23,13 +23,16 @@ from antiosc.base.stresses import length
 from antiosc.base.texts import engineering
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.fields import shapes_of, stress_amplitudes
-from antiosc.fields.margin import NO_ZONES, Margin, Zones, on_part, only_solids, zones_of
+from antiosc.fields.margin import Margin, Zones, zones_of, zones_on
 from antiosc.impact.histories import History
+from antiosc.impact.histories.verdict import yield_share
 
 #: Largest ratio of the speeds to that of the impact, either way.
 FURTHEST = 30.0
 #: Logarithm of the ratio of two speeds between which that of yield is sought, and its error.
 STEP, CLOSE = log(1.5), 0.01
+#: Power of the speed with which the force of an elastic sphere grows.
+ELASTIC = 1.2
 #: Logarithm that stands for an exposure of 0.
 NOTHING = -50.0
 #: Largest ratio of a speed to that of the impact, where the patch is too small for the contact, so
@@ -45,16 +48,33 @@ class YieldSpeeds(NamedTuple):
     """Speeds of the striker [m/s] from which yield may be reached, and is reached for certain,
     within the errors of the stress and the range of the strength; None: not found.
 
+    `contact`: that from which the contact itself yields, by the strength of its law.
     `extrapolated`: those that are extrapolated, since the patch is too small for their contacts.
     """
 
     possible: float | None
     certain: float | None
     extrapolated: tuple[float | None, ...] = ()
+    contact: float | None = None
 
     @property
     def sentence(self) -> str:
-        """Both speeds with what is held; "" without any."""
+        """The speeds of the place and that of the contact; "" without any."""
+        sentences = [self._of_place, self._of_contact]
+        return "; ".join(filter(None, sentences))
+
+    @property
+    def _of_contact(self) -> str:
+        """The speed of the contact itself as text; "" where it is not known."""
+        if self.contact is None:
+            return ""
+        speed = engineering(self.contact, "m/s", 2)
+        told = f"the contact itself yields, and a dent remains, from about {speed} on"
+        return f"{told}{self._how(self.contact)}"
+
+    @property
+    def _of_place(self) -> str:
+        """The speeds of the place with what is held; "" without any."""
         ends = {"may be reached": self.possible, "is certain": self.certain}
         told = [
             f"{what} from about {engineering(speed, 'm/s', 2)} on{self._how(speed)}"
@@ -82,23 +102,36 @@ def yield_speeds(
     columns = worst.columns
     if not isinstance(speed, float) or speed <= 0 or at_speed is None or columns is None:
         return YieldSpeeds(None, None)
-    is_solid = only_solids(structure, shapes_of(structure, hit, PART), None)
+    contact = _speed_of_contact(hit, at_speed, speed)
+    shapes = shapes_of(structure, hit, PART)
     here = _largest(structure, hit, columns)
     if not (here and hit.peak_force):  # nothing grows with the speed
-        return YieldSpeeds(None, None)
+        return YieldSpeeds(None, None, contact=contact.speed)
 
     @cache
     def bounds(x: float) -> tuple[float, float]:
         """Logarithms of the bounds of the exposure at the speed exp(x)."""
         run = at_speed(exp(x))
-        zones = on_part(structure, zones_of(run, PART)) if is_solid else NO_ZONES
+        zones = zones_on(structure, shapes, None, zones_of(run, PART), run, PART)
         factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
         least, most = _scaled(worst, factors, zones, force(run)).bounds
         return _log(least), _log(most)
 
     certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
-    extrapolated = (one.speed for one in (possible, certain) if one.extrapolated)
-    return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated))
+    extrapolated = (one.speed for one in (possible, certain, contact) if one.extrapolated)
+    return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated), contact.speed)
+
+
+def _speed_of_contact(hit: History, at_speed: Callable[[float], History], speed: float) -> _Found:
+    """The speed from which the contact itself yields, near that of an elastic contact."""
+    share = yield_share(hit.contact_histories[0])
+    if not share:
+        return _Found(None)
+
+    def of_log(x: float) -> float:
+        return _log(yield_share(at_speed(exp(x)).contact_histories[0]) or 0.0)
+
+    return _speed_of(of_log, speed * share ** (-1 / ELASTIC))
 
 
 def _log(exposure: float) -> float:

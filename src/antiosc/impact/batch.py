@@ -21,7 +21,7 @@ from antiosc.base import checks, plausible, process
 from antiosc.base._types import Array, Index
 from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn, warnings_to
 from antiosc.base.progress import counting
-from antiosc.base.texts import COMPLETED, STOPPED, Result, range_text
+from antiosc.base.texts import COMPLETED, STOPPED, Result, point_text, range_text
 from antiosc.engine import library
 from antiosc.engine.contact import ContactLaw
 from antiosc.impact.histories import History
@@ -35,6 +35,7 @@ from antiosc.impact.histories.linear_theory import (
 from antiosc.impact.histories.run_end import (
     CheckResult,
     RunEnd,
+    SceneNames,
     check_result,
     warn_batch,
 )
@@ -44,7 +45,7 @@ from antiosc.impact.truncation import truncation_warning
 from antiosc.impact.two_bodies import Impact, ImpactRows, Pair, assemble_pair
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.auto_contact import AUTO, AnyLaw, is_auto, law_of
-from antiosc.models.body import LinearBody, ModelInfo, coarse_cell, info_of
+from antiosc.models.body import LinearBody, ModelInfo, coarse_cell, info_of, site_points
 from antiosc.plot.charts import figure_or_path, panels
 
 if TYPE_CHECKING:
@@ -375,10 +376,15 @@ def simulate_many(
             for i, row in zip(part, result, strict=True):
                 rows[i] = row
             report(min(count * chunk, len(open_scenes)))
-    _raise(rows)
-    warn_batch([r.result for r in rows], [r.needed_radius for r in rows])
+    names = SceneNames([_place(scene.model) for scene in scenes])
+    _raise(rows, names)
+    warn_batch([r.result for r in rows], [r.needed_radius for r in rows], names)
     hits = [i for i, row in enumerate(rows) if row.impulse > 0]
-    rerun = partial(_warn_of_worst, scenes, lambda i: _impact(scenes[i], steps[i], n, settings)[0])
+
+    def hit_of(i: int) -> History:
+        return _impact(scenes[i], steps[i], n, settings)[0]
+
+    rerun = partial(_warn_of_worst, scenes, names, hit_of)
     sharpness = [(rows[i].peak_force / rows[i].impulse, i) for i in hits]
     if n != "auto":
         reduced = [entry for entry in sharpness if _info(scenes[entry[1]]).method == "krylov"]
@@ -390,15 +396,22 @@ def simulate_many(
     rerun(deflections, large_deflection_message)
     if warned := [(i, row.told) for i, row in enumerate(rows) if row.told]:
         first, sentence = warned[0]
-        warn(f"{len(warned)} of {size} scenes, as scene {first}: {sentence}", AccuracyWarning)
+        which = names.several([i for i, _ in warned], first)
+        warn(f"{which}: {sentence}", AccuracyWarning)
     scene = max(range(len(rows)), key=lambda i: rows[i].rotation[1])
-    warn_large_rotation(f"{rows[scene].rotation[0]} of scene {scene}", rows[scene].rotation[1])
+    warn_large_rotation(f"{rows[scene].rotation[0]} of {names.one(scene)}", rows[scene].rotation[1])
     return _batch_of(rows)
 
 
 def _info(scene: Impact) -> ModelInfo:
     """The info of a scene's model."""
     return info_of(scene.model)
+
+
+def _place(model: LinearBody) -> str:
+    """The place of the one site of a model; "" if it is not known."""
+    places = [*site_points(model).values()]
+    return point_text(places[0]) if len(places) == 1 else ""
 
 
 def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[Any]:
@@ -418,6 +431,7 @@ def _laws(contacts: list[Any], models: list[Any], impactors: list[Any]) -> list[
 
 def _warn_of_worst(
     scenes: Sequence[Impact],
+    names: SceneNames,
     run: Callable[[int], History],
     ranked: Sequence[tuple[float, int]],
     check: Callable[[History], str],
@@ -434,7 +448,7 @@ def _warn_of_worst(
         if id(scenes[i].model) not in repeated:
             repeated.add(id(scenes[i].model))
             if sentence := check(run(i)):
-                warn(f"scene {i}: {sentence}", AccuracyWarning)
+                warn(f"{names.one(i)}: {sentence}", AccuracyWarning)
                 return
 
 
@@ -651,18 +665,18 @@ def _row(hit: History, check: CheckResult) -> _Row:
     )
 
 
-def _raise(rows: list[_Row]) -> None:
+def _raise(rows: list[_Row], names: SceneNames) -> None:
     """Raise the first InputError among the rows, or, if every scene failed, the error of the one
     that needs the largest patch, else of the first.
     """
     for i, row in enumerate(rows):
         if isinstance(row.error, InputError):
-            raise type(row.error)(f"scene {i}: {row.error}") from row.error
+            raise type(row.error)(f"{names.one(i)}: {row.error}") from row.error
     if all(row.error is not None for row in rows):
         i = max(range(len(rows)), key=lambda k: rows[k].needed_radius)
         error = rows[i].error
         assert error is not None
-        raise type(error)(f"scene {i}: {error}") from error
+        raise type(error)(f"{names.one(i)}: {error}") from error
 
 
 def _batch_of(rows: list[_Row]) -> Batch:

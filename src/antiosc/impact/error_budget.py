@@ -69,7 +69,7 @@ from antiosc.impact.truncation import (
     truncation_share,
 )
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import BeamSection, LinearBody, ModalModel, info_of
+from antiosc.models.body import BeamSection, LinearBody, ModalModel, coarse_at, info_of
 from antiosc.models.modal import ModalBody
 from antiosc.models.parameters import energy_error, has_bars, no_estimate
 
@@ -319,9 +319,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
 
     def bar(name: str, value: float) -> ErrorBar:
         causes = {cause: share_of[name] for cause, share_of in shares.items()}
-        return ErrorBar(value, **causes, law=None if law is None else law[name])
+        known_law = None if law is None else law[name]
+        return ErrorBar(value, **causes, law=known_law, without_mesh=bool(without_mesh))
 
-    by_quantity = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     motion = hit.site_motion
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
@@ -333,10 +333,13 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rough = of_mesh.truncation["peak_force"] > 0  # too few anti-oscillators
         unknown = ("mesh",) if rough else ("mesh", "truncation")
         linear = ""
-        missing = "The mesh is" if rough else "Mesh and truncation are"
+        missing = "The mesh's error is" if rough else "The errors of mesh and truncation are"
         reason = model.info.no_estimate
         remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
-        without_mesh = f"{missing} not in these bars: {remedy}."
+        without_mesh = f"{missing} not known: {remedy}."
+    elif cell := coarse_at(model, "", hit.assembly.contact_time_estimate):
+        unknown = ("mesh",)
+        without_mesh = BOTH_COARSE.format(*(engineering(length, "m") for length in cell))
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if patch_notes:
@@ -344,6 +347,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     notes = (*patch_notes, *geometry_notes, *model_notes, *of_mesh.doubts, *band_notes)
     settled = all(bars.comparable(raw, run) for run in runs)
     incomparable = () if settled else ("contact_time",)
+    by_quantity = {name: bar(name, getattr(hit, name)) for name in QUANTITIES}
     return ErrorBudget(
         by_quantity,
         of_mesh.share,
@@ -355,6 +359,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         rebound_of(hit),
         None if motion is None else bar(DEFLECTION, motion.largest),
         without_mesh,
+        tuple(model_notes),
     )
 
 
@@ -399,7 +404,12 @@ def _kept(
 
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."
 #: Start of the note on parts whose mesh's error has no estimator, as those with joints.
-WITHOUT_MESH = "These bars lack the mesh's error, and that of beams or shells in place of solids: "
+WITHOUT_MESH = "The mesh's error, and that of beams or shells in place of solids, is not known: "
+#: The same of a mesh whose error is that to cells of half the size.
+BOTH_COARSE = (
+    "The cell at the site, {}, is too long for the wave of this contact, {}: the mesh and that of"
+    " half its cells, by which the error would be estimated, are too stiff alike."
+)
 #: What estimates what no estimate was asked for.
 ESTIMATED_WITH = "extract with stretch and the error 'estimate' has all of them"
 COMPARED_WITH = "compare two sizes of the cells, and two numbers of anti-oscillators"

@@ -30,7 +30,7 @@ from antiosc.models.body import Body
 #: Note for a law given by the caller.
 GIVEN = "The contact's law was given: its error is not in these bars."
 #: Before the reason why the error of a law that was chosen is not known.
-NOT_KNOWN = "The error of the contact's law is not in these bars: "
+NOT_KNOWN = "The error of the contact's law is not known: "
 #: Note for a mesh by whose error of the curvature the surfaces may fit into each other.
 UNKNOWN_CURVATURE = (
     f"{NOT_KNOWN}the curvature of the surface at the site is too uncertain (smaller"

@@ -264,8 +264,8 @@ def _error_of(hit: HistoryLike) -> tuple[float, str]:
     error budget once it is known, else of the run alone.
     """
     budget = getattr(hit, "__dict__", {}).get("error_budget")
-    if budget and np.isfinite(total := max(budget.sides("peak_force"))):
-        return total, f"error{{}}, without {budget.lacking}" if budget.lacking else "error{}"
+    if budget and not budget.no_bar and np.isfinite(total := max(budget.sides("peak_force"))):
+        return total, f"error{{}}{budget.condition}"
     error = hit.error.get("peak", 0.0) + hit.error.get("truncation peak_force", 0.0)
     return error, "numerical error{}"
 

@@ -14,11 +14,12 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from antiosc.base._types import Array, IntArray
+from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import shown
 from antiosc.base.errors import InputError, name_list
-from antiosc.base.stresses import PAIRS, equivalent
+from antiosc.base.stresses import PAIRS, equivalent, length, tensors_of
 from antiosc.fem.assembly import with_parts
+from antiosc.fem.elements.shell import Shell
 from antiosc.fem.elements.weak_form import Material, WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.closest import ClosestPoint, ClosestPoints, closest_many, size_at
@@ -128,42 +129,94 @@ def jumps(
     """Estimated error (nodes,) of the von Mises stress [Pa] at each node of this rank.
 
     Zienkiewicz and Zhu: the mean over the cells of one material stands for the smooth stress, and
-    the error is the largest von Mises stress of the cells' differences from it. A node of a single
-    cell takes the largest error at the other nodes of this cell. `factors` (nodes, columns)
-    multiply the shapes at each node. To be called on all ranks.
+    the error is the largest von Mises stress of the cells' differences from it; in sheets, whose
+    axes turn from cell to cell, the difference of the von Mises stress itself, the larger of both
+    faces. A node of a single cell, or at a fold of a sheet, takes the largest error at the other
+    nodes of its cells. `factors` (nodes, columns) multiply the shapes at each node. To be called on
+    all ranks.
     """
     mesh = part.mesh
-    shapes = compat.with_ghosts(part.form.space, shapes)
-    evaluate = evaluator(part, "stress", Place())
     cells_of_rank = compat.cell_map(mesh.dolfinx).size_local
-    material = part.part_of_cells()
     nodes = compat.geometry_nodes(mesh.dolfinx)[:cells_of_rank]
-    X = mesh.geometry.reference_nodes
-    components = np.zeros((cells_of_rank, len(X), 6))
-    step = max(1, AT_ONCE // len(X))
-    for first in range(0, cells_of_rank, step):
-        cells = np.arange(first, min(cells_of_rank, first + step))
-        columns = _at_nodes_of(cells, part, shapes, evaluate)
-        columns = with_branches(columns, shares, np.repeat(material[cells], len(X)))
-        at_nodes = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
-        components[cells] = at_nodes.reshape(-1, len(X), 6)
-    keys = nodes * len(part.parts) + material[:cells_of_rank, None]
-    slots, slot_of = np.unique(keys, return_inverse=True)
-    slot_of = slot_of.reshape(keys.shape)
-    total = np.zeros((len(slots), 6, 1))
+    material = part.part_of_cells()[:cells_of_rank]
+    stresses, normals = _stresses_of_cells(part, shapes, factors, shares)
+    slots, slot_of = np.unique(nodes * len(part.parts) + material[:, None], return_inverse=True)
+    slot_of = slot_of.reshape(nodes.shape)
+    values = np.concatenate([stresses, normals], axis=2)
+    total = np.zeros((len(slots), values.shape[2], 1))
     count = np.zeros(len(slots))
-    np.add.at(total, slot_of, components[..., None])
+    np.add.at(total, slot_of, values[..., None])
     np.add.at(count, slot_of, 1.0)
     _join_ranks(part, slots, total, count, np.add)
-    difference = equivalent(components - total[slot_of, :, 0] / count[slot_of][..., None])
-    in_one_cell = count[slot_of] == 1
-    difference = np.where(in_one_cell, difference.max(axis=1, keepdims=True), difference)
+    means = total[..., 0] / count[:, None]
+    alone = (count == 1) | _is_fold(means[:, stresses.shape[2] :])
+    size = equivalent if part.kind.name == "solid" else length
+    difference = size(stresses - means[slot_of, : stresses.shape[2]])
+    elsewhere = np.where(alone[slot_of] & (count[slot_of] > 1), 0.0, difference)
+    difference = np.where(alone[slot_of], elsewhere.max(axis=1, keepdims=True), difference)
     largest = np.zeros((len(slots), 1, 1))
     np.maximum.at(largest[:, 0, 0], slot_of, difference)
     _join_ranks(part, slots, largest, count, np.maximum)
     result = np.zeros(len(mesh.dolfinx.geometry.x))
     np.maximum.at(result, slots // len(part.parts), largest[:, 0, 0])
     return result
+
+
+def _stresses_of_cells(
+    part: MeshedStructure, shapes: Array, factors: Array, shares: Array | None
+) -> tuple[Array, Array]:
+    """(stresses, products of the normal's components (…, 6)) at the nodes (C, n) of the cells of
+    this rank: of solids the components (C, n, 6) of the stress and no normals, of sheets the von
+    Mises stress (C, n, 1), the larger of both faces.
+    """
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    is_solid = part.kind.name == "solid"
+    places = [Place()] if is_solid else [Place("top"), Place("bottom")]
+    evaluates = [evaluator(part, "stress", at) for at in places]
+    cells_of_rank = compat.cell_map(part.mesh.dolfinx).size_local
+    material = part.part_of_cells()
+    nodes = compat.geometry_nodes(part.mesh.dolfinx)[:cells_of_rank]
+    X = part.mesh.geometry.reference_nodes
+    stresses = np.zeros((cells_of_rank, len(X), 6 if is_solid else 1))
+    normals = np.zeros((cells_of_rank, len(X), 0 if is_solid else 6))
+    step = max(1, AT_ONCE // len(X))
+    for first in range(0, cells_of_rank, step):
+        cells = np.arange(first, min(cells_of_rank, first + step))
+        at_nodes = []
+        for evaluate in evaluates:
+            columns = _at_nodes_of(cells, part, shapes, evaluate)
+            columns = with_branches(columns, shares, np.repeat(material[cells], len(X)))
+            tensors = np.einsum("pck,pk->pc", columns, factors[nodes[cells].ravel()])
+            at_nodes.append(tensors.reshape(-1, len(X), 6))
+        if is_solid:
+            stresses[cells] = at_nodes[0]
+        else:
+            stresses[cells, :, 0] = np.max([equivalent(one) for one in at_nodes], axis=0)
+            normals[cells] = _products_of_normals(part, cells, X)
+    return stresses, normals
+
+
+def _products_of_normals(part: MeshedStructure, cells: IntArray, X: Array) -> Array:
+    """Products (C, n, 6) of the components of the normals of a sheet at the nodes of cells; they do
+    not depend on which face is the top.
+    """
+    _, J = part.mesh.geometry.at(np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+    normal = np.cross(J[:, :, 0], J[:, :, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    products = [normal[:, i] * normal[:, j] for i, j in PAIRS]
+    return np.stack(products, axis=1).reshape(len(cells), len(X), 6)
+
+
+#: Least eigenvalue of the mean of n nᵀ over the cells around a node whose normals n differ little:
+#: 0.93 of two cells at 30°, 0.5 at a right angle.
+SMOOTH = 0.93
+
+
+def _is_fold(products: Array) -> BoolArray:
+    """Whether nodes lie at a fold, by the mean products (S, 6) of normals; (S, 0): at none."""
+    if not products.shape[1]:
+        return np.zeros(len(products), dtype=bool)
+    return np.asarray(np.linalg.eigvalsh(tensors_of(products))[:, -1] < SMOOTH)
 
 
 def _join_ranks(
@@ -212,6 +265,19 @@ def nearest_point(structure: Structure, x: Array, part: str | None, reach: Reach
         return np.asarray(parts[number][0].at.placed(found[0].x[None])[0])
 
     return with_parts(structure).decided(nearest)
+
+
+def isotropic_sheet_at(structure: Structure, x: Array) -> tuple[Shell, float] | None:
+    """The isotropic sheet nearest to x (3,), and the size [m] of its cell there; None of others."""
+    parts = with_parts(structure).fields(np.zeros((structure.rows, 1)), None)
+
+    def found() -> tuple[Shell, float] | None:
+        number, closest = _nearest(parts, x[None], Reach("the point of the contact", np.inf))
+        part = parts[number][0].part
+        material = part.material_at(closest[0])
+        return (material, size_at(part.mesh, closest[0])) if isinstance(material, Shell) else None
+
+    return with_parts(structure).decided(found)
 
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
@@ -553,14 +619,18 @@ def _side_by_side(
     )
 
 
+#: Kinds of parts whose stresses have an estimated error.
+ESTIMATED = {"solid", "sheet"}
+
+
 def stress_jumps(
     structure: Structure, shapes: Array, factors: Array, part: str | None = None
 ) -> Array | None:
     """Estimated errors [Pa] of von Mises stress at the points of `at_nodes`, on rank 0.
 
-    `factors` (P, columns) of the shapes at each point. 0 in sheets and beams; None without solids.
+    `factors` (P, columns) of the shapes at each point. 0 in beams; None of beams alone.
     """
-    if "solid" not in families(structure, shapes, part):
+    if not families(structure, shapes, part) & ESTIMATED:
         return None
     parts = with_parts(structure).fields(shapes, part)
     errors = []
@@ -570,7 +640,7 @@ def stress_jumps(
         sizes = comm.allgather(len(member.part.mesh.dolfinx.geometry.x))
         first = start + sum(sizes[: comm.rank])
         errors_of_rank = np.zeros(sizes[comm.rank])
-        if member.part.kind.name == "solid":
+        if member.part.kind.name in ESTIMATED:
             shares = shares_of(structure, "stress", member)
             errors_of_rank = jumps(
                 member.part, shapes_of_part, factors[first : first + len(errors_of_rank)], shares

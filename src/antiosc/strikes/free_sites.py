@@ -63,12 +63,13 @@ def free_sites(
     band: float | None,
     most: float = math.inf,
     least: int = FREE_MODES,
+    most_sites: int | None = None,
 ) -> FreeSites:
     """The sites of a map with at most `most` free modes; other arguments as for `impact_map`."""
     start_time = time.perf_counter()
     rank = structure.comm.rank
     with doing("finding the sites of the map", rank):
-        map_sites = sites_of(matrices, where, direction, radius)
+        map_sites = sites_of(matrices, where, direction, radius, most_sites)
     structure.factorize(math.inf)
     located = time.perf_counter()
     count = len(map_sites.sites)

@@ -74,7 +74,7 @@ from antiosc.models.auto_contact import (
     second_contact_of,
 )
 from antiosc.models.body import Body, LinearBody, ModalModel, checked_body
-from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, PIERCED
+from antiosc.models.doubts import BEYOND_WALL, EDGE, HOLLOW, NO_RESULT, PIERCED
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import ModalBody
 from antiosc.models.stretch import MOST, Count, Stretch, checked_count
@@ -147,6 +147,7 @@ def impact_map(
     stress: bool | int = False,
     stretch: Count | Literal[False] = False,
     longest: float | None = None,
+    most_sites: int | None = None,
 ) -> ImpactMap:
     """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
 
@@ -194,6 +195,9 @@ def impact_map(
     longest : float, optional
         The impact at a site is computed again for twice its duration, up to this one, s, as long
         as the bodies touch or approach at its end. Default: once, for the duration.
+    most_sites : int, optional
+        At most so many vertices of each group or part are sites, as far from each other as
+        possible. Default: all.
 
     Raises
     ------
@@ -208,6 +212,8 @@ def impact_map(
         radius = positive("radius", radius, "m")
     if longest is not None:
         longest = positive("longest", longest, "s")
+    if most_sites is not None:
+        most_sites = whole("most_sites", most_sites)
     if band is not None:
         band = checks.band(band)
     with_law = contact is not None and not is_auto(contact)
@@ -249,6 +255,7 @@ def impact_map(
         band or excited,
         math.inf if excited is None else MOST_MODES,
         FREE_MODES if stretch is False else STRETCH_MODES,
+        most_sites,
     )
     map_sites = sites_seen.map_sites
     omega = sites_seen.omega
@@ -548,6 +555,7 @@ def _struck(
     peaks = gathered("peak_force")
     impact_time = time.perf_counter()
     seconds = {**result.info["seconds"], "impacts": impact_time - start_time}
+    result = doubted(result, np.isnan(peaks), NO_RESULT)
     result = doubted(result, peaks > (1 + BEYOND) * on_wall, BEYOND_WALL)
     return replace(
         result,

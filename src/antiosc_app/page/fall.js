@@ -46,10 +46,9 @@ class FallPage {
           unbroken(made("span", cell, "", { className: "sides" }), plus_minus(bar).split(/ (?=−)/));
         }
       }
-      if (one.contact_time_note) {
-        const below = made("tr", find("numbers"), "", { className: "note" });
-        made("td", below, `${one.touches} touches: the contact time is that ${one.contact_time_note}`, { colSpan: 4 });
-      }
+      const below = (className, text) => made("td", made("tr", find("numbers"), "", { className }), text, { colSpan: 4 });
+      below("note done", one.told);
+      if (one.contact_time_note) below("note", `${one.touches} touches: the contact time is that ${one.contact_time_note}`);
       return made("button", head, `impact ${k + 1}`, { type: "button", onclick: () => this.choose(k) });
     });
   }

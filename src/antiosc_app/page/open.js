@@ -37,11 +37,12 @@ const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups tha
 const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", take: "opening the piece", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
-  verdict: "the largest stress", map: "striking all sites", write: "writing" };
+  verdict: "the largest stress", map: "striking all sites", map_forecast: "counting the sites of the map", write: "writing" };
 const WRITING = "The scene and its report are being written:", WRITTEN = "is written and may be used; its report follows:";
+const LONG = 20, SOON = 60, FEWEST = 50, SAVES = 0.75; // s of a map that is asked for, and of that with fewer sites; their number, and share of the time
 const LASTS = 2; // s from which on an answer tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
-const CONTINUED = ["settle", "fields", "verdict"]; // steps of an answer that has begun
+const CONTINUED = ["settle", "fields", "verdict", "map_forecast"]; // steps of an answer that has begun
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
@@ -75,8 +76,8 @@ class Bench {
       const answer = await fetch(`/${name}`, { method: "POST", body: JSON.stringify(content),
         headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } });
       if (!answer.ok) throw new Error(await answer.text());
-      const { answer: found, error } = unpacked(await answer.text());
-      if (error) throw new Error(error);
+      const { answer: found, error, field } = unpacked(await answer.text());
+      if (error) throw Object.assign(new Error(error), { field });
       return found;
     } finally {
       this.busy(-1);
@@ -129,7 +130,7 @@ class Bench {
       return found;
     } catch (error) {
       if (turn !== this.turn) return null;
-      if (name === "blow") this.refused(error.message);
+      if (name === "blow") this.refused(error.message, error.field);
       else this.wrong(error.message, true);
       return null;
     }
@@ -240,7 +241,7 @@ class Bench {
   // A button with the name of a face.
   face_button(where, name, text, title) {
     const [on, off] = [() => this.preview(name), () => this.preview("")];
-    return made("button", where, text, { type: "button", title, onclick: () => this.toggle(name),
+    return made("button", where, text, { type: "button", value: name, title, onclick: () => this.toggle(name),
       onmouseenter: on, onfocus: on, onmouseleave: off, onblur: off });
   }
 
@@ -332,9 +333,9 @@ class Bench {
     const rest = folds ? made("details", find("hold-row")) : null;
     if (folds) made("summary", rest, `${numbered.length} faces by number`);
     const lists = [find("hold"), folds ? made("div", rest, "", { className: "row faces" }) : find("hold")];
-    const names = ordered.map((name) => this.face_button(lists[Number(is_numbered(name))], name, name, "hold or free it"));
+    const names = ordered.map((name) => this.face_button(lists[Number(is_numbered(name))], name, folds ? name.replace(/^face /, "") : name, `hold or free ${name}`));
     this.pieces();
-    this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.textContent)))];
+    this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.value)))];
     this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
     this.own_material();
     this.choice(find("striker"), "kind", facts.strikers, () => this.setup.striker.kind, (kind) => this.striker({ kind }), KINDS_OF_STRIKER);
@@ -363,8 +364,9 @@ class Bench {
     find("stop").onclick = () => this.stop();
     find("save").hidden = !facts.saves;
     find("save").onclick = () => this.save();
-    find("map").onclick = () => this.map();
-    find("map-all").onclick = () => this.map(0, "");
+    find("map").onclick = () => (this.page && this.page.sites ? this.map() : this.ask_map(this.face || ""));
+    find("map-all").onclick = () => this.ask_map("");
+    find("most-sites").onchange = () => this.limit_sites();
     find("stresses").onclick = () => this.stresses();
     find("python").onfocus = () => find("python").select();
     this.show_fields();
@@ -686,8 +688,9 @@ class Bench {
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
     this.name_map();
     find("held-list").replaceChildren();
+    if (this.setup.held.length) made("span", find("held-list"), "held:");
     this.preview("");
-    for (const name of this.setup.held) this.face_button(find("held-list"), name, `held: ${name} ×`, "free it");
+    for (const name of this.setup.held) this.face_button(find("held-list"), name, `${name} ×`, "free it");
     for (const name of this.setup.held) if (this.facts.large_faces[name]) made("small", find("held-list"), this.facts.large_faces[name]);
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.facts.unheld);
     find("finer").textContent = this.is_finer() ? "Finer mesh at the largest stress" : "Finer mesh here";
@@ -729,19 +732,21 @@ class Bench {
   }
 
   // A set-up that is refused stays, that one field of it can be mended; what is shown is of the last
-  // one that has an answer. The fields that asked for it are marked; Undo leads back.
-  refused(text) {
+  // one that has an answer. The field that mends it is marked, or those that asked for it; Undo leads back.
+  refused(text, field) {
     this.caution = "";
     this.wrong(text, true);
     this.outdated(true);
+    const mends = document.querySelector(`#site-fields [type=number][name="${field}"]`);
     const marked = this.moving || document.querySelector("[aria-invalid=true]"); // a field changed before
-    for (const input of marked ? [] : this.inputs) mark(input, text);
+    for (const input of mends ? [mends] : marked ? [] : this.inputs) mark(input, text);
   }
 
   // -- the answer: at once, settled, and with motion and stress
 
   async strike() {
     const turn = ++this.turn;
+    this.cost = null;
     clearTimeout(this.later);
     if (!this.moving) this.keep();
     this.outdated(true);
@@ -750,7 +755,10 @@ class Bench {
     this.warn("");
     this.wrote("");
     if (this.page) this.last = this.page.hit;
-    if (this.page && this.page.sites) this.page = null;
+    if (this.page && this.page.sites) {
+      this.page = null;
+      this.tell([]); // what it advises is not on the page any more
+    }
     this.chosen = null;
     const known = !this.moving && this.answers.get(JSON.stringify(this.setup));
     if (known) return this.recall(known);
@@ -809,6 +817,7 @@ class Bench {
       this.shown_blow = this.turn;
       this.show(settled, part);
       this.judge(judged);
+      this.foresee();
     }
     this.completed();
   }
@@ -839,6 +848,7 @@ class Bench {
     if (judged) {
       this.judge(judged);
       this.remember({ settled, part: fields.part, judged });
+      this.foresee();
     }
     document.documentElement.dataset.complete = this.turn;
   }
@@ -891,16 +901,56 @@ class Bench {
 
   tell(sentences) { find("verdict").replaceChildren(...sentences.map((text) => Object.assign(document.createElement("p"), { textContent: text }))); }
 
-  // The map; from a map the blow at the site that is chosen on it.
-  async map(stress = 0, where = this.face || "") {
+  // At most so many sites of a map; nothing typed: all.
+  limit_sites() {
+    const values = typed([find("most-sites")], 1, RULES.n, true);
+    if (!values) return;
+    this.most = values[0];
+    this.tell_sites();
+  }
+
+  // What a map costs, kept until the set-up changes; null if it has none, or the page has gone on.
+  async map_cost(where) {
+    const turn = this.turn, { setup, tab, most } = this;
+    const found = await this.call("map_forecast", { tab, turn, setup, opening: this.facts.opening, ...on_face(where, most) }).catch(() => null);
+    return found && !found.stale && turn === this.turn ? found : null;
+  }
+
+  // How many sites the map of the button has, and how long it takes, beside it.
+  async foresee() {
+    if (this.falls()) return;
+    this.cost = await this.map_cost(this.face || "");
+    this.tell_sites();
+  }
+
+  tell_sites() {
+    const { cost, most } = this, mapped = Boolean(this.page && this.page.sites);
+    find("map-takes").textContent = cost && !mapped ? sites_text(cost, most) : "";
+  }
+
+  // A map that takes long is asked for, with fewer sites as the other way.
+  async ask_map(where) {
+    const { most } = this, cost = await this.map_cost(where), map = (count) => this.map(0, where, count);
+    if (!cost || cost.known.includes(most)) return map(most);
+    const [least, longest] = map_seconds(cost, most);
+    if (longest <= LONG) return map(most);
+    const fewer = Math.max(FEWEST, Math.floor((SOON - cost.fixed[1]) / cost.each[1] / 10) * 10), count = Math.min(most ?? cost.sites, cost.sites);
+    const saves = fewer < count && map_seconds(cost, fewer)[1] < SAVES * longest;
+    const other = saves ? [sites_text(cost, fewer), () => map(fewer)] : undefined;
+    this.ask(`The map of ${where || "the part"} strikes ${count} sites, which takes ${lasting(least, longest)}. The field beside the button limits their number.`,
+      `Strike ${count} sites`, () => map(most), () => {}, other);
+  }
+
+  // The map, at no more than so many sites; from a map the blow at the site that is chosen on it.
+  async map(stress = 0, where = this.face || "", most = this.most) {
     if (this.page && this.page.sites && !stress) return this.strike_chosen();
     clearTimeout(this.later);
     this.turn += 1; // motion and stress of the blow would replace the map
     find("case").textContent = ""; // nor does its refining go on
     const setup = this.is_lent() ? { ...this.setup, radius: null } : this.setup;
-    const found = await this.step("map", { ...(where ? { where } : {}), stress, setup });
+    const found = await this.step("map", { ...on_face(where, most), stress, setup });
     if (!found) return;
-    this.mapped = where;
+    [this.mapped, this.mapped_sites] = [where, most];
     if (this.page) this.page.stop();
     this.page = globalThis.page = new Page({ ...found.map, fixed: true, chosen: (i) => this.follow(i) }, this.engine, this.view, true);
     if (stress) this.page.show_kind(["exposure", "peak_stress"]);
@@ -916,7 +966,7 @@ class Bench {
   // The stress of the blow at each site; what takes long is asked for, with fewer sites as the other way.
   stresses() {
     const { sites, seconds, fewer } = this.offer;
-    const map = (count) => this.map(count, this.mapped);
+    const map = (count) => this.map(count, this.mapped, this.mapped_sites);
     if (fewer >= sites) return map(sites);
     const all = `all ${sites}, ${lasting(...seconds)}`, part = seconds.map((end) => end * fewer / sites);
     const some = `the ${fewer} with the largest forces and deflections, ${lasting(...part)}`;
@@ -952,6 +1002,8 @@ class Bench {
     const mapped = Boolean(this.page && this.page.sites);
     find("map").textContent = mapped ? "Strike this site" : `Map ${this.face || "the part"}`;
     find("map-all").hidden = mapped || !this.face || this.falls();
+    find("sites-row").hidden = mapped || this.falls();
+    this.tell_sites();
   }
 
   async save() {
@@ -1048,6 +1100,11 @@ function lasting(least, most) {
   const long = most >= 100, ends = [Math.floor(least / (long ? 60 : 1)), Math.ceil(most / (long ? 60 : 1))].map((end) => Math.max(1, end));
   return `${[...new Set(ends)].join(" to ")} ${long ? "min" : "s"}`;
 }
+// The least and the largest number of seconds of a map with at most so many sites, and both in words.
+const map_seconds = ({ sites, fixed, each }, most) => fixed.map((time, i) => time + each[i] * Math.min(most ?? sites, sites));
+const sites_text = (cost, most) => `${Math.min(most ?? cost.sites, cost.sites)} sites, ${lasting(...map_seconds(cost, most))}`;
+// What a call says of a map.
+const on_face = (where, most) => ({ ...(where ? { where } : {}), ...(most ? { most_sites: most } : {}) });
 // A time that has passed, in words: 12 s, 3 min 5 s.
 const clock = (seconds) => (seconds < 100 ? `${seconds} s` : `${Math.floor(seconds / 60)} min ${seconds % 60} s`);
 const rounded = (x) => Number(Number(x).toPrecision(4)); // of numbers that the page takes by itself

@@ -219,10 +219,10 @@ class Page {
     return this.known;
   }
 
-  // A number and its bar, with the mark of one that leaves something out: a line may end between them.
-  with_bar(name, plain, bar) {
-    const text = name === "restitution" ? (value) => engineering(value, "", 2) : percent;
-    return [plain, plus_minus(bar, text) + (this.blow.bars && this.blow.bars.mark || "")];
+  // A number and its bar, with its condition: a line may end between them.
+  with_bar(name, plain, bar, value, unit) {
+    const [number, told] = bar_texts(name, plain, bar, value, unit);
+    return [number, told + (this.blow.bars && this.blow.bars.condition || "")];
   }
 
   // The error below and above a number; that of the restitution is not relative.
@@ -272,7 +272,7 @@ class Page {
       if (name === "dent") now.parentElement.hidden = plain !== unknown && !(value > 0 || kept > 0);
       const bar = this.sides(name, hit, bars);
       const has_bar = (Array.isArray(bar) || Number.isFinite(bar)) && Number.isFinite(value);
-      const parts = has_bar ? this.with_bar(name, plain, bar) : [plain];
+      const parts = has_bar ? this.with_bar(name, plain, bar, value, unit) : [plain];
       unbroken(now, parts);
       const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, has_bar) : "";
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
@@ -297,7 +297,7 @@ class Page {
     if (!this.data.fixed) find("case").textContent = this.at_start() ? "the computed case" : "changed by the sliders";
     const dashed = this.data.before ? "; dashed: the blow before" : this.at_start() ? "" : "; dashed: the computed case";
     find("told").textContent = "Contact force" + dashed
-      + (this.bar ? `; the band: the error bar${this.blow.bars && this.blow.bars.mark || ""}` : "") + (hit.contacts > 1 ? "; the thick line: the contact time" : "")
+      + (this.bar ? `; the band: the error bar${this.blow.bars && this.blow.bars.condition || ""}` : "") + (hit.contacts > 1 ? "; the thick line: the contact time" : "")
       + (this.until < hit.duration ? `; none from the last release to the end, ${engineering(hit.duration, "s")}` : "") + ".";
   }
 

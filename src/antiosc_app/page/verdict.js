@@ -120,6 +120,14 @@ function stress_sentence(value, strength, scope) {
 // A number with three digits, as Python's ".3g".
 function general(value) { return String(Number(value.toPrecision(3))); }
 
+// A number and its bar as ErrorBudget.shown has them: of one that may be 0, how large it may be.
+function bar_texts(name, plain, bar, value, unit) {
+  const [below, above = below] = [bar].flat(), relative = name !== "restitution";
+  const whole = relative && name !== "stress" && percent(below) === percent(1);
+  if (whole) return [`${plain},`, `at most ${engineering((1 + above) * value, unit, 2)}`];
+  return [plain, plus_minus(bar, relative ? percent : (side) => engineering(side, "", 2))];
+}
+
 // The error below and above a number as far as physics allows, as ErrorBudget.sides, by the sum of
 // its causes. The impulse is m v (1 + e), 0 <= e <= 1, where e, the restitution, is a number.
 function sides_of(name, total, e) {

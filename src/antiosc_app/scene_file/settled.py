@@ -6,10 +6,12 @@ chosen values.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from antiosc.base.errors import warn, warnings_to
+from antiosc.base.errors import AntioscError, warn, warnings_to, without_warnings
+from antiosc.base.texts import rounded_up
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.automatic import only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
@@ -17,7 +19,7 @@ from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
 from antiosc_app.scene_file.run import has_sheets
 from antiosc_app.scene_file.scene import MESHED, CompiledScene
-from antiosc_app.until_parted import OSCILLATORS, Choice, rounded_up, tell_radius, until_parted
+from antiosc_app.until_parted import OSCILLATORS, Choice, tell_radius, until_parted
 
 if TYPE_CHECKING:
     from antiosc import History, Structure
@@ -95,7 +97,8 @@ def settled(document: Document, begun: Settled | None = None) -> Settled:
         return one
 
     with warnings_to(messages.append):
-        result, choice = until_parted(run, _hit, first, is_sheet=has_sheets(structure))
+        sheet = has_sheets(structure)
+        result, choice = until_parted(run, _hit, first, is_sheet=sheet, probed=_probed)
         tell_radius(first.radius, choice.radius)
         if hardest is not document:
             result = known.scene(document, choice)
@@ -107,6 +110,27 @@ def _hit(one: Settled) -> History:
     """The impact of a scene that was run."""
     hit: History = one.evaluate(one.scene.history)
     return hit
+
+
+def _probed(one: Settled) -> dict[str, float]:
+    """The errors of the probes of a scene by the number of anti-oscillators; without those of
+    accelerations that no filter smooths, which may never converge.
+    """
+    from antiosc import probe_error  # it needs the finite elements
+
+    errors = {}
+    for name, call in one.scene.probes.items():
+        arguments = {} if call is None else call.arguments
+        if call is None or (
+            arguments.get("quantity") == "acceleration" and not arguments.get("filter")
+        ):
+            continue
+        with suppress(AntioscError), without_warnings():
+            error = one.evaluate(replace(call, make=probe_error))
+            errors[f"the largest {arguments.get('quantity', 'displacement')} of probe {name}"] = (
+                error.truncation
+            )
+    return errors
 
 
 def _hardest(document: Document) -> Document:

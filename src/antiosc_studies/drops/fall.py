@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from antiosc import Margin, PeakField, ShockSpectrum, peak_field, srs
 from antiosc.base import checks
 from antiosc.base._types import Array, IntArray
-from antiosc.base.cfc import CLASSES, cfc_filter, memory_of, sampled
+from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampled
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
@@ -33,6 +33,7 @@ from antiosc_studies.drops.trajectory import (
     Peak,
     Trajectory,
     contact_yield,
+    deepest_dent,
     error_shares,
     initial_state,
     largest_contact,
@@ -67,8 +68,6 @@ NUDGE = 1e-4
 #: Largest relative change of a peak force that counts as predictable.
 SPREAD = 0.05
 
-#: Filter of the acceleration that is told unasked.
-SHOCK_FILTER = "CFC1000"
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
 At: TypeAlias = Sequence[float] | str | None
@@ -255,17 +254,34 @@ class Fall(Trajectory, Result):
         checks.choice("quantity", quantity, ("acceleration", "force"))
         if not self.groups:
             raise InputError(NO_IMPACT)
-        largest = Peak(0.0, 0.0, 0)
-        for k, impact in enumerate(self.impacts):
-            if quantity == "force":
-                candidate = Peak(impact.peak_force, impact.time, k)
-            else:
-                t, a = self.signal(at, k, filter=filter)
-                size = np.linalg.norm(a, axis=1)
-                i = int(np.argmax(size))
-                candidate = Peak(float(size[i]), float(t[i]), k)
-            largest = max(largest, candidate, key=float)
-        return largest
+        if quantity == "force":
+            peaks = [Peak(one.peak_force, one.time, k) for k, one in enumerate(self.impacts)]
+        else:
+            peaks = [self._strongest(k, at, filter) for k in range(len(self.impacts))]
+        return max(peaks, key=float)
+
+    def _strongest(self, k: int, at: At, filter: str | None) -> Peak:
+        """The largest acceleration at a point in one impact."""
+        t, a = self.signal(at, k, filter=filter)
+        size = np.linalg.norm(a, axis=1)
+        i = int(np.argmax(size))
+        return Peak(float(size[i]), float(t[i]), k)
+
+    @cached_property
+    def shocks(self) -> tuple[Peak, ...]:
+        """The largest acceleration of the centre of mass in each impact, through CFC1000: all
+        forces over the mass, as of a rigid part.
+        """
+        return tuple(self._strongest(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
+
+    @cached_property
+    def dents(self) -> Array:
+        """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
+        known: along lines, on soft layers, without a yield strength.
+        """
+        floor = self.setting.floor
+        episodes = map(self._episodes, range(len(self.impacts)))
+        return np.array([deepest_dent(self.body, floor, one) for one in episodes])
 
     def srs(
         self,
@@ -399,7 +415,7 @@ class Fall(Trajectory, Result):
         """Sentence on the largest acceleration of the centre of mass; "" without impacts."""
         if not self.groups:
             return ""
-        peak = self.peak("acceleration", filter=SHOCK_FILTER)
+        peak = max(self.shocks, key=float)
         by_force = self.impacts[peak.impact].law_error
         bar = " (no error bar: that of the force is not known)"
         if by_force is not None:

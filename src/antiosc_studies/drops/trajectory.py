@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot, sqrt
+from math import hypot, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -469,6 +469,14 @@ def contact_yield(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> 
     if pressures:
         return max(pressures, key=lambda current: current.share).warning()
     return ""
+
+
+def deepest_dent(body: FreeBody, floor: Floor, episodes: Sequence[Episode]) -> float:
+    """Depth of the deepest dent [m]; NaN without one, and where it is not known."""
+    if floor.layer is not None or _line_yield(body, floor, episodes):
+        return nan
+    dents = (contact.dent for contact in point_contacts(body, floor, episodes))
+    return max((dent.depth for dent in dents if dent is not None), default=nan)
 
 
 def _crushed(contact: PointContact) -> str:

@@ -141,6 +141,7 @@ def test_bars_of_tubes_hold_the_dent_of_the_wall(name, tmp_path):
         assert off > found[quantity].numerical, quantity
     (note,) = (each for each in found.notes if "wall of the tube" in each)
     assert "model of shells" in note
+    assert note in hit.summary()
     dent = flexibility(shells) - flexibility(model)
     assert 0.7 < dent / model.info["model"]["dent"] < 1.05
 
@@ -176,6 +177,11 @@ def test_walls_without_a_figure_are_told_to_dent():
     assert tube_wall(ao.Section.tube(0.04, 0.002)) == pytest.approx((0.019, 0.002))
     for solid in (ao.Section.circle(0.02), ao.Section.tube(0.04, 0.006), BAR):
         assert tube_wall(solid) is None
+    tube = ao.Section.tube(0.04, 0.002)  # in a deck without its outline
+    area, second = tube.A, tube.I
+    assert tube_wall(ao.Section(area, second, J=2 * second)) == pytest.approx((0.019, 0.002))
+    for J in (None, 1.4 * second):
+        assert tube_wall(ao.Section(area, second, J=J)) is None
     waves = np.arange(2, 2000)
     assert np.sum(waves / (waves**2 - 1) ** 1.5) + 1 / 2000 == pytest.approx(WAVES, rel=1e-4)
 

@@ -32,6 +32,20 @@ def test_the_walls_of_two_plates_are_those_of_each(gap):
     assert wall_thickness(plates(gap)) == pytest.approx(0.01, rel=1e-9)
 
 
+FIN = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 0.04, 0.04, 0.01}; Box(2) = {0, 0.019, 0.01, 0.04, 0.002, 0.0257};
+BooleanUnion(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+"""
+
+
+@pytest.mark.parametrize("size", [5e-3, 4e-3, 2.5e-3])
+def test_the_walls_do_not_depend_on_the_cells(size, tmp_path):
+    """Both sides of the fin of 2 mm are 0.3 of the surface, more than the quarter that decides."""
+    (tmp_path / "fin.geo").write_text(FIN)
+    mesh = ao.read_mesh(tmp_path / "fin.geo", size=size)
+    assert wall_thickness(mesh) == pytest.approx(0.002, rel=1e-9)
+
+
 def beside_a_step() -> ao.Mesh:
     """A block of 20 x 20 x 10 mm, cells of 1 mm, whose last 4 mm along x are 1 mm thick, and with a
     slit of 1 mm through it along y, 1 mm below the top.

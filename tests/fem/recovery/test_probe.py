@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import pickle
 import warnings
 from dataclasses import replace
 
@@ -110,6 +111,22 @@ def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet)
         assert bars[24, quantity] < min(0.05, 0.5 * bars[6, quantity]), bars
     with pytest.raises(ao.InputError, match="half"):
         ao.probe_error(part, ao.simulate(ao.extract(part, SITE, 1), BALL, LAW, 1e-4), point)
+
+
+def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
+    part = parts.held_sheet()
+    point = POINTS[1]
+    errors = []
+    for options in ({}, {"error": "estimate"}):
+        hit = ao.simulate(ao.extract(part, SITE, 24, **options), BALL, LAW, DURATION)
+        errors.append(ao.probe_error(part, hit, point, "displacement"))
+    alone, whole = errors
+    bar = hit.error_budget["peak_force"]
+    assert alone.force is None
+    assert alone == alone.truncation == pytest.approx(whole.truncation, rel=1e-6)
+    assert whole.force == pytest.approx(bar.total - bar.truncation)
+    assert whole == whole.truncation + whole.force > alone
+    assert pickle.loads(pickle.dumps(whole)).force == whole.force
 
 
 def gain(omega, cfc):

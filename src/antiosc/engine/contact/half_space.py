@@ -74,6 +74,19 @@ def bending_difference(
     return np.asarray(of_moment * np.log(np.maximum(ratio, 1.0)))
 
 
+def disc_bending(force: float, radius: float, nu: float, r: Array, thickness: float) -> Array:
+    """Mean of both bending stresses [Pa] at distances r from the middle of a circle on which a
+    force is spread evenly over a thin plate, less that at a distance of 1 m.
+
+    The sum of the moments has the Laplacian of the load (S. Timoshenko and S. Woinowsky-Krieger,
+    *Theory of Plates and Shells* (1959), (c) of §21).
+    """
+    inside = (1 - (r / radius) ** 2) / 2 - np.log(radius)
+    outside = -np.log(np.maximum(r, radius))
+    of_moment = 3 * force * (1 + nu) / (2 * np.pi * thickness**2)
+    return np.asarray(of_moment * np.where(r < radius, inside, outside))
+
+
 def von_mises(stresses: Array) -> Array:
     """Von Mises stress [Pa] (…) of stresses rr, tt, zz, rz (4, …)."""
     rr, tt, zz, rz = stresses

@@ -93,10 +93,6 @@ class Power(Patched):
 
     kind: ClassVar[int] = library.POWER
 
-    @property
-    def growth(self) -> float:  # type: ignore[override]
-        return (self.exponent - 1) / self.exponent
-
 
 @dataclass(frozen=True)
 class Linear(Patched):
@@ -151,7 +147,6 @@ class Hertz(Compiled):
     compliance: float = field(default=0.0, metadata=checked_by(checks.nonnegative, "m/N"))
 
     kind: ClassVar[int] = library.HERTZ
-    growth: ClassVar[float] = 1 / 3
     #: rho at which the law with a compliance ends
     END: ClassVar[float] = LARGEST_SHARE
 

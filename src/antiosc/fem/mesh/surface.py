@@ -353,7 +353,7 @@ class Faces(Entities):
         face = np.zeros(len(points), dtype=int)
         distance = np.full(len(points), np.inf)
         xi = np.zeros((len(points), self.dim))
-        item, point = pairs_within(self.centres, self.radii + rise, points)
+        item, point = self._crossed(points, normals, rise)
         xi_found = self._on_plane(item, points[point], normals[point])
         rise_of_face = self.bend[item]
         is_near = excess(xi_found, self.simplex) <= OUTSIDE_FACE + NEARLY * rise_of_face
@@ -388,6 +388,18 @@ class Faces(Entities):
         xi[point[order]] = xi_found[order]
         distance[point[order]] = distances[order]
         return face, xi, distance
+
+    def _crossed(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, IntArray]:
+        """Pairs (face, point) where the line through the point may cross the face: two arrays.
+
+        Most faces about a point on the wall of a hole lie aside, and need no projection.
+        """
+        face, point = pairs_within(self.centres, self.radii + rise, points)
+        gap = self.centres[face] - points[point]
+        height = np.einsum("nd,nd->n", gap, normals[point])
+        aside = np.einsum("nd,nd->n", gap, gap) - height**2
+        crossed = aside <= (self.radii[face] * (1 + TOUCH)) ** 2
+        return face[crossed], point[crossed]
 
     def _on_plane(self, face: IntArray, points: Array, normals: Array) -> Array:
         """ξ (n, d) of points projected along normals onto the tangent planes of faces.

@@ -12,8 +12,11 @@ from antiosc.fem.mesh.surface import Faces, quadrature
 from antiosc.fem.platform import compat
 from antiosc.io.neutral import connected
 
-#: Points of the surface at which the thickness is measured; each has the same share of its area.
+#: Points of a patch at which the thickness is measured; each has the same share of its area.
 POINTS = 64
+#: The same of a whole surface: in four meshes of a bracket of 4000 to 24 000 cells 64 points had
+#: 1.20, 1.20, 2.05 and 2.84 mm, 128 points 1.20 or 2.20 mm, and 256 points 1.20 mm in all.
+OF_SURFACE = 256
 #: Cosine of the normals of two opposite faces, at most.
 OPPOSITE = -0.5
 #: Distance behind a face, over the size of the part, up to which an opposite face touches it, as
@@ -40,7 +43,7 @@ def wall_thickness(mesh: Mesh) -> float:
     np.add.at(areas, points.entity, points.weight)
     skin = _whole_skin(faces)
     centres = skin.centres
-    chosen = np.unique(_evenly(_everywhere(faces, areas)))
+    chosen = np.unique(_evenly(_everywhere(faces, areas), OF_SURFACE))
     depths = [skin.depth(centres[k], int(k)) for k in chosen]
     thickness = float(np.quantile(depths, SHARE, method="higher"))
     return thickness if np.isfinite(thickness) else 0.0
@@ -62,17 +65,17 @@ def under_patch(faces: Faces, point: Array, radius: float) -> tuple[float, float
     is_struck = (distance <= radius) & is_same_side & (skin.bodies == skin.bodies[k])
     is_struck[k] = True
     struck = np.flatnonzero(is_struck)
-    chosen = struck[_evenly(sizes[struck] ** 2)]
+    chosen = struck[_evenly(sizes[struck] ** 2, POINTS)]
     depth_of = {j: skin.depth(centres[j], int(j), straight=True) for j in np.unique(chosen)}
     depths = [depth_of[j] for j in chosen]
     thickness = float(np.quantile(depths, 0.5, method="higher"))
     return thickness, float(min(depths)), float(sizes[k])
 
 
-def _evenly(areas: Array) -> IntArray:
-    """Numbers (POINTS,) of the faces of these areas at points that each have the same share."""
+def _evenly(areas: Array, count: int) -> IntArray:
+    """Numbers (count,) of the faces of these areas at points that each have the same share."""
     cumulated = np.cumsum(areas)
-    shares = (np.arange(POINTS) + 0.5) / POINTS
+    shares = (np.arange(count) + 0.5) / count
     return np.searchsorted(cumulated, shares * cumulated[-1])
 
 

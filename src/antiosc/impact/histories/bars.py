@@ -34,8 +34,12 @@ CAUSES = (
 ASSUMED = ("model", "law")
 #: Why a contact time has no bar.
 NO_BAR = "no error bar: the number of its contacts is uncertain"
-#: Behind a bar that leaves something out, and before what it leaves out.
-MARK = "*"
+#: In place of a bar that would lack a cause, which may be the largest one.
+WITHOUT_BAR = "no error bar"
+#: Behind a bar for a law of the caller's, whose error he alone knows.
+BY_GIVEN_LAW = " (law as given)"
+#: A side of a bar with which nothing is left of a quantity, as text; page.js has the same.
+WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
 
@@ -56,6 +60,7 @@ class ErrorBar:
     model : bound for the element family, such as a beam in place of a solid bar.
     law : bound for the contact law and its parameters; None: not known.
     stretch : bound for second-order forces of omitted modes, if a part stretches.
+    without_mesh : whether the mesh's error is not known, and `mesh` 0.
     """
 
     value: float
@@ -69,6 +74,7 @@ class ErrorBar:
     model: float = 0.0
     law: float | None = 0.0
     stretch: float = 0.0
+    without_mesh: bool = False
 
     @property
     def numerical(self) -> float:
@@ -81,11 +87,14 @@ class ErrorBar:
         return self.numerical + self.model
 
     @property
+    def known(self) -> float:
+        """Sum of the causes that are known."""
+        return self.without_law + (self.law or 0.0)
+
+    @property
     def total(self) -> float | None:
-        """Sum of all causes; None where the error of the contact's law is not known."""
-        if self.law is None:
-            return None
-        return self.without_law + self.law
+        """Sum of all causes; None where the error of the law or of the mesh is not known."""
+        return None if self.law is None or self.without_mesh else self.known
 
 
 class Rebound(NamedTuple):
@@ -116,8 +125,10 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : errors that the bars do not include, and reasons for doubts.
     safety : factor of the mesh's bars over the differences to the corrected model.
-    law : why the error of the contact's law is not in the bars; "" where it is.
-    no_mesh : why the mesh's error is not in the bars; "" where it is.
+    law : why the error of the contact's law is not in the bars; "" where it is. Where the law was
+        given, the bars are those for this law; else there are none (`unbarred`).
+    no_mesh : why the mesh's error is not known, so that there are no bars; "" where it is.
+    of_model : those of the notes that tell why the element family has an error.
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
@@ -135,6 +146,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     rebound: Rebound | None = None
     deflection: ErrorBar | None = None
     no_mesh: str = ""
+    of_model: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -183,7 +195,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     @property
     def worst(self) -> float | None:
-        """Largest total of the three quantities; None if the error of the law is unknown."""
+        """Largest total of the three quantities; None if one is not known."""
         totals = [bar.total for bar in self.bars.values()]
         if None in totals:
             return None
@@ -199,15 +211,22 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         """Largest of the three sums of all causes but model and law."""
         return max(bar.numerical for bar in self.bars.values())
 
+    @property
+    def rest_of_force(self) -> float | None:
+        """Relative error of the peak force beside its truncation, which a signal of the part has by
+        itself; None where the force has no bar.
+        """
+        bar = self.bars["peak_force"]
+        return None if self.no_bar else bar.known - bar.truncation
+
     def sides(self, name: str) -> tuple[float, float]:
         """Relative error of a quantity below and above it, as far as physics allows.
 
-        Without the law where its error is unknown. No quantity is negative, and the impulse of a
+        By the causes that are known. No quantity is negative, and the impulse of a
         blow on a part at rest lies between m v and 2 m v (`rebound`).
         """
         bar = self.bar(name)
-        total = bar.without_law if self.law or bar.total is None else bar.total
-        below, above = min(total, 1.0), total
+        below, above = min(bar.known, 1.0), bar.known
         if name == "impulse" and self.rebound is not None and bar.value > 0:
             low, high = (limit / bar.value for limit in self.rebound.impulses)
             return min(below, max(1 - low, 0.0)), min(above, max(high - 1, 0.0))
@@ -219,38 +238,52 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         m v (1 + e); not relative. None if it is not known.
         """
         rebound = self.rebound
-        if rebound is None or rebound.restitution is None or "impulse" in self.incomparable:
+        if rebound is None or rebound.restitution is None or "impulse" in self.unbarred:
             return None
         below, above = self.sides("impulse")
         return (1 + rebound.restitution) * below, (1 + rebound.restitution) * above
 
     def shown(self, name: str, digits: int = 4) -> str:
-        """A quantity with its error as text, marked if the error leaves something out."""
+        """A quantity with its error as text, of one that may be 0 how large it may be, or that it
+        has no bar.
+        """
         bar = self.bar(name)
         value = engineering(bar.value, UNITS[name], digits)
+        if self.no_bar:
+            return f"{value} ({WITHOUT_BAR})"
         if name in self.incomparable:
             return value
-        return f"{value} {plus_minus(self.sides(name))}{self.mark}"
+        below, above = self.sides(name)
+        if percent(below) == WHOLE:
+            most = engineering((1 + above) * bar.value, UNITS[name], 2)
+            return f"{value}, at most {most}{self.condition}"
+        return f"{value} {plus_minus((below, above))}{self.condition}"
 
     @property
-    def mark(self) -> str:
-        """The mark of a bar that leaves something out, which `left_out` tells; "" if none does."""
-        return MARK * bool(self.left_out)
+    def no_bar(self) -> bool:
+        """Whether a cause is not known that may be the largest: the law's error, or the mesh's."""
+        return bool(self.no_mesh) or self.unknown_law
 
     @property
-    def lacking(self) -> str:
-        """What the bars leave out, in a few words: "the law", "the mesh" or both; "" if nothing."""
-        return " and ".join(["the law"] * bool(self.law) + ["the mesh"] * bool(self.no_mesh))
+    def unknown_law(self) -> bool:
+        """Whether the error of the contact's law is not known, where that was not given."""
+        return any(bar.law is None for bar in self.bars.values())
+
+    @property
+    def condition(self) -> str:
+        """The end of a bar that holds for a given law; "" of others."""
+        return BY_GIVEN_LAW * bool(self.law)
 
     @property
     def left_out(self) -> str:
         """What the bars leave out; "" if nothing."""
-        return " ".join(filter(None, [self.no_mesh, self.law]))
+        told = self.unknown_law or not self.no_mesh
+        return " ".join(filter(None, [self.no_mesh, self.law * told]))
 
     @property
     def footnote(self) -> str:
-        """What marked bars leave out, after the mark, told once beside them; "" if nothing."""
-        return f"{self.mark} {self.left_out}".strip()
+        """Why there are no bars, or what they leave out, told once beside them; "" if nothing."""
+        return f"{'There is no error bar. ' * self.no_bar}{self.left_out}"
 
     def shown_restitution(self, e: float | None, digits: int = 3) -> str:
         """A coefficient of restitution as text, with its error if that is known."""
@@ -259,12 +292,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         sides = self.restitution_sides
         if sides is None:
             return restitution_text(e, digits)
-        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.mark}"
+        return f"{restitution_text(e, digits)} {plus_minus(sides, two_digits)}{self.condition}"
 
     @property
     def unbarred(self) -> dict[str, str]:
-        """Quantity without a bar -> why it has none."""
-        return dict.fromkeys(self.incomparable, NO_BAR)
+        """Quantity without a bar, or "restitution" -> why it has none; a reason that all have is
+        the `footnote`.
+        """
+        without = (*self.bars, "restitution") if self.no_bar else ()
+        return dict.fromkeys(without, WITHOUT_BAR) | dict.fromkeys(self.incomparable, NO_BAR)
 
     def shares(self, name: str) -> dict[str, float | None]:
         """Cause -> its share in the error of a quantity; their total, and the error "below" and
@@ -275,7 +311,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         shares = {
             cause: None if cause in unknown_causes else getattr(bar, cause) for cause in CAUSES
         }
-        if name in self.incomparable:
+        if name in self.unbarred:
             return {**shares, "total": None, "below": None, "above": None}
         below, above = self.sides(name)
         return {**shares, "total": bar.total, "below": below, "above": above}

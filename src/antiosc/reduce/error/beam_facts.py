@@ -143,17 +143,26 @@ def _of_bar(part: MeshedStructure, beam: Beam, point: Array, direction: Array) -
 
 
 def tube_wall(section: Section) -> tuple[float, float] | None:
-    """(radius of its middle, thickness) of the wall of a thin round tube [m]; None of others."""
-    outer = max((hypot(*point) for point in section.outline), default=0.0)
-    hollow = outer**2 - section.A / pi
-    round_ = all(isclose(hypot(*point), outer, rel_tol=1e-6) for point in section.outline)
-    if not (round_ and section.isotropic and hollow > 0):
+    """(radius of its middle, thickness) of the wall of a thin round tube [m]; None of others.
+
+    Of the squares of the outer and the inner radius the sum is 4 I/A and the difference A/π.
+    """
+    mean, half = 2 * section.I / section.A, section.A / (2 * pi)
+    outer = sqrt(mean + half)
+    if not (section.isotropic and half < mean and _is_round(section, outer)):
         return None
-    if not isclose(section.I, section.A * (outer**2 + hollow) / 4, rel_tol=1e-6):
-        return None
-    wall = outer - sqrt(hollow)
+    wall = outer - sqrt(mean - half)
     radius = outer - wall / 2
     return (radius, wall) if radius >= RADIUS * wall else None
+
+
+def _is_round(section: Section, outer: float) -> bool:
+    """Whether a section is a ring of this outer radius [m]: by its outline, or in a deck, which has
+    none, by a torsion constant that is the polar moment, as of rings alone.
+    """
+    if section.outline:
+        return all(isclose(hypot(*point), outer, rel_tol=1e-6) for point in section.outline)
+    return section.J is not None and isclose(section.J, 2 * section.I, rel_tol=1e-6)
 
 
 def _spread(section: Section) -> float:

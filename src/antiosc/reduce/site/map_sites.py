@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.checks import coordinates, floats, positive
 from antiosc.base.errors import InputError
+from antiosc.base.progress import counting
 from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.joint import group_end
@@ -160,18 +161,23 @@ class SurfaceSample:
 
 
 def sites_of(
-    structure: MeshedParts, where: object, direction: Sequence[float] | None, radius: Radius
+    structure: MeshedParts,
+    where: object,
+    direction: Sequence[float] | None,
+    radius: Radius,
+    most: int | None = None,
 ) -> MapSites:
     """The sites of a map: on groups ("part:group" of an assembly), on parts, or at points.
 
-    `where` None: on all surfaces. InputError if no site of a named surface can move.
+    `where` None: on all surfaces; `most`: on each surface at most so many. InputError if no site of
+    a named surface can move.
     """
 
     def work() -> MapSites:
         names = targets(where)
         if where is None:
             surfaces = [
-                _on_part(structure, member, None, direction, radius, member.name)
+                _on_part(structure, member, None, direction, radius, member.name, most)
                 for member in structure.members()
             ]
             return movable(concatenated(surfaces), None)
@@ -180,7 +186,7 @@ def sites_of(
         surfaces = []
         for name in names:
             member, group = _part_and_group(structure, name)
-            on_part = _on_part(structure, member, group, direction, radius, name)
+            on_part = _on_part(structure, member, group, direction, radius, name, most)
             surfaces.append(movable(on_part, name))
         return concatenated(surfaces)
 
@@ -188,6 +194,18 @@ def sites_of(
     return replace(
         surfaces, sites=replace(surfaces.sites, loads=structure.own(surfaces.sites.loads))
     )
+
+
+def number_of_sites(structure: MeshedParts, where: object, radius: Radius, most: int | None) -> int:
+    """Number of the sites that a map begins with: those that cannot move are left out later."""
+    names = targets(where)
+    if names is None and where is not None:
+        return len(floats("where", where, None))
+    parts: list[tuple[Member, str | None]] = [(member, None) for member in structure.members()]
+    if names is not None:
+        parts = [_part_and_group(structure, name) for name in names]
+    samples = (_sampled(member.part, group, radius, most)[0] for member, group in parts)
+    return sum(len(sample.points) for sample in samples)
 
 
 def movable(sites: MapSites, where: object) -> MapSites:
@@ -244,6 +262,7 @@ def _on_part(
     direction: Sequence[float] | None,
     radius: Radius,
     name: str,
+    most: int | None = None,
 ) -> MapSites:
     """Sites of a part in the axes of the assembly, possibly none."""
     if direction is None and not member.part.kind.outside:
@@ -254,7 +273,7 @@ def _on_part(
         )
     R = member.at.rotation
     direction_of_part = None if direction is None else (_in_space(direction) @ R).tolist()
-    map_sites = sites_on(member.part, where, direction_of_part, radius)
+    map_sites = sites_on(member.part, where, direction_of_part, radius, most)
     sites = map_sites.sites
     if not len(sites):
         return map_sites
@@ -279,8 +298,11 @@ def sites_on(
     where: object,
     direction: Sequence[float] | None,
     radius: Radius,
+    most: int | None = None,
 ) -> MapSites:
-    """The sites on one surface (a group; None: all surfaces), or at points; possibly none."""
+    """The sites on one surface (a group; None: all surfaces), at most so many, or at points;
+    possibly none.
+    """
     unit_direction = None if direction is None else _in_space(direction)
     if unit_direction is not None:
         unit_direction = unit_direction / np.linalg.norm(unit_direction)
@@ -288,14 +310,10 @@ def sites_on(
         radius = Resolved()
     if radius is not None and not isinstance(radius, Resolved):
         positive("radius", radius, "m")
-    ground = (
-        surface(structure, where)
-        if where is None or isinstance(where, str)
-        else _sample(structure, where, unit_direction)
-    )
-    edges = 0
-    if isinstance(radius, Resolved) and structure.kind.outside:
-        ground, edges = clear_of_edges(structure, ground)
+    if where is None or isinstance(where, str):
+        ground, edges = _sampled(structure, where, radius, most)
+    else:
+        ground, edges = _clear(structure, _sample(structure, where, unit_direction), radius)
     count = len(ground.points)
     directions = -ground.normals if unit_direction is None else np.tile(unit_direction, (count, 1))
     radii = (
@@ -317,6 +335,52 @@ def sites_on(
     if is_movable.any():
         warn_of_doubts(structure, result.sites, True, isinstance(radius, Resolved))
     return result
+
+
+def _sampled(
+    structure: MeshedStructure, group: str | None, radius: Radius, most: int | None
+) -> tuple[SurfaceSample, int]:
+    """(the vertices of a surface that are sites, at most so many, number of those on edges)."""
+    ground, edges = _clear(structure, surface(structure, group), radius)
+    return thinned(ground, most), edges
+
+
+def _clear(
+    structure: MeshedStructure, ground: SurfaceSample, radius: Radius
+) -> tuple[SurfaceSample, int]:
+    """(the sample, for radii by the facets of a solid without points on edges, number of these)."""
+    if isinstance(radius, Resolved) and structure.kind.outside:
+        return clear_of_edges(structure, ground)
+    return ground, 0
+
+
+#: Distance between points with opposite normals, for the spread of sites over a surface, over its
+#: size: both sides of a plate have sites of their own.
+OPPOSITE = 0.5
+
+
+def thinned(ground: SurfaceSample, most: int | None) -> SurfaceSample:
+    """At most `most` points of a sample, each as far as possible from those before it, and the
+    triangles between them: those of the sample with each corner at the nearest of these points.
+    """
+    if most is None or len(ground.points) <= most:
+        return ground
+    extent = float(np.ptp(ground.points, axis=0).max())
+    places = np.hstack([ground.points, OPPOSITE / 2 * extent * ground.normals])
+    kept = [0]
+    nearest = np.zeros(len(places), dtype=int)
+    gap = np.linalg.norm(places - places[0], axis=1)
+    while len(kept) < most:
+        i = int(gap.argmax())
+        further = np.linalg.norm(places - places[i], axis=1)
+        nearest[further < gap] = len(kept)
+        gap = np.minimum(gap, further)
+        kept.append(i)
+    elements = nearest[ground.elements]
+    corners = np.sort(elements, axis=1)
+    own = (np.diff(corners, axis=1) > 0).all(axis=1)
+    first = np.unique(corners[own], axis=0, return_index=True)[1]
+    return SurfaceSample(ground.points[kept], ground.normals[kept], elements[own][first])
 
 
 def resolved_radii(
@@ -344,11 +408,13 @@ def resolved_radii(
         largest[within] = faces.contact(*inner, reach, labels).largest
     radii = np.where(largest > 0, np.maximum(RESOLVED * largest, least), np.nan)
     left = np.flatnonzero(np.isfinite(radii))
-    while left.size:
-        largest = faces.contact(points[left], directions[left], radii[left], labels).largest
-        is_coarse = largest > radii[left]
-        left = left[is_coarse]
-        radii[left] = RESOLVED * largest[is_coarse]
+    with counting("radii of the patches", len(points), structure.comm.rank) as ready:
+        while left.size:
+            largest = faces.contact(points[left], directions[left], radii[left], labels).largest
+            is_coarse = largest > radii[left]
+            left = left[is_coarse]
+            radii[left] = RESOLVED * largest[is_coarse]
+            ready(len(points) - left.size)
     return radii
 
 
