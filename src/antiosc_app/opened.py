@@ -105,6 +105,7 @@ from antiosc_app.until_parted import (
     LONGER,
     Choice,
     duration_of_map,
+    expansion_of,
     next_count,
     tell_radius,
     until_parted,
@@ -1303,7 +1304,7 @@ def _with_less_error(
     more = next_count(n, bar.truncation, blow.model) if asked.n is None else n
     if more > n:
         reasons.append(why_more(n, more, bar.truncation))
-        set_up = replace(set_up, n=more)
+        set_up = replace(set_up, n=more, expansion=expansion_of(blow.hit))
     of_cells = bar.mesh + (bar.patch or 0.0)
     if asked.finer is None and not set_up.finer and look.meshed and of_cells > MOST_OF_CELLS:
         reasons.append(

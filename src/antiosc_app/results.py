@@ -462,12 +462,15 @@ def _model_rows(model: AntiOscillators) -> Rows:
     else:
         rows.append(("static stiffness k0", engineering(model.k0, "N/m", 4)))
         rows.append(("static mass m_st", engineering(model.m_st, "kg", 4)))
-    rows.append(("anti-oscillators", f"{model.n}"))
+    point = model.info.expansion
+    about = f", expanded about {engineering(point, 'Hz')}" if point else ""
+    rows.append(("anti-oscillators", f"{model.n}{about}"))
     if not several_sites and model.m_st > 0:
         rows.append(("captured mass", f"{100 * (1 - model.m0 / model.m_st):.2f} % of m_st"))
     lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in model.omega[:5])
     ellipsis = ", …" if len(model.omega) > 5 else ""
-    return [*rows, ("antiresonances", f"{lowest or 'none'}{ellipsis} Hz")]
+    name = "frequencies" if point else "antiresonances"
+    return [*rows, (name, f"{lowest or 'none'}{ellipsis} Hz")]
 
 
 def _impact(results: SceneResults) -> Presentation:

@@ -214,6 +214,8 @@ class SetUp:
     yield_range: tuple[float, float] | None = None
     #: number of anti-oscillators; None: as a new scene has
     n: int | None = None
+    #: frequency of their expansion point [Hz]; None: static
+    expansion: float | None = None
     #: density of the materials of a deck that state none [kg/m³]; None: as it was read
     density: float | None = None
     #: Young's modulus of the materials of a deck that state no elasticity [Pa]; None: as density
@@ -227,6 +229,8 @@ class SetUp:
         for name in ("radius", "thickness", "size", "near"):
             if getattr(self, name) is not None:
                 checks.positive(name, getattr(self, name), "m")
+        if self.expansion is not None:
+            checks.positive("expansion", self.expansion, "Hz")
         of_deck = [("density", "kg/m³"), ("modulus", "Pa")]
         if isinstance(self.yield_strength, str):
             checks.choice("the material of the yield strength", self.yield_strength, MATERIALS)
@@ -352,6 +356,8 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
             RESOLVED * source.size_at(set_up.point) / finer
         )
     extract: Table = {"n": set_up.n or inspection.count}
+    if set_up.expansion:
+        extract["expansion"] = set_up.expansion
     if set_up.damping:
         extract["damping"] = set_up.damping
     if inspection.bars:

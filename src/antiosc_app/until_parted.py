@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from math import inf, pi
+from math import floor, inf, log2, pi
 from typing import NamedTuple, TypeVar
 
 from antiosc import AntiOscillators, History, truncation_error
@@ -33,7 +33,12 @@ LONGER_OF_MAP = 2.0
 #: Numbers of anti-oscillators, and the share of the error of the force by truncation from which the
 #: next one is taken. A printed bar of 13.6 × 5 × 100 mm: 40 % with 20, 0.05 % with 80. A sheet of
 #: 85 572 dofs under a ball of 20 mm: 1205, 521, 416 and 407 N with 20, 150, 400 and 800.
-OSCILLATORS = (20, 150, 400)
+OSCILLATORS = (20, 60, 150, 400)
+#: Expansion points are at this share of the inverse of the contact time, or down to half of it. Of
+#: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
+#: anti-oscillators about the static point, 2.6 and 0.4 % with a share of 0.67. With twice as much
+#: later impacts on it were 25 % off at an estimate of 8 % (benchmarks/expansion_points.py).
+EXPANSION = 0.7
 MOST_TRUNCATION = 0.1
 #: Largest product of dofs and anti-oscillators: 3.4e7 took 85 s for this sheet, beside other work.
 MOST_WORK = 8e7
@@ -45,7 +50,7 @@ class Choice(NamedTuple):
     """The radius [m] of a patch, None for that of the mesh, and the duration [s] of an impact.
 
     `keeps_radius`, `keeps_duration`: whether they were given. `n`: number of anti-oscillators; None
-    if it was given.
+    if it was given. `expansion`: frequency of their expansion point [Hz]; None: static, or given.
     """
 
     radius: float | None
@@ -53,6 +58,7 @@ class Choice(NamedTuple):
     keeps_radius: bool = False
     keeps_duration: bool = False
     n: int | None = None
+    expansion: float | None = None
 
 
 def until_parted(
@@ -101,7 +107,7 @@ def until_parted(
             more = next_count(choice.n, errors[worst], hit.model)
             if more > choice.n:
                 reason = why_more(choice.n, more, errors[worst], worst)
-                choice = choice._replace(n=more)
+                choice = choice._replace(n=more, expansion=expansion_of(hit))
                 continue
         if linear and may_stretch(hit) and number < MOST_RUNS - 1:
             linear = False
@@ -123,6 +129,13 @@ def next_count(n: int, truncation: float, model: AntiOscillators) -> int:
     """
     _, *larger = counts_from(n, model.info.dofs or 0)
     return n if truncation <= MOST_TRUNCATION or not larger or model.n < n else larger[0]
+
+
+def expansion_of(hit: History) -> float:
+    """Frequency [Hz] about which more anti-oscillators converge first, by the contact time; a power
+    of two, so that blows that are alike share a factor.
+    """
+    return float(2.0 ** floor(log2(EXPANSION / hit.assembly.contact_time_estimate)))
 
 
 def counts_from(n: int, dofs: float) -> list[int]:

@@ -476,7 +476,7 @@ def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(
     monkeypatch.setattr(commands, "LONG_RUN", 0.0)
     monkeypatch.setattr(commands, "settled", chooses)
     assert antiosc("run", path) == 0
-    assert "models of 20, 150, 400 anti-oscillators" in told[0]
+    assert "models of 20, 60, 150, 400 anti-oscillators" in told[0]
     assert "dofs: " not in capsys.readouterr().err
     assert antiosc("run", path, "--dry-run") == 0
     assert told[0].partition("has ")[2].partition(" GB")[0] in capsys.readouterr().out

@@ -9,14 +9,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 import antiosc as ao
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.impact import truncation
 from antiosc.impact.truncation import (
     WARN_SHARE,
     _block_gauss,
     _gauss,
+    _stiffness_deficit,
     choose_n,
+    softest_model,
     truncation_error,
     truncation_share,
 )
@@ -275,6 +279,81 @@ def thin_plate(n: int = 31) -> ao.Structure:
     laplacian = sparse.kron(line, eye) + sparse.kron(eye, line)
     K = bending / h**2 * laplacian.T @ laplacian
     return ao.Structure.from_matrices(K.tocsr(), (mass * h**2 * sparse.identity(n * n)).tocsr())
+
+
+SITE = ao.Site(dof=15 * 31 + 15)
+#: Frequency of an expansion point [Hz].
+POINT = 4e3
+
+
+def receptance(part: ao.Structure, s: float) -> float:
+    """Displacement of the site under a unit force as e^(st), by a direct solve."""
+    K, M = csr(part.K), csr(part.M)
+    force = np.zeros(K.shape[0])
+    force[SITE.dof] = 1.0
+    return float(spsolve((K + s**2 * M).tocsc(), force)[SITE.dof])
+
+
+def of_model(model: ao.AntiOscillators, s: float) -> float:
+    """The same of a model."""
+    springs = model.m * s**2 / (1 + (s / model.omega) ** 2)
+    return float(1 / (model.k0 + model.m0 * s**2 + springs.sum()))
+
+
+def test_a_model_is_exact_at_its_expansion_point_and_at_rest():
+    part, s = thin_plate(), 2 * np.pi * POINT
+    exact = receptance(part, s)
+    static = ao.extract(part, SITE, n=3)
+    assert abs(of_model(static, s) / exact - 1) > 0.01
+    for n in (1, 3, 8):
+        model = ao.extract(part, SITE, n=n, expansion=POINT)
+        assert of_model(model, s) == pytest.approx(exact, rel=1e-9)
+        assert 1 / model.k0 == pytest.approx(receptance(part, 0.0), rel=1e-9)
+        assert model.m_st == pytest.approx(static.m_st, rel=1e-9)
+        assert model.m0 > 0
+        assert (model.m > 0).all()
+        assert model.info.expansion == POINT
+
+
+def test_a_blow_that_is_over_before_its_waves_return_needs_fewer_about_its_contact_time():
+    """Against all anti-oscillators that the site sees; the static ones are far off."""
+    part = thin_plate(47)
+    site = ao.Site(dof=23 * 47 + 23)
+    ball, law = ao.RigidMass(3e-4, 1.0), ao.Hertz(2e10)
+    every = ao.simulate(ao.extract(part, site, n=200), ball, law, 5e-5).peak_force
+    forces = [
+        ao.simulate(ao.extract(part, site, n=12, expansion=point), ball, law, 5e-5).peak_force
+        for point in (None, 4 * POINT)
+    ]
+    assert abs(forces[0] / every - 1) > 0.1
+    assert forces[1] == pytest.approx(every, rel=0.01)
+
+
+@pytest.mark.parametrize("point", [None, POINT])
+def test_what_a_model_may_lack_is_the_difference_to_its_softest_one(point):
+    model = ao.extract(thin_plate(), SITE, n=4, expansion=point)
+    softest = softest_model(model)
+    for s in (1e5, 2e5 * np.exp(0.4j), 2e5j + 1e4):
+        stiffness = 1 / of_complex(model, s)
+        lack = stiffness - 1 / of_complex(softest, s)
+        found = _stiffness_deficit(model, np.array([s]))[0]
+        assert abs(lack) > 1e-6 * abs(stiffness)
+        assert abs(found - lack) < 1e-6 * abs(lack) + 1e-10 * abs(stiffness)
+    s = 2 * np.pi * (point or 0.0)  # both have the moments there
+    assert of_complex(softest, s) == pytest.approx(of_complex(model, s), rel=1e-9)
+
+
+def of_complex(model: ao.AntiOscillators, s: complex) -> complex:
+    """The receptance of a model at a complex s."""
+    springs = model.m * s**2 / (1 + (s / model.omega) ** 2)
+    return complex(1 / (model.k0 + model.m0 * s**2 + springs.sum()))
+
+
+def test_an_expansion_point_is_one_of_a_krylov_space():
+    with pytest.raises(ao.InputError, match="krylov"):
+        ao.extract(thin_plate(), SITE, n=3, method="modes", expansion=POINT)
+    with pytest.raises(ao.InputError, match="expansion"):
+        ao.extract(thin_plate(), SITE, n=3, expansion=-1.0)
 
 
 def test_two_sites_are_checked_as_one_is() -> None:

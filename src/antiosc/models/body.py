@@ -132,6 +132,7 @@ class ModelInfo(ReprMixin):
     modes_computed, modes_unobservable, modes_merged : numbers of constraint modes that were
         computed, dropped for their small share in Z, and merged with others of their frequency.
     converged : how many of the lowest anti-oscillators have converged to antiresonances.
+    expansion : frequency [Hz] of the expansion point of the Krylov space; None: static.
     rigid_modes : number of rigid-body modes of the structure.
     rigid_share : largest share of one of them in the compliance of the sites.
     independent : columns of the sites that move independently of those before.
@@ -167,6 +168,7 @@ class ModelInfo(ReprMixin):
     method: str | None = None
     dofs: int | None = None
     converged: int | None = None
+    expansion: float | None = None
     modes_computed: int | None = None
     modes_unobservable: int | None = None
     modes_merged: int | None = None

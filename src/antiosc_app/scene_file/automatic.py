@@ -36,6 +36,8 @@ def with_values(document: Document, choice: Choice) -> Document:
     extract = data.get("extract")
     if isinstance(extract, dict) and extract.get("n") == AUTO:
         data["extract"] = {**extract, "n": choice.n or OSCILLATORS[0]}
+        if choice.expansion and extract.get("method", "krylov") == "krylov":
+            data["extract"].setdefault("expansion", choice.expansion)
     if data == document.data:
         return document
     return replace(document, data=data)

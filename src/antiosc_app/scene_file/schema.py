@@ -312,6 +312,7 @@ CHECKS: dict[str, Check] = {
     "band": _in_unit("Hz"),
     "damping": lambda _, value: as_damping(value),
     "density": _in_unit("kg/m³"),
+    "expansion": _in_unit("Hz"),
     "filter": _choice_check("antiosc.base.cfc:CLASSES"),
     "gap": functools.partial(checks.nonnegative, unit="m"),
     "method": _choice_check("antiosc.impact.reference:METHODS"),

@@ -39,8 +39,9 @@ class Known:
 
     def __init__(self, structure: Structure | None) -> None:
         self.structure = structure
-        #: radius and number of anti-oscillators, model and the warnings of its extraction
-        self._model: tuple[tuple[float | None, int | None], object, list[str]] | None = None
+        #: radius, number of anti-oscillators and their expansion point, model and the warnings of
+        #: its extraction
+        self._model: tuple[tuple[float | None, ...], object, list[str]] | None = None
 
     def scene(self, document: Document, choice: Choice) -> Settled:
         """A document with the values; the model is that of this radius."""
@@ -50,7 +51,7 @@ class Known:
             evaluate.register(scene.structure, self.structure)
         if scene.model is None:  # [strike] makes it
             return Settled(scene, evaluate)
-        values = choice.radius, choice.n
+        values = choice.radius, choice.n, choice.expansion
         if self._model is None or self._model[0] != values:
             messages: list[str] = []
             with warnings_to(messages.append):

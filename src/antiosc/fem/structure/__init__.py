@@ -491,17 +491,18 @@ class StructureMatrices:
         if self.solver_of_K is not None:
             factor, self.solver_of_K = self.solver_of_K, None  # held by one alone
             return factor, shift
-        factor = self._solver_of(shift, columns)
+        factor = self.solver_of(shift, columns)
         for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
             new_shift = closer_shift(factor, self.K, self.M, self.rigid_modes)
             if new_shift >= FAR * shift:
                 break
             shift = new_shift
             del factor  # there may be no room for two
-            factor = self._solver_of(shift, columns)
+            factor = self.solver_of(shift, columns)
         return factor, shift
 
-    def _solver_of(self, shift: float, columns: float) -> Solver:
+    def solver_of(self, shift: float, columns: float) -> Solver:
+        """A solver of K + sM, of so many right-hand sides at once."""
         A = algebra.sum_of(self.K, shift, self.M)
         algebra.free_when_dropped(A)
         return solver_for(A, self.solver, lambda: self.rigid_motions, self.coarser, columns)

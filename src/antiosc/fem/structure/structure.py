@@ -120,6 +120,8 @@ class Structure(ReprMixin):
     made_of: tuple[Mesh, Family | Mapping[str, Family], Options] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
+    #: the same of the last expansion point
+    _expanded: tuple[Solver, float] | None = None
     _prestressed: antiosc.PrestressedState | None = None
 
     @collective()
@@ -303,9 +305,19 @@ class Structure(ReprMixin):
             self._factored = factor, shift
         return self._factored[0]
 
+    def factorize_at(self, shift: float, columns: float = 1.0) -> Solver:
+        """A solver of K + shift·M [rad²/s²]; the last one is kept."""
+        if self._expanded is None or self._expanded[1] != shift:
+            self._expanded = None  # there may be no room for two
+            start_time = clock()
+            with arrays_mapped(), doing(f"factorization of {self.dofs} dofs", self.comm.rank):
+                self._expanded = self.matrices.solver_of(shift, columns), shift
+            self.seconds["expansion"] = clock() - start_time
+        return self._expanded[0]
+
     def drop_factor(self) -> None:
-        """Free the memory of the factor; it is computed again when needed."""
-        self._factored = None
+        """Free the memory of the factors; they are computed again when needed."""
+        self._factored = self._expanded = None
 
     @property
     def shift(self) -> float:

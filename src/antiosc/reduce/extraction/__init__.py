@@ -22,7 +22,7 @@ Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -80,7 +80,7 @@ class SiteShapes:
     uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
-    solver : solver of A with the only factor of the structure.
+    solver, shift : solver of A = K + sM, and s [rad²/s²].
     """
 
     kept: IntArray
@@ -100,6 +100,7 @@ class SiteShapes:
     bAb: Array
     share: float
     solver: Solver
+    shift: float
 
     @cached_property
     def _pin(self) -> Array:
@@ -197,7 +198,26 @@ def _shapes(structure: Structure, solver: Solver, B: Array, Y: Array) -> SiteSha
         bAb=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
         solver=solver,
+        shift=structure.shift,
     )
+
+
+def expanded_at(
+    structure: Structure, statics: Sequence[SiteShapes], shift: float
+) -> list[SiteShapes]:
+    """The same shapes beside a solver of A = K + sM with this shift s [rad²/s²].
+
+    The Krylov spaces of this A are those about the expansion point √s.
+    """
+    if shift <= structure.shift:
+        return list(statics)
+    solver = structure.factorize_at(shift, sum(static.load.shape[1] for static in statics))
+    solved = solver.solve_checked(np.hstack([static.load for static in statics]))
+    ends = np.cumsum([static.load.shape[1] for static in statics])[:-1]
+    return [
+        replace(static, y=y, bAb=dot(structure.comm, static.load, y), solver=solver, shift=shift)
+        for static, y in zip(statics, np.split(solved, ends, axis=1), strict=True)
+    ]
 
 
 def _basis(

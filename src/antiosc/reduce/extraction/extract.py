@@ -31,7 +31,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Band
 from antiosc.models.modal import Damping, as_damping
 from antiosc.models.stretch import Count, checked_count
-from antiosc.reduce.extraction import shapes_of_models
+from antiosc.reduce.extraction import expanded_at, shapes_of_models
 from antiosc.reduce.extraction.eigenmodes import AS_SITES
 from antiosc.reduce.extraction.krylov import (
     BASIS_STEP,
@@ -85,6 +85,7 @@ class ExtractOptions:
     tol: float
     band: float | None  # rad/s
     accuracy: float
+    expansion: float | None = None  # Hz
 
 
 def models_of(
@@ -112,7 +113,7 @@ def models_of(
     if options.method == "krylov":
         computed = by_krylov(
             structure,
-            statics,
+            expanded_at(structure, statics, (2 * np.pi * (options.expansion or 0.0)) ** 2),
             counts,
             options.tol,
             options.band,
@@ -146,7 +147,12 @@ def models_of(
                 "modes": (time.perf_counter() - start_time) / (len(models) + 1),
             }
             record = info_of_model(structure, group, lumped_modes, selected, options.method)
-            info = replace(record, band=band, seconds={**structure.seconds, **seconds})
+            info = replace(
+                record,
+                band=band,
+                expansion=options.expansion,
+                seconds={**structure.seconds, **seconds},
+            )
             elastic = len(selected.omega)
             complete = modes.complete
             del lumped_modes, modes  # as large as the shapes
@@ -181,7 +187,7 @@ def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete:
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
-    settled = bool(model.info.converged) or model.n < SETTLED_FROM
+    settled = bool(model.info.converged) or model.n < SETTLED_FROM or bool(options.expansion)
     if not settled and model.strain_error is None:  # else the bar of the truncation tells it
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance, so that "
@@ -234,6 +240,7 @@ def extract(
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
+    expansion: float | None = None,
 ) -> AntiOscillators: ...
 @overload
 def extract(
@@ -249,6 +256,7 @@ def extract(
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
+    expansion: float | None = None,
 ) -> list[AntiOscillators]: ...
 @collective()
 @within_range
@@ -266,6 +274,7 @@ def extract(
     error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
     stretch: Count | Literal[False] = False,
+    expansion: float | None = None,
 ) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
 
@@ -310,6 +319,11 @@ def extract(
         each impact takes as many modes as it needs, none if they do not matter. The model has them
         as `stretch`; only `simulate` and `Scene.run` take them into account. Shell, Laminate,
         Solid, AnisotropicSolid and Beam, of one mesh.
+    expansion : float, optional
+        Frequency f of the expansion point s = 2πf of the Krylov space, Hz, for method="krylov"; by
+        default it is static. The response converges first to times about 1/s: blows that are over
+        before the waves they make return from the edges need fewer anti-oscillators about the
+        inverse of their contact time. It takes a second factor.
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.
@@ -339,7 +353,7 @@ def extract(
     names, sites = _checked_sites(site)
     flag("shapes", shapes)
     choice("error", error, (None, "estimate"))
-    options = _checked_options(structure, n, method, tol, band, accuracy)
+    options = _checked_options(structure, n, method, tol, band, accuracy, expansion)
     stretch = checked_count(stretch)
     damping_of_modes = as_damping(damping)
     if damping_of_modes is not None:
@@ -396,6 +410,7 @@ def _checked_options(
     tol: float | None,
     band: float | None,
     accuracy: float,
+    expansion: float | None,
 ) -> ExtractOptions:
     """The checked options; InputError for invalid numbers, or vectors that memory cannot hold."""
     choice("method", method, get_args(Method))
@@ -414,13 +429,19 @@ def _checked_options(
         if mesh is not None and mesh.tdim == 2:  # solids have solvers without a factor
             what = f"a factor of {structure.dofs} dofs with n = {n} anti-oscillators"
             need = of_sheet(structure.dofs, n) / structure.comm.size
+            if expansion:  # two factors
+                need += of_sheet(structure.dofs, 0) / structure.comm.size
             process.require(need, what, "reduce n, or take a coarser mesh", free)
         process.require(16 * (n + 2) * structure.rows, basis_text, "reduce n", free)
     else:
         band = checks.band(band)
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
-    return ExtractOptions(n, method, tol, band, accuracy)
+    if expansion is not None:
+        expansion = positive("expansion", expansion, "Hz")
+        if method != "krylov":
+            raise InputError('an expansion point is one of method="krylov"; leave expansion out.')
+    return ExtractOptions(n, method, tol, band, accuracy, expansion)
 
 
 def _checked_sites(site: object) -> tuple[list[str], list[Site]]:
