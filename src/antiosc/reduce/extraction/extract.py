@@ -440,7 +440,9 @@ def _checked_options(
     if expansion is not None:
         expansion = positive("expansion", expansion, "Hz")
         if method != "krylov":
-            raise InputError('an expansion point is one of method="krylov"; leave expansion out.')
+            raise InputError(
+                "an expansion point belongs to the Krylov method: leave expansion out."
+            )
     return ExtractOptions(n, method, tol, band, accuracy, expansion)
 
 
