@@ -34,8 +34,7 @@ class Attempt:
     healing: Mapping[str, float] = field(default_factory=dict)
     #: whether faces are flat between the corners of the cells
     flat: bool = False
-    #: of a surface of triangles, if they are flat: whether large ones are cut to the size; else
-    #: those near the points of `refine` alone are
+    #: False of facets as they are, which are tried where sides cannot be unrolled
     cut: bool = True
     #: of a surface of triangles: edges from this angle on are kept, degrees
     sharp: float = 40.0

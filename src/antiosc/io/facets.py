@@ -490,13 +490,13 @@ def fill(gmsh: ModuleType, ask: Request, attempt: Attempt) -> Filled:
         A surface that is not closed.
     """
     skin = skin_of(ask)
-    if ask.size is not None and attempt.cut:
-        skin = _finer(skin, ask.size / ask.unit[0])
-    if not attempt.cut:  # they bound the cells: long ones would let no small patch be resolved
-        if ask.size is not None:
-            skin = no_longer(skin, ask.size / ask.unit[0])
-        for point, size in ask.refine:
-            skin = finer_near(skin, np.array(point) / ask.unit[0], size / ask.unit[0])
+    size = None if ask.size is None else ask.size / ask.unit[0]
+    if attempt.flat:  # they bound the cells: long ones would let no small patch be resolved
+        skin = skin if size is None else no_longer(skin, size)
+        for point, size_there in ask.refine:
+            skin = finer_near(skin, np.array(point) / ask.unit[0], size_there / ask.unit[0])
+    elif size is not None:
+        skin = _finer(skin, size)
     if not skin.closed:
         raise MeshError(
             f"{ask.name} is not closed: {skin.open_edges} of its edges do not belong to two "

@@ -373,6 +373,21 @@ def test_the_facets_of_a_file_may_stay_as_they_are(tmp_path):
         assert mesh.off < 1e-9
 
 
+def test_flat_facets_are_no_longer_than_asked_near_a_point(tmp_path):
+    """Of a thin bar, of which cuts of all facets into four would leave long ones everywhere."""
+    corners, triangles = block(1, 1.0)
+    path = write(tmp_path / "bar.stl", corners * np.array([200.0, 10.0, 10.0]), triangles)
+    (number,) = (k for k, one in enumerate(ATTEMPTS) if one.about == "with flat facets")
+    asked = {"size": 20e-3, "refine": [((0.05, 0.005, 0.01), 1e-3)]}
+    mesh = _content(path, None, UnitSystem.of("mm"), None, attempt=number, solid=True, **asked)
+    sides = mesh.points[mesh.cells["triangle"]]
+    longest = np.linalg.norm(sides - np.roll(sides, 1, axis=1), axis=2).max(axis=1)
+    near = np.linalg.norm(sides - np.array([0.05, 0.005, 0.01]), axis=2).min(axis=1) < 1.5e-3
+    assert near.any()
+    assert longest[near].max() < 1.5e-3
+    assert longest.max() <= 20e-3
+
+
 def drilled(size: float) -> tuple[np.ndarray, np.ndarray]:
     """Surface of a plate of 60 x 40 x 10 with holes of radius 8 and 5, in triangles of a size."""
     with gmsh_session() as gmsh:
