@@ -677,7 +677,8 @@ class Opened:
     def _until_parted(self, set_up: SetUp, quickly: bool) -> PageImpact:
         """The impact of a set-up that is not known yet; `quickly` as in `_struck`."""
         if set_up.finer and set_up.near is None and self._opened().look.divides:
-            before = self._struck(replace(set_up, finer=False, stressed=()), quickly=True)
+            with without_warnings():  # those of its large cells
+                before = self._struck(replace(set_up, finer=False, stressed=()), quickly=True)
             set_up = replace(set_up, near=_near(before))
         source = self._in_cells_of(set_up)
         is_sheet = source.look.family == "Shell"
@@ -1345,7 +1346,7 @@ def _told(blow: PageImpact) -> Data:
         "refining": blow.refining,
         "about": _joined(
             headline.about,
-            _cell_at(info),
+            _cell_at(info) if run.has_sheets(blow.structure) else "",
             f"Computed for {engineering(blow_data['duration'], 's')}.",
         ),
         "caution": headline.caution if blow.settled else blow.hit.unfinished,

@@ -1173,7 +1173,7 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert softer["width"] <= width
         for changed in ({}, {"E": 1.05 * 210e9}, {"E": 70e9}, {"rho": 1270.0}):
             mine = own["setup"]["own"] | changed
-            lent = browser.run("return bench.lent(...arguments)", mine, "steel S235")
+            lent = browser.run("return bench.lent_text(...arguments)", mine, "steel S235")
             assert ("does not grow" in lent) == ("rate" not in set_up.OwnMaterial(**mine).table)
         browser.run(CHOOSE, "input[name=nu]", "0.6")
         rule = "return document.querySelector('input[name=nu]').closest('label').innerText"

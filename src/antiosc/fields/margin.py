@@ -325,7 +325,7 @@ class Margin(ReprMixin):
             remedy = ""
             if self.hollow_patch:
                 least = engineering(self.hollow_patch, "m", 2)
-                remedy = f"; a patch radius of {least} or more narrows it ({PATCH_RADIUS})"
+                remedy = f"; a patch down to a radius of {least} narrows it ({PATCH_RADIUS})"
             sentences.append(
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
                 f" stress may be larger by up to {more}, which is in the bar{remedy}"

@@ -427,12 +427,12 @@ class Bench {
     this.shown.push(() => {
       const { own } = this.setup, { origin = "" } = own || {};
       lent.hidden = this.setup.material !== OWN || !own.yield_strength || !origin;
-      if (!lent.hidden) lent.textContent = this.lent(own, origin);
+      if (!lent.hidden) lent.textContent = this.lent_text(own, origin);
     });
   }
 
   // What a material of one's own has of that which it began as: `same_kind` of antiosc.base.materials.
-  lent(own, origin) {
+  lent_text(own, origin) {
     const before = this.facts.constants[origin];
     const alike = ["E", "rho"].every((name) => Math.abs(own[name] - before[name]) <= this.facts.same_kind * before[name]);
     const lends = [own, before].every((one) => one.yield_range) && own.yield_range.every((end, i) => {

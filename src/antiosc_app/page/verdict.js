@@ -74,17 +74,25 @@ function mean_pressure(hit, { yields, hertz }) {
   return hit.dent > 0 ? hit.peak_force / (Math.PI * rim_radius(yields, y, hit.deepest) ** 2) : 2 / 3 * elastic_pressure(hit, yields);
 }
 
+// The duration of the contact with the largest force, of those of the main impact.
+function hardest_touch({ main: [from, to], touches, time, force }) {
+  const most = ([start, end]) => force.reduce((best, one, i) => (start <= time[i] && time[i] <= end ? Math.max(best, one) : best), 0);
+  const [start, end] = touches.filter(([start, end]) => from <= start && end <= to).reduce((best, one) => (most(one) > most(best) ? one : best));
+  return `; the hardest touch takes ${engineering(end - start, "s")}`;
+}
+
 // What the contact time is of, where there are several contacts: antiosc.impact.histories.bars.
 function contact_time_note(hit) {
   if (hit.contact_time_note !== undefined) return hit.contact_time_note; // of the computed case
   if (!(hit.contacts > 1 && hit.main)) return "";
   const [from, to] = hit.main;
-  if (from === hit.touches[0][0] && to === hit.touches.at(-1)[1]) return "of all contacts, flights included";
-  const flights = hit.touches.some(([start, end]) => start === from && end < to), at = (time) => engineering(time, "s");
+  const at = (time) => engineering(time, "s"), hardest = hardest_touch(hit);
+  if (from === hit.touches[0][0] && to === hit.touches.at(-1)[1]) return `of all contacts, flights included${hardest}`;
+  const flights = hit.touches.some(([start, end]) => start === from && end < to);
   const peak = hit.time[hit.force.reduce((best, force, i) => (force > hit.force[best] ? i : best), 0)];
   const own = hit.force.reduce((most, force, i) => (from <= hit.time[i] && hit.time[i] <= to ? Math.max(most, force) : most), 0);
   const elsewhere = from <= peak && peak <= to ? "" : `, with at most ${engineering(own, "N")}; the peak force falls outside it, at ${at(peak)}`;
-  return `of the main impact${flights ? ", flights included" : ""}${elsewhere}; last release at ${at(hit.last)}`;
+  return `of the main impact${flights ? `, flights included${hardest}` : ""}${elsewhere}; last release at ${at(hit.last)}`;
 }
 
 // Start, end and impulse of the contacts of a curve of the force.

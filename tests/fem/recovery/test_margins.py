@@ -617,7 +617,16 @@ def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
     assert Zones.about([measured]).hollow_patch == advised
     assert measured._replace(radii=(radii[0], advised)).smallest_patch == 0.0
     hollow = dataclasses.replace(hollow, hollow_patch=advised)
-    assert f"a patch radius of {engineering(advised, 'm', 2)} or more narrows it" in hollow.sentence
+    assert f"down to a radius of {engineering(advised, 'm', 2)} narrows it" in hollow.sentence
+
+
+def test_a_plate_thinner_than_its_patch_has_no_hollow_by_rounding():
+    """The largest and the least of its thicknesses differ by rounding alone."""
+    zone = YieldingZone(
+        np.zeros(3), None, (1e-3, 8e-3), 100.0, 0.3, depth=6e-3, hollow=6e-3 * 0.999
+    )
+    assert zone.hollow_stress == 0.0
+    assert zone._replace(hollow=3e-3).hollow_stress > 0
 
 
 def without(mesh: ao.Mesh, is_cut: Callable[[np.ndarray], np.ndarray]) -> ao.Mesh:

@@ -379,8 +379,8 @@ def contact_time_note(result: Any) -> str:
         return ""
     first, last = _main_impact(result)
     if last - first + 1 == count:
-        return OF_ALL_CONTACTS
-    flights = ", flights included" if last > first else ""
+        return f"{OF_ALL_CONTACTS}{_hardest_touch(result, first, last)}"
+    flights = f", flights included{_hardest_touch(result, first, last)}" if last > first else ""
     start, end = result.contacts[first][0], result.contacts[last][1]
     peak = float(result.time[int(np.argmax(result.force))])
     elsewhere = ""
@@ -389,6 +389,17 @@ def contact_time_note(result: Any) -> str:
         own = engineering(float(result.force[within].max()), "N")
         elsewhere = f", with at most {own}; the peak force falls outside it, at {_at(peak)}"
     return f"of the main impact{flights}{elsewhere}; last release at {_at(result.contacts[-1][1])}"
+
+
+def _hardest_touch(result: Any, first: int, last: int) -> str:
+    """Text: the duration of the contact with the largest force, of rows `first` to `last`."""
+    touches = np.asarray(result.contacts)[first : last + 1]
+    peaks = [
+        result.force[(result.time >= start) & (result.time <= end)].max(initial=0.0)
+        for start, end in touches
+    ]
+    start, end = touches[int(np.argmax(peaks))]
+    return f"; the hardest touch takes {_at(float(end - start))}"
 
 
 def _at(time: float) -> str:

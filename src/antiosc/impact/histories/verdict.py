@@ -41,6 +41,9 @@ OVER_CONTACT = 1.8
 #: thinner plates it is 0.07 to 31 times that (benchmarks/plate_under_contact.py).
 HALF_SPACE = 6.0
 EDGE_ERROR = 0.1
+#: Thickness under a point of a patch over that of the part there, below which a hollow lies there;
+#: plates had one by rounding.
+HOLLOW = 0.8
 #: Directions from a contact into the part in which a stress of unknown direction is evaluated.
 ANGLES = 19
 
@@ -145,7 +148,7 @@ class YieldingZone(NamedTuple):
         contact of 1.5 mm and 36 MPa under the patch (finite elements); this bound is 89 MPa.
         """
         contact, patch = self.radii
-        if not (contact < patch and self.hollow < min(patch, self.depth)):
+        if not (contact < patch and self.hollow < min(patch, HOLLOW * self.depth)):
             return 0.0
         return self.force / np.pi * (contact**-2 - patch**-2)
 
