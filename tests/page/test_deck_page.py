@@ -380,6 +380,10 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
 
 @pytest.mark.slow
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
+#: A finer mesh that the page asks about and nobody answers.
+ASKED = "bench.call = async () => ({ question: 'Fine?', fits: true }); bench.resize(0.004)"
+
+
 def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, monkeypatch):
     monkeypatch.setattr(divided, "MOST_DOFS", 0)  # without an error bar
     page = View(quick(opened, 0.02), "plate", "'none'")
@@ -405,6 +409,10 @@ def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, mon
             assert (asked["asks"], asked["size"]) == (True, None)
             browser.run("document.getElementById('no').click()")
             assert browser.run(NOTICES)["size"] is None
+            browser.run(ASKED)  # of a mesh that fits too
+            time.sleep(0.5)
+            assert browser.run(NOTICES)["size"] is None
+            browser.run("document.getElementById('no').click(); delete bench.call")
             look = opened._opened().look
             room = 1.01 * look.forecast(look.largest / 2).bytes
             monkeypatch.setattr(inspection, "free_memory", lambda: room)

@@ -257,6 +257,12 @@ class ProbeError(float):
         error.truncation, error.force = truncation, force
         return error
 
+    def __str__(self) -> str:
+        share = f"anti-oscillators {percent(self.truncation)}"
+        if self.force is None:
+            return f"{percent(self)} ({share}; the error of the force is not known and adds to it)"
+        return f"{percent(self)} ({share}, force {percent(self.force)})"
+
     def __reduce__(self) -> tuple[type[ProbeError], tuple[float, float | None]]:
         return ProbeError, (self.truncation, self.force)
 

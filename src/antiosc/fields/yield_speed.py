@@ -84,7 +84,9 @@ class YieldSpeeds(NamedTuple):
         if not told:
             return ""
         held = "the same striker, mesh and patch at other speeds"
-        return f"yield at this place {', and '.join(told)}: {held}"
+        missing = [what for what, speed in ends.items() if speed is None]
+        other = f"; no speed was found from which it {missing[0]}" if missing else ""
+        return f"yield at this place {', and '.join(told)}{other}: {held}"
 
     def _how(self, speed: float) -> str:
         """Text: that a speed is extrapolated; "" of others."""

@@ -527,9 +527,9 @@ class Bench {
       const { question, larger, fits = true } = await this.call("forecast", { setup: { ...this.setup, size } });
       const make = () => this.change({ size }, true, inputs);
       const other = larger ? [`Rather ${exact(larger / SIZES.mm)} mm`, () => this.resize(larger, inputs)] : undefined;
-      if (question) this.ask(question, fits ? "Make it" : "Make it all the same", make, () => this.show_fields(), other);
-      if (question && !fits) find(larger ? "other" : "no").focus();
-      else make();
+      if (!question) return make();
+      this.ask(question, fits ? "Make it" : "Make it all the same", make, () => this.show_fields(), other);
+      if (!fits) find(larger ? "other" : "no").focus();
     } catch (error) {
       inputs.forEach((input) => mark(input, error.message));
       this.wrong(error.message, true);

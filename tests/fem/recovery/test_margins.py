@@ -1080,6 +1080,9 @@ def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
     told = YieldSpeeds(speed, certain.speed, (certain.speed,)).sentence
     assert told.count("extrapolated") == 1
     assert told.index("is certain") < told.index("extrapolated")
+    half = YieldSpeeds(speed, None).sentence
+    assert "from about 3.0 m/s on; no speed was found from which it is certain" in half
+    assert "was found" not in told
 
 
 def test_beside_a_hollow_a_smaller_contact_has_no_more_than_its_share_of_the_force():
