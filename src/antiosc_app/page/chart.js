@@ -31,7 +31,7 @@ class Chart {
     pen.scale(ratio, ratio);
     pen.font = "12px system-ui, sans-serif";
     const now = highest(c.now) * (1 + (c.bar || 0)), beside = highest(c.computed);
-    const most = 1.08 * Math.max(now, Math.min(beside, LOWEST * now || beside)) || 1;
+    const most = 1.08 * Math.max(now, Math.min(beside, MOST_BESIDE * now || beside)) || 1;
     const [left, right, top, bottom] = [58, width - 24, 10, height - 36];
     this.sides = [left, right];
     const x = (t) => left + (right - left) * t / c.until, y = (f) => bottom - (bottom - top) * f / most;
@@ -83,7 +83,7 @@ class Chart {
   }
 }
 
-const LOWEST = 3; // times the present curve up to which the one beside it sets the scale
+const MOST_BESIDE = 3; // times the present curve up to which the one beside it sets the scale
 const highest = (curve) => (curve && curve.force ? curve.force.reduce((a, b) => Math.max(a, b), 0) : 0);
 // Whether a curve goes up and down so often that a thick line fills what is between.
 function dense(curve, width) {
