@@ -279,7 +279,7 @@ def test_a_smaller_patch_is_a_remedy_only_where_its_law_carries_the_force(
     """The patch that carries a share s of a patch's largest force has s^(1/3) of its radius."""
     law = ao.Hertz(1e9, compliance=1e-7 if share else 0.0)
     force = share * law.valid_force if share else 1.0
-    least = 1.05 * 4e-3 * share ** (1 / 3)
+    least = 4e-3 * (1.25 * share) ** (1 / 3)  # with a quarter more force
     hit = SimpleNamespace(
         peak_force=force, impulse=1.0, contact_time=2.0,
         model=SimpleNamespace(patch_radius=4e-3), contact_histories=[SimpleNamespace(law=law)],
@@ -288,7 +288,8 @@ def test_a_smaller_patch_is_a_remedy_only_where_its_law_carries_the_force(
     offered = "take a smaller radius of the site" in told
     assert offered == (least < 0.8 * 4e-3)
     if least and offered:
-        assert f"(down to {1e3 * least:.2g} mm)" in told
+        told_mm = float(told.partition("(down to ")[2].split(" mm)")[0])
+        assert 0.97 * least < 1e-3 * told_mm < 1.06 * least
 
 
 @pytest.mark.parametrize(

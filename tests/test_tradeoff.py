@@ -126,7 +126,7 @@ def test_members_take_no_seconds_to_compile(monkeypatch):
     part = ao.Structure(plate((12, 4), (0.3, 0.1)), SHEET, HELD)
     found = ao.tradeoff(part, SITE, *IMPACT, tol=TOL)
     assert found.compilation > 0
-    assert {one.seconds for one in found.table} == {0.0}
+    assert max(one.seconds for one in found.table) < 1e-9
     assert found.numbers()["compilation"] == found.compilation
 
 

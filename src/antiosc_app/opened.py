@@ -695,7 +695,7 @@ class Opened:
             chosen = replace(set_up, radius=choice.radius)
             return self._run(scene_of(source, chosen, choice.duration), quickly)
 
-        reasons: list[str] = []
+        reasons: dict[str, str] = {}  # the last one of each kind
         for _ in range(MOST_IMPROVED):
             messages: list[str] = []  # of the impact that is shown
             with warnings_to(messages.append):
@@ -713,9 +713,9 @@ class Opened:
                 blow = blow._replace(settled=False, refining=COARSE if coarse else FEW)
                 break
             set_up = better
-            reasons += why
+            reasons |= why
         tell_radius(asked.radius, set_up.radius)
-        for reason in reasons:
+        for reason in reasons.values():
             warn(reason, ChoiceWarning)
         for message in messages:
             warn(message)
@@ -1292,23 +1292,23 @@ def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
 
 def _with_less_error(
     asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspection
-) -> tuple[SetUp, list[str]]:
-    """(set-up with more anti-oscillators or smaller cells at the site, why these were taken); the
-    set-up itself where they do not help, or were asked for.
+) -> tuple[SetUp, dict[str, str]]:
+    """(set-up with more anti-oscillators or smaller cells at the site, why these were taken by
+    "n", "cells"); the set-up itself where they do not help, or were asked for.
     """
     budget = run.error_budget(blow.hit)
     bar = None if budget is None else budget.get("peak_force")
-    reasons: list[str] = []
+    reasons: dict[str, str] = {}
     if bar is None:
         return set_up, reasons
     n = blow.sections["extract"]["n"]
     more = next_count(n, bar.truncation, blow.model) if asked.n is None else n
     if more > n:
-        reasons.append(why_more(n, more, bar.truncation))
+        reasons["n"] = why_more(n, more, bar.truncation)
         set_up = replace(set_up, n=more, expansion=expansion_of(blow.hit))
     of_cells = bar.mesh + (bar.patch or 0.0)
     if asked.finer is None and not set_up.finer and look.meshed and of_cells > MOST_OF_CELLS:
-        reasons.append(
+        reasons["cells"] = (
             "The cells around the site are smaller than those of the part: without it the force"
             f" had {percent(of_cells)} of error by mesh and patch."
         )

@@ -378,12 +378,12 @@ def test_the_size_and_memory_of_a_factor_are_forecast_from_the_cells_alone(famil
     assert 0.4 < of_solver / of_factor(Plan(part.K).entries, 1.0).bytes < 2.5
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(bool(MISSING), reason=MISSING)
 #: A finer mesh that the page asks about and nobody answers.
 ASKED = "bench.call = async () => ({ question: 'Fine?', fits: true }); bench.resize(0.004)"
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
 def test_the_page_shows_what_questions_the_number_and_folds_the_rest(opened, monkeypatch):
     monkeypatch.setattr(divided, "MOST_DOFS", 0)  # without an error bar
     page = View(quick(opened, 0.02), "plate", "'none'")

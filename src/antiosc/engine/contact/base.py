@@ -27,6 +27,7 @@ depends on the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from bisect import bisect_left
 from ctypes import addressof, byref, c_double
 from dataclasses import fields
 from functools import cached_property, lru_cache
@@ -44,7 +45,7 @@ State = tuple[float, ...]
 
 #: Share of a force within which rounding may keep its iteration from settling.
 FORCE_ROUNDING = 1e-9
-#: Ratio of two radii that are tried for a patch that carries a force, and the number of them.
+#: Ratio of two radii that are tried for a patch that carries a force, and how many are larger.
 STEP, MOST_STEPS = 1.05, 150
 #: Force that such a patch must carry over that of too small a one, whose law ends in a line: in 60
 #: impacts on a spring, up to 790 times the range, the force grew by up to 21 %.
@@ -131,18 +132,22 @@ class ContactLaw(ABC):
         )
 
     def enough_radius(self, peak: float, radius: float | None) -> float | None:
-        """Radius [m] of a patch whose `valid_force` exceeds a peak force; None without a patch or
-        remedy.
+        """Least radius [m] of a patch whose `valid_force` exceeds a peak force; None without a
+        patch or remedy.
 
-        The compliance of the patch is proportional to 1/radius.
+        The compliance of the patch is proportional to 1/radius, and its `valid_force` grows with
+        the radius.
         """
         if radius is None or not self.compliance:
             return None
-        steps = STEP ** np.arange(1, MOST_STEPS)
-        reaches = (self.without(self.compliance / step).valid_force for step in steps)
-        enough = (step for step, reach in zip(steps, reaches, strict=True) if reach > BEYOND * peak)
-        step = next(enough, None)
-        return None if step is None else float(step * radius)
+
+        def carries(power: int) -> bool:
+            law = self.without(self.compliance / STEP**power)
+            return bool(law.valid_force > BEYOND * peak)
+
+        powers = range(-MOST_STEPS, MOST_STEPS)
+        first = bisect_left(powers, x=True, key=carries)
+        return None if first == len(powers) else float(STEP ** powers[first] * radius)
 
     @property
     def theory(self) -> str:
