@@ -47,7 +47,7 @@ def main(
         path = Path(folder) / "plate.geo"
         path.write_text(PLATE.format(a=LENGTH, b=0.66 * LENGTH))
         for thickness in thicknesses:
-            mesh = ao.read_mesh(path, size=0.04 * LENGTH, refine=[(x, 0.015 * LENGTH)])
+            mesh = ao.read_mesh(path, size=0.03 * LENGTH, refine=[(x, 0.012 * LENGTH)])
             sheet = ao.material("aluminium 7075-T6", thickness=thickness)
             part = ao.Structure(mesh, sheet, [ao.Support("edges", ("x", "y", "z"))])
             for radius, speed in BALLS:

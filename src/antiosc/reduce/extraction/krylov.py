@@ -24,10 +24,10 @@ are known one block later.
 
 The shift s is 0 if K is regular, or the square of a real expansion point, about which the response
 converges first; Φ stays static, so that K0 and M_st are exact, and every m_i is positive
-semidefinite as before. A blow on a large thin plate is over before its waves return: of a plate of
-1.2 × 0.8 m × 2.5 mm of 14 751 dofs, struck by a ball in 40 µs, 20, 40, 80 and 150 anti-oscillators
-have +197, +111, +13 and −0.2 % of the peak force with s = 0, and 0.0 % from 20 on with √s = 2π ·
-16 kHz (benchmarks/expansion_points.py). A shift inside the band (s < 0) would save at most a fifth
+semidefinite as before. A blow on a large thin plate is over before its waves return: on a plate of
+0.5 × 0.33 m × 1 mm, struck by a ball for 41 µs, 60 and 150 anti-oscillators have 120 and 36 % of
+error of the peak force with s = 0, 2.6 and 0.4 % with √s = 2π · 16 kHz
+(benchmarks/expansion_points.py). A shift inside the band (s < 0) would save at most a fifth
 of the steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for
 1e-3), but requires an indefinite factorization, whose solves are slower.
 
