@@ -70,21 +70,26 @@ def bending_difference(
     small = np.sqrt(1.6 * smaller**2 + t**2) - 0.675 * t
     equivalent = np.where(smaller < 0.5 * t, small, smaller)
     ratio = larger / np.maximum(r, equivalent)
-    of_moment = 3 * force * (1 + nu) / (2 * np.pi * t**2)
-    return np.asarray(of_moment * np.log(np.maximum(ratio, 1.0)))
+    return np.asarray(_log_stress(force, nu, t) * np.log(np.maximum(ratio, 1.0)))
 
 
 def disc_bending(force: float, radius: float, nu: float, r: Array, thickness: float) -> Array:
     """Mean of both bending stresses [Pa] at distances r from the middle of a circle on which a
     force is spread evenly over a thin plate, less that at a distance of 1 m.
 
-    The sum of the moments has the Laplacian of the load (S. Timoshenko and S. Woinowsky-Krieger,
-    *Theory of Plates and Shells* (1959), (c) of §21).
+    The sum of both moments over 1 + nu solves Poisson's equation: its Laplacian is minus the load.
     """
     inside = (1 - (r / radius) ** 2) / 2 - np.log(radius)
     outside = -np.log(np.maximum(r, radius))
-    of_moment = 3 * force * (1 + nu) / (2 * np.pi * thickness**2)
-    return np.asarray(of_moment * np.where(r < radius, inside, outside))
+    of_log = _log_stress(force, nu, np.asarray(thickness))
+    return np.asarray(of_log * np.where(r < radius, inside, outside))
+
+
+def _log_stress(force: float, nu: float, t: Array) -> Array:
+    """Bending stress [Pa] of a plate of thickness t [m] for each e-fold of the distance from a
+    force.
+    """
+    return np.asarray(3 * force * (1 + nu) / (2 * np.pi * t**2))
 
 
 def von_mises(stresses: Array) -> Array:

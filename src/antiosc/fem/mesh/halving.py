@@ -216,21 +216,25 @@ def _halved(raw: RawMesh) -> Divided:
     weights = shape.weights[kind.order - 1]
     places = np.einsum("hmk,cki->chmi", weights, raw.points[nodes])
     x = places.reshape(-1, raw.points.shape[1])[first]
-    labels = raw.labels
-    if len(labels):
-        labels = np.concatenate([labels, np.full(len(x), -1)])
-    result = replace(
+    result = with_nodes(
         raw,
-        points=np.vstack([raw.points, x]),
+        x,
         cells=cells[:, np.argsort(order)].astype(np.int64),
         groups=_groups(raw, old_corners, lattice),
-        labels=labels,
         parents=np.repeat(np.arange(len(raw.cells)), len(shape.halves)),
     )
     padded = np.where(rows >= 0, raw.numbers[rows], -1)
     cell, place = np.divmod(first, weights.shape[0] * weights.shape[1])
     of_places = weights.reshape(-1, weights.shape[2])[place]
     return Divided(result, padded, raw.numbers[nodes[cell]], of_places)
+
+
+def with_nodes(raw: RawMesh, x: Array, **changes: Any) -> RawMesh:
+    """A mesh with new nodes at x (n, dim), which have no labels, and other changes."""
+    labels = raw.labels
+    if len(labels):
+        labels = np.concatenate([labels, np.full(len(x), -1)])
+    return replace(raw, points=np.vstack([raw.points, x]), labels=labels, **changes)
 
 
 def _of_halves(lattice: IntArray, shape: Scheme) -> IntArray:

@@ -11,7 +11,6 @@ fewer corners the cells at the others are larger (after R. Schneiders, Engineeri
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -32,6 +31,7 @@ from antiosc.fem.mesh.halving import (
     numbered,
     scheme,
     weights_at,
+    with_nodes,
 )
 from antiosc.fem.platform import compat
 from antiosc.io.by_gmsh import MOST_CELLS
@@ -372,17 +372,8 @@ def _divided(raw: RawMesh, nodes: IntArray, cut: _Cut, cells: IntArray, middles:
     weights = weights_at(raw.kind.shape, raw.kind.order, new.X)
     of_new = nodes[new.cell]
     x = np.einsum("nk,nki->ni", weights, raw.points[of_new])
-    labels = raw.labels
-    if len(labels):
-        labels = np.concatenate([labels, np.full(len(x), -1)])
-    mesh = replace(
-        raw,
-        points=np.vstack([raw.points, x]),
-        cells=cells,
-        groups=_groups(raw, nodes[:, : raw.kind.vertices], cut),
-        labels=labels,
-        parents=cut.parents,
-    )
+    groups = _groups(raw, nodes[:, : raw.kind.vertices], cut)
+    mesh = with_nodes(raw, x, cells=cells, groups=groups, parents=cut.parents)
     return Divided(mesh, new.between, raw.numbers[of_new], weights)
 
 

@@ -224,8 +224,7 @@ class SheetPatch(NamedTuple):
         """Bending stresses (P,) [Pa] that the contact has at points (P, 3) beyond the patch."""
         contact, patch = self.radii
         radii = min(contact, patch), patch
-        r = self._distances(points)
-        r = np.where(r <= self.cell, 0.0, r)
+        _, r = self._distances(points)
         return bending_difference(self.force, radii, self.nu, r, self.thickness)
 
     def mesh_error(self, points: Array) -> Array:
@@ -233,15 +232,16 @@ class SheetPatch(NamedTuple):
         force, and no node may lie in the middle.
         """
         patch = self.radii[1]
-        r = self._distances(points)
-        middle = np.where(r <= self.cell, 0.0, r)
+        r, middle = self._distances(points)
         right = disc_bending(self.force, patch, self.nu, middle, self.thickness)
         cells = max(patch, SPREAD_BY_CELLS * self.cell)
         found = disc_bending(self.force, cells, self.nu, r, self.thickness)
         return np.maximum(right - found, 0.0)
 
-    def _distances(self, points: Array) -> Array:
-        return np.asarray(np.linalg.norm(points - self.point, axis=1))
+    def _distances(self, points: Array) -> tuple[Array, Array]:
+        """Distances (P,) [m] of points from the middle, and those that they stand for."""
+        r = np.linalg.norm(points - self.point, axis=1)
+        return r, np.where(r <= self.cell, 0.0, r)
 
 
 def yielding_zones(
