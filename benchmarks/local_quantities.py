@@ -203,9 +203,8 @@ def bars(
     over its bar, and the smallest and the largest bar.
     """
     seen = exact.times[: exact.values[FILTERED].shape[1]]
-    found = np.array([
-        ao.probe_error(case.part, hit, x, "acceleration", seen, filter=FILTER) for x in where
-    ])  # fmt: skip
+    options = {"quantity": "acceleration", "times": seen, "filter": FILTER}
+    found = np.array([ao.probe_error(case.part, hit, x, **options).truncation for x in where])
     peaks, right = (
         np.linalg.norm(one.values[FILTERED], axis=2).max(axis=1) for one in (own, exact)
     )
@@ -376,7 +375,7 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
         f"response spectra (Q = 10) from the first natural frequency to {TOP / 1e3:g} kHz, where "
         f"they are above {AUDIBLE:.0%} of the largest of the ten. The first row is the reference "
         "with twice its step. Resolved is `ao.resolved_frequency`. The bars are "
-        f"`ao.probe_error` of the peak acceleration through {FILTER} at the ten points.",
+        f"`.truncation` of `ao.probe_error` of the peak acceleration through {FILTER} at the ten points.",
         "",
         options.code_state(),
     ]

@@ -144,8 +144,14 @@ from antiosc.fields.prestressed import (
 )
 from antiosc.fields.probe import (
     probe as probe,
-    probe_error as probe_error,
     strain_gauge as strain_gauge,
+)
+from antiosc.fields.probe_error import (
+    probe_error as probe_error,
+)
+from antiosc.fields.probe_spectra import (
+    ProbeSpectra as ProbeSpectra,
+    probe_srs as probe_srs,
 )
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,

@@ -97,8 +97,16 @@ from antiosc.fields.pictures import (
 )
 from antiosc.fields.probe import (
     check_point as check_point,
-    error_of_largest as error_of_largest,
     probed_point as probed_point,
+)
+from antiosc.fields.probe_error import (
+    ProbeError as ProbeError,
+    error_of_largest as error_of_largest,
+    with_force as with_force,
+)
+from antiosc.fields.probe_spectra import (
+    compared as compared,
+    spectra_at as spectra_at,
 )
 from antiosc.fields.second_order import (
     tensors_at_nodes as tensors_at_nodes,

@@ -24,8 +24,11 @@ from antiosc.fields.pictures import (
 from antiosc.fields.prestressed import (
     PrestressedState as PrestressedState,
 )
-from antiosc.fields.probe import (
+from antiosc.fields.probe_error import (
     probe_error as probe_error,
+)
+from antiosc.fields.probe_spectra import (
+    ProbeSpectra as ProbeSpectra,
 )
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,

@@ -42,11 +42,14 @@ from antiosc.extension import (
     OF_ALL_CONTACTS,
     QUANTITIES,
     ErrorBudget,
+    ProbeError,
+    compared,
     doubts_text,
     error_of_largest,
     error_scope,
     hardest,
     trusted,
+    with_force,
 )
 from antiosc.models.body import info_of, site_points
 from antiosc.plot.charts import (
@@ -81,13 +84,13 @@ from antiosc_app.live import (
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.document import GEOMETRIES, label
 from antiosc_app.scene_file.run import Nominal, RowFacts, SceneResults, error_budget, varied
-from antiosc_app.scene_file.scene import Shock, place_of, probe_times
+from antiosc_app.scene_file.scene import place_of, probe_times
 from antiosc_app.words import of_scenes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc import Drops, Fall, PeakField, Sample, Structure
+    from antiosc import Drops, Fall, PeakField, ProbeSpectra, Sample, Structure
     from antiosc_studies.drops.fall import WorstField
 
 
@@ -482,7 +485,7 @@ def _impact(results: SceneResults) -> Presentation:
     budget = error_budget(hit)
     force = force_bar(budget)
     for probe in probes:
-        probe.force = None if budget is None else budget.rest_of_force
+        probe.budget = budget
     _compare_with_fewer(results, probes)
     left_out = budget is not None and bool(budget.law)
     probe_rows = _probe_rows(probes, left_out)
@@ -552,12 +555,9 @@ def _files(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
 
 
 def _plotted_spectra(probes: Sequence[Probe]) -> dict[str, object]:
-    """Name of a file -> the shock response spectrum of a probe."""
+    """Name of a file -> the shock response spectra of a probe."""
     shocks = [probe.shock for probe in probes if probe.shock]
-    return {
-        f"srs_{k + 1}" if k else "srs": shock.spectra[shock.component]
-        for k, shock in enumerate(shocks)
-    }
+    return {f"srs_{k + 1}" if k else "srs": shock for k, shock in enumerate(shocks)}
 
 
 #: Width of the names in the summary of an impact.
@@ -614,18 +614,6 @@ WITHOUT_FORCE = (
 )
 
 
-def _bar_of_probe(peak: Columns) -> str:
-    """The error of a largest value as text, with its shares, or that it has no bar; "" if nothing
-    is known.
-    """
-    if peak["truncation"] is None:
-        return ""
-    shares = f"anti-oscillators {percent(peak['truncation'])}"
-    if peak["error"] is None:
-        return f" (no error bar; {shares})"
-    return f" ± {percent(peak['error'])} ({shares}, force {percent(peak['force'])})"
-
-
 def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
     """Rows with the largest value of each probe, its component and time.
 
@@ -633,19 +621,24 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
     """
     rows = []
     for probe in probes:
-        p = probe.peak()
-        rows.append((f"probe {probe.name}", _peak_text(p)))
+        rows.append((f"probe {probe.name}", _peak_text(probe)))
         if probe.place is not None:
             rows.append(("", probe.place.text))
         if probe.is_unsettled:
-            further = NOR_BY_FILTER if "filtered" in p and not probe.settled else ""
+            further = NOR_BY_FILTER if "filtered" in probe.peak() and not probe.settled else ""
             rows.append(("", f"this peak has not converged{further}"))
         if probe.settled:
-            seen = _peak_text(probe.settled.peak())
+            seen = _peak_text(probe.settled)
             rows.append(("", BY_FILTER.format(seen, probe.settled.filter, probe.name)))
         if probe.shock:
-            rows.append(("", _shock_text(probe.shock)))
-    unsettled = [probe for probe in probes if probe.is_unsettled]
+            rows.append(("", probe.shock.sentence))
+            if not probe.shock.has_converged:
+                rows.append(("", "this largest response has not converged"))
+    unsettled = [
+        probe
+        for probe in probes
+        if probe.is_unsettled or not (probe.shock is None or probe.shock.has_converged)
+    ]
     if unsettled:
         of_accelerations = any("filtered" in probe.peak() for probe in unsettled)
         rows.append(("", f"{NOT_CONVERGED}{OF_ACCELERATIONS * of_accelerations}"))
@@ -696,31 +689,8 @@ def _numbers_of_probe(probe: Probe) -> Columns:
     if probe.place is not None:
         numbers["point"] = probe.place.point
     if probe.shock:
-        numbers["srs"] = _shock_numbers(probe.shock)
+        numbers["srs"] = probe.shock.numbers()
     return numbers
-
-
-def _shock_numbers(shock: Shock) -> Columns:
-    """The largest value of shock response spectra, with its frequency [Hz]."""
-    spectrum = shock.spectra[shock.component]
-    k = int(np.argmax(spectrum.maximax))
-    return {
-        **{"component": shock.component, "value": float(spectrum.maximax[k]), "unit": "m/s²"},
-        **{"frequency": float(spectrum.frequency[k]), "Q": spectrum.Q, "resolved": shock.resolved},
-    }
-
-
-def _shock_text(shock: Shock) -> str:
-    """The largest value of shock response spectra, and up to which frequency they are known."""
-    n = _shock_numbers(shock)
-    value, frequency = engineering(n["value"], n["unit"], 4), engineering(n["frequency"], "Hz")
-    known = ""
-    if shock.resolved is not None:
-        known = f"; the model resolves frequencies up to {engineering(shock.resolved, 'Hz')}"
-        if n["frequency"] > shock.resolved:
-            known += ", and not this one: take more anti-oscillators (n in [extract])"
-    largest = f"{n['component']}: largest {value} at {frequency}"
-    return f"shock response spectrum (Q = {n['Q']:g}) {largest}{known}"
 
 
 def _note_on_probes(probes: Sequence[Probe], left_out: bool) -> str:
@@ -740,18 +710,31 @@ def _fact_of_probe(probe: Probe) -> tuple[str, str]:
     peak = (probe.settled or probe).peak()
     name = ", ".join(filter(None, [f"{probe.name}: {_spaced(peak['quantity'])}", peak["filter"]]))
     bar = " (no error bar)" if peak["error"] is None else f" ± {percent(peak['error'])}"
-    return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
+    value = f"{engineering(peak['value'], peak['unit'])}{bar}"
+    return name, "; ".join(filter(None, [value, _axis_text(peak)]))
 
 
-def _peak_text(peak: Columns) -> str:
-    """The largest value of a probe with its bar and time."""
+def _peak_text(probe: Probe) -> str:
+    """The largest value of a probe with its bar and time, of a vector also that of a component."""
+    peak = probe.peak()
     label = f"{_spaced(peak['quantity'])} {peak['component']}".rstrip()
     if peak["filter"]:
         passed = engineering(PASSED * CLASSES[peak["filter"]], "Hz")
         label += f" through {peak['filter']} (to {passed})"
     value = engineering(peak["value"], peak["unit"], 4)
+    bar = "" if probe.error is None else f" {probe.error}"
     g = f" ({plain(peak['g'], 4)} g)" if "g" in peak else ""
-    return f"{label}: largest {value}{_bar_of_probe(peak)}{g} at {engineering(peak['time'], 's')}"
+    told = f"{label}: largest {value}{bar}{g} at {engineering(peak['time'], 's')}"
+    return "; ".join(filter(None, [told, _axis_text(peak)]))
+
+
+def _axis_text(peak: Columns) -> str:
+    """The component of a vector with the largest value, which a sensor along its axis sees."""
+    axis = peak.get("axis")
+    if axis is None:
+        return ""
+    value = engineering(axis["value"], peak["unit"], 4)
+    return f"largest component {axis['component']}, {value}"
 
 
 #: Error of a largest value by truncation from which it is said not to have converged.
@@ -774,11 +757,8 @@ def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:
     model, scene = results.model, results.compiled
     if not probes or not isinstance(model, AntiOscillators) or model.n < 2 or scene.model is None:
         return
-    own, of_fewer = Evaluation(scene.document), Evaluation(scene.document)
     fewer = replace(model, stretch=None).truncated(model.n // 2)
-    for evaluate, its_model in ((own, model), (of_fewer, fewer)):
-        evaluate.register(scene.structure, results.structure)
-        evaluate.register(scene.model, its_model)
+    own, of_fewer = (_on(results, one) for one in (model, fewer))
     own.register(scene.history, results.history)
     with suppress(AntioscError), without_warnings():
         for probe in probes:
@@ -786,6 +766,36 @@ def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:
         for probe in probes:
             if "filtered" in probe.peak():
                 probe.settled = _settled((own, of_fewer), results, probe)
+        corrected = None
+        if model.strain_error is not None and any(probe.shock for probe in probes):
+            corrected = _on(results, model.corrected())
+        for probe in probes:
+            if probe.shock:
+                _compare_spectra(results, probe, of_fewer, corrected)
+
+
+def _on(results: SceneResults, model: AntiOscillators) -> Evaluation:
+    """The scene of the results with another model, in which its probes are evaluated."""
+    scene = results.compiled
+    evaluate = Evaluation(scene.document)
+    evaluate.register(scene.structure, results.structure)
+    evaluate.register(scene.model, model)
+    return evaluate
+
+
+def _compare_spectra(
+    results: SceneResults, probe: Probe, fewer: Evaluation, corrected: Evaluation | None
+) -> None:
+    """Give the shock response spectra of a probe their bars."""
+    call = results.compiled.spectra[probe.name]
+
+    def on(evaluate: Evaluation, **asked: Array) -> ProbeSpectra:
+        other: ProbeSpectra = evaluate(replace(call, arguments=call.arguments | asked))
+        return other
+
+    assert probe.shock is not None
+    of_corrected = None if corrected is None else partial(on, corrected)
+    probe.shock = compared(probe.shock, partial(on, fewer), of_corrected, probe.budget)
 
 
 def _evaluated(
@@ -806,7 +816,7 @@ def _settled(
     """A probe through the widest filter through which it has converged; None without one."""
     for name in reversed(CLASSES):
         seen, fewer = (_evaluated(one, results, probe, name) for one in evaluations)
-        seen.fewer, seen.force = fewer, probe.force
+        seen.fewer, seen.budget = fewer, probe.budget
         if not seen.is_unsettled:
             return seen
     return None
@@ -897,8 +907,8 @@ def _impact_pictures(results: SceneResults, probes: Sequence[Probe]) -> list[Pic
         pictures.append(chart("Probes", caption, partial(_signals, probes)))
     for probe in probes:
         if probe.shock:
-            caption = f"Probe {probe.name}: {_shock_text(probe.shock)}."
-            draw = probe.shock.spectra[probe.shock.component].plot
+            caption = f"Probe {probe.name}: {probe.shock.sentence}."
+            draw = probe.shock.plot
             pictures.append(Picture("Shock response spectrum", caption, draw, ".svg"))
     if results.structure is not None:
         caption = "The structure at the time of the largest displacement of its site, or of the"
@@ -970,7 +980,7 @@ class Probe:
 
     `filter` : the channel frequency class of its filter, or None.
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
-    `force` : relative error of the force beside that by their number; None if it is not known.
+    `budget` : the errors of the force, which its values follow; None if they are not known.
     `place` : where it lies; None if it is not known.
     `shock` : its shock response spectra, if the scene asks for them.
     `settled` : the probe through the widest filter through which it has converged, if it has not
@@ -978,14 +988,14 @@ class Probe:
     """
 
     fewer: Probe | None = None
-    force: float | None = None
+    budget: ErrorBudget | None = None
     settled: Probe | None = None
     place: ProbePlace | None = None
 
     def __init__(self, results: SceneResults, name: str) -> None:
         arguments = results.compiled.probes[name].arguments
         self.name = name
-        self.shock: Shock | None = results.spectra.get(name)
+        self.shock: ProbeSpectra | None = results.spectra.get(name)
         self.quantity: str = arguments.get("quantity", "displacement")
         self.filter: str | None = arguments.get("filter")
         times = arguments.get("times", results.history.time)
@@ -997,6 +1007,11 @@ class Probe:
             values = values[:, *np.triu_indices(values.shape[1])]
         self.scalar = values.ndim == 1
         self.values = values.reshape(len(values), -1)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether its largest value is that of the magnitude."""
+        return self.quantity in PROBE_UNITS and not self.tensor and len(self.units()) > 1
 
     def units(self) -> dict[str, str]:
         """Component -> unit, one for each column; "" is the component of a scalar."""
@@ -1024,16 +1039,32 @@ class Probe:
         """The frequencies and the largest absolute responses as columns of a file."""
         assert self.shock is not None
         spectra = self.shock.spectra
-        table: Columns = {"frequency (Hz)": spectra[self.shock.component].frequency}
+        table: Columns = {"frequency (Hz)": self.shock.largest.frequency}
         unit = ", ".join(filter(None, ("m/s²", self.filter)))
-        return table | {f"{self.name} {c} ({unit})": s.maximax for c, s in spectra.items()}
+        table |= {f"{self.name} {c} ({unit})": s.maximax for c, s in spectra.items()}
+        bars = {f"{self.name} {c} ± ({unit})": s.bar for c, s in spectra.items()}
+        return table | {name: bar for name, bar in bars.items() if bar is not None}
+
+    @property
+    def force(self) -> float | None:
+        """Relative error of the force beside that by the anti-oscillators; None if not known."""
+        return None if self.budget is None else self.budget.rest_of_force
+
+    @property
+    def error(self) -> ProbeError | None:
+        """The error of the largest value; None if nothing of it is known."""
+        if self.fewer is None:
+            return None
+        share = error_of_largest(self.values, self.fewer.values, self.is_vector)
+        return None if share is None else with_force(share, self.budget)
 
     def peak(self) -> Columns:
         """The largest value: for a vector its magnitude, for other quantities that of one
         component.
 
         Keys: quantity, filter, component ("magnitude"; "" for a scalar), value, unit, time, g for
-        accelerations, truncation: the largest difference of this signal to that of half the
+        accelerations, axis: component, value and time of the largest component of a vector,
+        truncation: the largest difference of this signal to that of half the
         anti-oscillators, over the value; force: what the error of the force adds; error: both; None
         if unknown. (On the bracket, at 8 points with n = 20,
         40 and 80, it was above the error of the largest velocity, against n = 160, in 24 of 24
@@ -1042,23 +1073,20 @@ class Probe:
         """
         values = self.values
         units = self.units()
-        if self.quantity in PROBE_UNITS and not self.tensor and len(units) > 1:
+        if self.is_vector:
             values = np.linalg.norm(values, axis=1)[:, None]
             units = {"magnitude": next(iter(units.values()))}
-        row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
-        component, unit = list(units.items())[k]
-        value = float(values[row, k])
-        time = float(self.times[row])
+        component, row, value = _largest_of(values, units)
+        error = self.error
         peak: Columns = {"quantity": self.quantity, "filter": self.filter}
         peak |= {"component": component, "value": value}
-        peak |= {"truncation": None, "force": self.force, "error": None}
-        if self.fewer is not None:
-            signals = self.values, self.fewer.values
-            share = error_of_largest(*signals, component == "magnitude")
-            peak["truncation"] = share
-            if share is not None and self.force is not None:
-                peak["error"] = share + self.force
-        peak |= {"unit": unit, "time": time}
+        peak |= {"truncation": error and error.truncation, "force": self.force}
+        peak["error"] = None if error is None or error.force is None else float(error)
+        peak |= {"unit": units[component], "time": float(self.times[row])}
+        if self.is_vector:
+            axis, row, value_along = _largest_of(self.values, self.units())
+            time = float(self.times[row])
+            peak["axis"] = {"component": axis, "value": value_along, "time": time}
         if self.quantity == "acceleration":
             peak["g"] = value / GRAVITY
             if not self.filter and (peak["truncation"] or 0.0) > UNSETTLED:
@@ -1076,6 +1104,12 @@ class Probe:
         component, unit = list(self.units().items())[k]
         name = " ".join(filter(None, (self.name, component, self.filter)))
         return name, self.times, self.values[:, k], unit
+
+
+def _largest_of(values: Array, names: Iterable[str]) -> tuple[str, int, float]:
+    """(component, row, value) of the largest of values (n, c)."""
+    row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    return list(names)[k], int(row), float(values[row, k])
 
 
 def _signals(probes: Sequence[Probe], ax: Axes) -> None:

@@ -51,6 +51,10 @@ from scene_files import (
 )
 
 
+#: Of a probe of a force that has no bar.
+NO_BAR = " (no error bar, as the force has none"
+
+
 def test_a_scene_runs_as_its_program(tmp_path, capsys):
     path = written(tmp_path, BEAM + PROBE)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
@@ -77,7 +81,11 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     told_of = numbers(tmp_path / "out")["probes"]["quarter"]
     expected = np.linalg.norm(off, axis=1).max() / np.linalg.norm(signal, axis=1).max()
     assert told_of["truncation"] == pytest.approx(expected, rel=1e-2)
-    assert f" (no error bar; anti-oscillators {percent(told_of['truncation'])}) at" in told
+    assert f"{NO_BAR}; anti-oscillators {percent(told_of['truncation'])}) at" in told
+    along = np.abs(signal).max(axis=0)
+    axis = told_of["axis"]
+    assert (axis["component"], abs(axis["value"])) == ("xyz"[np.argmax(along)], along.max())
+    assert f"largest component z, {engineering(axis['value'], 'm', 4)}" in told
     assert told_of["error"] is told_of["force"] is None  # of a model without error = "estimate"
     assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
 
@@ -104,12 +112,13 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     assert peak["truncation"] == pytest.approx(bars[widest], rel=0.05)
     value = engineering(peak["value"], "m/s²", 4)
     shown = f"through {widest} (to {engineering(5 / 3 * CLASSES[widest], 'Hz')}): largest {value}"
-    assert f"{shown} (no error bar; anti-oscillators {percent(peak['truncation'])})" in told
+    assert f"{shown}{NO_BAR}; anti-oscillators {percent(peak['truncation'])})" in told
     text = re.sub("<script.*?</script>", "", page.read_text(), flags=re.DOTALL)
     facts = re.findall("<dt>(.*?)</dt><dd.*?>(.*?)</dd>", text)  # beside the force
     assert facts[-1] == (
         f"quarter: acceleration, {widest}",
-        f"{engineering(peak['value'], 'm/s²')} (no error bar)",
+        f"{engineering(peak['value'], 'm/s²')} (no error bar);"
+        f" largest component z, {engineering(peak['axis']['value'], 'm/s²', 4)}",
     )
     assert text.count("robes have no error bar") == 1
     path = written(tmp_path, f'{BEAM}{asked}filter = "{widest}"\n')
@@ -150,8 +159,11 @@ def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_p
     numbers_told = numbers(tmp_path / "out")["probes"]["quarter"]["srs"]
     assert (numbers_told["value"], numbers_told["frequency"]) == (found[k], frequencies[k])
     assert (numbers_told["component"], numbers_told["resolved"]) == ("z", known)
-    value = f"largest {engineering(found[k], 'm/s²', 4)} at {engineering(frequencies[k], 'Hz')}"
-    assert f"shock response spectrum (Q = 10) z: {value}; the model resolves" in told
+    shares = f"{NO_BAR}; anti-oscillators {percent(numbers_told['truncation'])})"
+    value = f"largest {engineering(found[k], 'm/s²', 4)}{shares}"
+    value += f" at {engineering(frequencies[k], 'Hz')}"
+    known_text = "; the model has the natural modes of its mesh up to"
+    assert f"shock response spectrum (Q = 10) z: {value}{known_text}" in told
     assert "warning: probe quarter: the velocity still rings at the last sample" in told
     assert f"Probe quarter: shock response spectrum (Q = 10) z: {value}" in page.read_text()
     assert (tmp_path / "out/srs.svg").stat().st_size > 0

@@ -8,10 +8,9 @@ points far from it, and accelerations, need more anti-oscillators than the force
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +20,6 @@ from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.process import one_thread
 from antiosc.base.stresses import von_mises
-from antiosc.base.texts import percent
 from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.reach import Reach
@@ -32,8 +30,6 @@ from antiosc.fields.second_order import with_pairs
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import AnyHistory, amplitudes, times_of
 from antiosc.impact.histories.parts import BodyHistory
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.parameters import has_bars
 from antiosc.recovery import source
 from antiosc.recovery.place import NO_OUTLINE, Place, on_outlines, place
 from antiosc.reduce.site import motions_without_mesh, point_of
@@ -239,128 +235,6 @@ def probed_point(
     from antiosc.recovery.mesh_fields import nearest_point  # needs dolfinx
 
     return nearest_point(structure, x, part, _reach(point, snap))
-
-
-class ProbeError(float):
-    """Relative error of the largest value of a probe.
-
-    truncation : its share by the number of anti-oscillators.
-    force : that of the force, which the value follows; None where it is not known, and left out.
-    """
-
-    truncation: float
-    force: float | None
-
-    def __new__(cls, truncation: float, force: float | None) -> ProbeError:
-        """The sum of the shares that are known."""
-        error = super().__new__(cls, truncation + (force or 0.0))
-        error.truncation, error.force = truncation, force
-        return error
-
-    def __str__(self) -> str:
-        share = f"anti-oscillators {percent(self.truncation)}"
-        if self.force is None:
-            return f"{percent(self)} ({share}; the error of the force is not known and adds to it)"
-        return f"{percent(self)} ({share}, force {percent(self.force)})"
-
-    def __reduce__(self) -> tuple[type[ProbeError], tuple[float, float | None]]:
-        return ProbeError, (self.truncation, self.force)
-
-
-def probe_error(
-    structure: Structure,
-    history: History,
-    point: Sequence[float] | str | None = None,
-    quantity: str = "displacement",
-    times: ArrayLike | None = None,
-    **options: Any,
-) -> ProbeError:
-    """Relative error of the largest value of a `probe`: by the number of anti-oscillators, and that
-    of the force, which the values follow.
-
-    `.truncation` is the largest difference of its signal to that of the same impact with half of
-    the anti-oscillators, over the largest value: of motions the magnitude, of other quantities one
-    component. From 0.1 on the peak has not converged, and the number is no bound, which a warning
-    tells: extract more (n), see an acceleration through a `filter`, or judge it by its shock
-    spectrum (`srs`). `.force` is that of `hit.error_budget["peak_force"]` beside its truncation;
-    None where the force has no bar, or the model none, and then the sum lacks it. The mesh's error
-    at the point is not in it. Of a part that stretches linear runs are compared.
-
-    Parameters
-    ----------
-    structure, history, point, quantity, times, **options
-        As for `probe`; the history is that of `simulate` or `strike`, whose impact is simulated
-        once more.
-
-    Raises
-    ------
-    InputError
-        As `probe`; a history that cannot be repeated, as those of scenes, and a model with less
-        than two anti-oscillators.
-    """
-    checks.instance("history", history, History, "a History of simulate or strike")
-    model = history.model
-    if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
-        raise InputError(
-            "only an impact of simulate or strike can be repeated with half the anti-oscillators,"
-            " of which there must be two or more."
-        )
-    if isinstance(times, str) or not isinstance(quantity, str):
-        raise InputError("probe_error takes the quantity before the times.")
-    at_times = times_of(history, times)
-    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
-    compared = history
-    if model.stretch is not None:  # its motions are those of all anti-oscillators
-        model = replace(model, stretch=None)
-        compared = history.rerun(model, tol)
-    fewer = history.rerun(model.truncated(model.n // 2), tol)
-    values, of_fewer = (
-        _by_component(probe(structure, hit, point, quantity, at_times, **options))
-        for hit in (compared, fewer)
-    )
-    error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
-    if error >= NOT_CONVERGED:
-        on_root(structure.comm, partial(warn, _not_converged(quantity, error), AccuracyWarning))
-    force = history.error_budget.rest_of_force if has_bars(model) else None
-    return ProbeError(error, force)
-
-
-#: Error by the number of anti-oscillators from which it is no bound: a peak acceleration of
-#: 26 km/s² with 40 of them, and a number of 0.89, was 64 km/s² with 160.
-NOT_CONVERGED = 0.1
-
-
-def _not_converged(quantity: str, error: float) -> str:
-    """Sentence on a largest value that has not converged."""
-    remedy = "extract more anti-oscillators (n)"
-    if quantity == "acceleration":
-        remedy += ", see it through a filter (CFC1000), or judge it by its shock spectrum (srs)"
-    return (
-        f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
-        f" {percent(error)}, and this number is no bound; {remedy}."
-    )
-
-
-#: Least and largest time integration error of the repeated impact.
-LEAST_ERROR, DEFAULT_ERROR = 1e-6, 1e-4
-
-
-def _by_component(values: Array) -> Array:
-    """Values (n, …) of a probe as (n, c)."""
-    return values.reshape(len(values), -1)
-
-
-def error_of_largest(values: Array, fewer: Array, magnitude: bool) -> float | None:
-    """Largest difference of two signals (n, c), over the largest value; None without values.
-
-    `magnitude`: of the vectors that the components are; else of the component of the largest value.
-    """
-    apart = values - fewer
-    if magnitude:
-        values, apart = (np.linalg.norm(x, axis=1)[:, None] for x in (values, apart))
-    row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
-    value = abs(values[row, k])
-    return float(np.abs(apart[:, k]).max() / value) if value else None
 
 
 def _over_time(columns: Array, factors: Array) -> Array:

@@ -17,6 +17,7 @@ from antiosc.base.texts import Completed, ReprMixin, engineering, percent, range
 from antiosc.plot.charts import figure_or_path, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -52,12 +53,14 @@ class ShockSpectrum(Completed):
     frequency : (m,) natural frequencies, Hz.
     positive, negative : (m,) largest positive response, and the size of the largest negative one.
     Q : quality factor 1/(2ζ).
+    bar : (m,) error of `maximax`, in its unit; None where it is not known.
     """
 
     frequency: Array
     positive: Array
     negative: Array
     Q: float
+    bar: Array | None = None
 
     @property
     def maximax(self) -> Array:
@@ -71,14 +74,22 @@ class ShockSpectrum(Completed):
         """
         unit = checks.text("unit", unit)
         figure = new_figure((7.0, 4.0), shown=path is None)
-        axes = figure.subplots()
+        self.draw(figure.subplots(), unit)
+        return figure_or_path(figure, path)
+
+    def draw(self, axes: Axes, unit: str, of: str = "") -> None:
+        """Draw the spectrum into axes, with its bar; `of`: what it is a spectrum of."""
         for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
             axes.loglog(self.frequency, getattr(self, name), style, label=name)
+        if self.bar is not None:
+            limits = axes.get_ylim()
+            ends = self.maximax - self.bar, self.maximax + self.bar
+            axes.fill_between(self.frequency, *ends, alpha=0.2, label="error bar of maximax")
+            axes.set_ylim(limits)
         axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
-        axes.set_title(f"shock response spectrum, Q = {self.Q:g}")
+        axes.set_title(f"shock response spectrum{of}, Q = {self.Q:g}")
         axes.grid(visible=True, which="both", alpha=0.3)
         axes.legend()
-        return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
         peak_index = int(np.argmax(self.maximax))

@@ -21,15 +21,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import antiosc
-from antiosc import ContactLaw, History, SceneHistory
+from antiosc import ContactLaw, History
 from antiosc.base._types import Array
 from antiosc.base.errors import (
     AccuracyWarning,
     AntioscError,
-    InputError,
     Message,
     finite_element_packages,
     warn,
@@ -49,7 +47,7 @@ from antiosc_app.scene_file.schema import (
 )
 
 if TYPE_CHECKING:
-    from antiosc import AntiOscillators, Fall, PeakField, ShockSpectrum, Structure
+    from antiosc import AntiOscillators, Fall, PeakField, ProbeSpectra, Structure
     from antiosc_studies.drops.fall import WorstField
 
 T = TypeVar("T")
@@ -526,74 +524,19 @@ def place_of(probe: Call) -> dict[str, Any]:
     return {key: probe.arguments[key] for key in OF_PLACE if key in probe.arguments}
 
 
-class Shock(NamedTuple):
-    """The shock response spectra of a probe.
-
-    Attributes
-    ----------
-    spectra : component -> its spectrum, m/s².
-    resolved : frequency [Hz] up to which the model resolves the motion; None if it is not known.
-    """
-
-    spectra: Mapping[str, ShockSpectrum]
-    resolved: float | None
-
-    @property
-    def component(self) -> str:
-        """The component with the largest value."""
-        return max(self.spectra, key=lambda name: float(self.spectra[name].maximax.max()))
-
-
-#: Samples of a spectrum in a period of the highest frequency that is resolved, as `srs` needs them;
-RESOLVED_SAMPLES = 20
-#: … in one of the highest of the model (of a bracket's spectrum 5 left 0.001 dB, 2 left 0.006 dB);
-HIGHEST_SAMPLES = 5
-#: … and in a run at most, times the anti-oscillators: 4 million took 0.5 GB, 8 million 1.0 GB.
-MOST_VALUES = 4_000_000
-
-
-def even_times(history: History, omega: Array, resolved: float) -> Array:
-    """Evenly spaced times [s] over a run for spectra, from the frequencies [rad/s] of its model and
-    that which it resolves [Hz].
-    """
-    end = float(history.time[-1])
-    highest = float(np.max(omega, initial=0.0)) / (2 * np.pi)
-    rate = max(HIGHEST_SAMPLES * highest, RESOLVED_SAMPLES * min(resolved, highest))
-    count = int(min(rate * end + 2, MOST_VALUES / max(omega.size, 1)))
-    return np.linspace(0.0, end, max(count, PROBE_TIMES))
-
-
 def shock(
-    structure: Structure,
-    history: History,
-    name: str,
-    quantity: str,
-    times: ArrayLike | None = None,
-    **place: Any,
-) -> Shock:
+    structure: Structure, history: History, name: str, quantity: str, **asked: Any
+) -> ProbeSpectra:
     """The shock response spectra of a probe, from its velocity also if it is an acceleration.
 
     `name`, `quantity`: those of the probe. Times of a scene are taken as they are.
     """
-    body: Any = (
-        history.bodies[STRUCTURE].placed.body
-        if isinstance(history, SceneHistory)
-        else history.model
-    )
-    resolved = None
-    with contextlib.suppress(InputError):  # a model that was read lacks it
-        resolved = antiosc.resolved_frequency(body)
-    t = even_times(history, body.omega, resolved or 0.0)
-    t = t if times is None else np.reshape(times, -1).astype(float)
-    velocity = antiosc.probe(structure, history, quantity="velocity", times=t, **place)
-    spectra: dict[str, ShockSpectrum] = {}
-    messages: dict[str, list[str]] = {}
-    for component, signal in zip("xyz", velocity.T, strict=False):
-        own = messages[component] = []
-        with warnings_to(own.append):
-            spectra[component] = antiosc.srs(t, signal, signal="velocity", resolved=resolved)
-    found = Shock(spectra, resolved)
-    for message in messages[found.component]:  # of the others, which are smaller, it says nothing
+    with finite_element_packages():
+        from antiosc.extension import spectra_at
+    messages: list[str] = []
+    with warnings_to(messages.append):
+        found = spectra_at(structure, history, **asked)
+    for message in messages:
         warn(Message(f"probe {name}: {message}", AccuracyWarning))
     return found
 

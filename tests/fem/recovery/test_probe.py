@@ -12,6 +12,7 @@ import pytest
 
 import antiosc as ao
 import parts
+from antiosc.base.texts import percent
 from antiosc.extension import check_point
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.reach import Reach
@@ -93,7 +94,7 @@ def test_the_error_by_the_anti_oscillators_is_that_of_the_unreduced_model(sheet)
         hit = ao.simulate(ao.extract(part, SITE, n), BALL, LAW, DURATION)
         for quantity in ("velocity", "acceleration", "stress"):
             with warnings.catch_warnings(record=True, action="always") as told:
-                bar = ao.probe_error(part, hit, point, quantity, times)
+                bar = ao.probe_error(part, hit, point, quantity, times).truncation
             sentences = [str(one.message) for one in told]
             assert any("is no bound" in one for one in sentences) == (bar >= 0.1)
             got, right = (
@@ -123,10 +124,14 @@ def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
     alone, whole = errors
     bar = hit.error_budget["peak_force"]
     assert alone.force is None
-    assert alone == alone.truncation == pytest.approx(whole.truncation, rel=1e-6)
+    assert alone == np.inf
+    assert "no error bar, as the force has none" in str(alone)
+    assert alone.truncation == pytest.approx(whole.truncation, rel=1e-6)
     assert whole.force == pytest.approx(bar.total - bar.truncation)
-    assert whole == whole.truncation + whole.force > alone
-    assert pickle.loads(pickle.dumps(whole)).force == whole.force
+    assert whole == whole.truncation + whole.force > alone.truncation
+    assert str(whole).startswith(f"± {percent(whole)} (anti-oscillators ")
+    assert repr(whole) == str(whole)
+    assert vars(pickle.loads(pickle.dumps(whole))) == vars(whole)
 
 
 def gain(omega, cfc):

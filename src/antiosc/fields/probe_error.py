@@ -1,0 +1,210 @@
+"""The error of what is seen at one point of a part: by the anti-oscillators, and of the force."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.base import checks
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base.texts import percent
+from antiosc.fem.platform import on_root
+from antiosc.fem.structure.structure import Structure
+from antiosc.fields.probe import MOTIONS, probe
+from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import times_of
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.parameters import has_bars
+
+if TYPE_CHECKING:
+    from antiosc.impact.histories.bars import ErrorBudget
+
+
+class ProbeError(float):
+    """Relative error of the largest value of a probe: the sum of its shares, as a float.
+
+    Infinite where the error of the force is not known: then the value has no bound. Printed, it
+    is the bar with its shares.
+
+    Attributes
+    ----------
+    truncation : float
+        Its share by the number of anti-oscillators.
+    force : float or None
+        That of the force, which the value follows; None where the force has no error bar.
+    mesh : float or None
+        That of the motion on this mesh; None where it is not estimated, as that of signals.
+    law_given : bool
+        Whether the error of the force leaves out that of the contact's law.
+    """
+
+    truncation: float
+    force: float | None
+    mesh: float | None
+    law_given: bool
+
+    def __new__(
+        cls,
+        truncation: float,
+        force: float | None,
+        mesh: float | None = None,
+        law_given: bool = False,
+    ) -> ProbeError:
+        """The sum of the shares."""
+        total = inf if force is None else truncation + (mesh or 0.0) + force
+        error = super().__new__(cls, total)
+        error.truncation, error.force = truncation, force
+        error.mesh, error.law_given = mesh, law_given
+        return error
+
+    def __str__(self) -> str:
+        named = {"anti-oscillators": self.truncation, "mesh": self.mesh, "force": self.force}
+        known = {name: share for name, share in named.items() if share is not None}
+        shares = ", ".join(f"{name} {percent(share)}" for name, share in known.items())
+        if isfinite(self):
+            return f"± {percent(self)} ({shares}{' with the law as given' * self.law_given})"
+        return f"(no error bar, as the force has none; {shares})"
+
+    __repr__ = __str__
+
+    def __reduce__(self) -> tuple[type[ProbeError], tuple[Any, ...]]:
+        return ProbeError, (self.truncation, self.force, self.mesh, self.law_given)
+
+
+def probe_error(
+    structure: Structure,
+    history: History,
+    point: Sequence[float] | str | None = None,
+    quantity: str = "displacement",
+    times: ArrayLike | None = None,
+    **options: Any,
+) -> ProbeError:
+    """Relative error of the largest value of a `probe`: by the number of anti-oscillators, and that
+    of the force, which the values follow.
+
+    `.truncation` is the largest difference of its signal to that of the same impact with half of
+    the anti-oscillators, over the largest value: of motions the magnitude, of other quantities one
+    component. From 0.1 on the peak has not converged, and the number is no bound, which a warning
+    tells: extract more (n), see an acceleration through a `filter`, or judge it by its shock
+    spectrum (`probe_srs`). `.force` is that of `hit.error_budget["peak_force"]` beside its
+    truncation. Where the force has no bar, or the model none, it is None, and the error infinite:
+    the probe has no bar either; extract with `error="estimate"`. The mesh's error at the point is
+    not in it. Of a part that stretches linear runs are compared.
+
+    Parameters
+    ----------
+    structure, history, point, quantity, times, **options
+        As for `probe`; the history is that of `simulate` or `strike`, whose impact is simulated
+        once more.
+
+    Raises
+    ------
+    InputError
+        As `probe`; a history that cannot be repeated, as those of scenes, and a model with less
+        than two anti-oscillators.
+    """
+    if isinstance(times, str) or not isinstance(quantity, str):
+        raise InputError("probe_error takes the quantity before the times.")
+    own = linear_run(history)
+    at_times = times_of(history, times)
+    values, of_fewer = (
+        _by_component(probe(structure, hit, point, quantity, at_times, **options))
+        for hit in (own, with_fewer(history))
+    )
+    error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
+    if error >= NOT_CONVERGED:
+        on_root(structure.comm, partial(warn, _not_converged(quantity, error), AccuracyWarning))
+    return with_force(error, budget_of(history))
+
+
+def with_force(
+    truncation: float, budget: ErrorBudget | None, mesh: float | None = None
+) -> ProbeError:
+    """The error of a value that follows the force of an impact, which has this budget or none."""
+    if budget is None:
+        return ProbeError(truncation, None, mesh)
+    return ProbeError(truncation, budget.rest_of_force, mesh, bool(budget.law))
+
+
+def linear_run(history: History) -> History:
+    """A history that can be repeated, of a part that stretches that of its linear run."""
+    checks.instance("history", history, History, "a History of simulate or strike")
+    model = history.model
+    if history.rerun is None or not isinstance(model, AntiOscillators) or model.n < 2:
+        raise InputError(
+            "only an impact of simulate or strike can be repeated with half the anti-oscillators,"
+            " of which there must be two or more."
+        )
+    if model.stretch is None:
+        return history
+    return repeated(history, linear(history))  # with the motions of all anti-oscillators
+
+
+def with_fewer(history: History) -> History:
+    """The same impact with half of the anti-oscillators."""
+    model = linear(history)
+    return repeated(history, model.truncated(model.n // 2))
+
+
+def linear(history: History) -> AntiOscillators:
+    """The model of a history, without its second-order forces."""
+    return replace(history.model, stretch=None)
+
+
+def repeated(history: History, model: AntiOscillators) -> History:
+    """The same impact on another model."""
+    assert history.rerun is not None
+    tol = min(max(history.error.get("force", DEFAULT_ERROR), LEAST_ERROR), DEFAULT_ERROR)
+    return history.rerun(model, tol)
+
+
+def budget_of(history: History) -> ErrorBudget | None:
+    """The error budget of a history; None where its model has no bars."""
+    return history.error_budget if has_bars(history.model) else None
+
+
+#: Error by the number of anti-oscillators from which it is no bound: a peak acceleration of
+#: 26 km/s² with 40 of them, and a number of 0.89, was 64 km/s² with 160.
+NOT_CONVERGED = 0.1
+
+
+def _not_converged(quantity: str, error: float) -> str:
+    """Sentence on a largest value that has not converged."""
+    remedy = "extract more anti-oscillators (n)"
+    if quantity == "acceleration":
+        remedy += (
+            ", see it through a filter (CFC1000), or judge it by its shock spectrum (probe_srs)"
+        )
+    return (
+        f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
+        f" {percent(error)}, and this number is no bound; {remedy}."
+    )
+
+
+#: Least and largest time integration error of the repeated impact.
+LEAST_ERROR, DEFAULT_ERROR = 1e-6, 1e-4
+
+
+def _by_component(values: Array) -> Array:
+    """Values (n, …) of a probe as (n, c)."""
+    return values.reshape(len(values), -1)
+
+
+def error_of_largest(values: Array, fewer: Array, magnitude: bool) -> float | None:
+    """Largest difference of two signals (n, c), over the largest value; None without values.
+
+    `magnitude`: of the vectors that the components are; else of the component of the largest value.
+    """
+    apart = values - fewer
+    if magnitude:
+        values, apart = (np.linalg.norm(x, axis=1)[:, None] for x in (values, apart))
+    row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    value = abs(values[row, k])
+    return float(np.abs(apart[:, k]).max() / value) if value else None
