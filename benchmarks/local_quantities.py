@@ -374,8 +374,8 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
         "value there, against all natural modes of the same mesh. SRS: largest difference of shock "
         f"response spectra (Q = 10) from the first natural frequency to {TOP / 1e3:g} kHz, where "
         f"they are above {AUDIBLE:.0%} of the largest of the ten. The first row is the reference "
-        "with twice its step. Resolved is `ao.resolved_frequency`. The bars are "
-        f"`.truncation` of `ao.probe_error` of the peak acceleration through {FILTER} at the ten points.",
+        "with twice its step. Resolved is `ao.resolved_frequency`. The bars are `.truncation` of "
+        f"`ao.probe_error` of the peak acceleration through {FILTER} at the ten points.",
         "",
         options.code_state(),
     ]

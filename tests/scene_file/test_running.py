@@ -50,7 +50,6 @@ from scene_files import (
     written,
 )
 
-
 #: Of a probe of a force that has no bar.
 NO_BAR = " (no error bar, as the force has none"
 

@@ -71,10 +71,10 @@ def plate(
     return box(n, size, cell, comm, groups)
 
 
-def held_sheet(cell: str = "quadrilateral") -> ao.Structure:
+def held_sheet(cell: str = "quadrilateral", cells: tuple[int, int] = (6, 3)) -> ao.Structure:
     """A sheet of steel in plane stress, 0.2 × 0.06 m, held at its left side."""
     steel = ao.Solid(**STEEL, plane="stress", thickness=0.01)
-    return ao.Structure(plate((6, 3), (0.2, 0.06), cell), steel, [ao.Support("left")])
+    return ao.Structure(plate(cells, (0.2, 0.06), cell), steel, [ao.Support("left")])
 
 
 def nodal(structure: ao.Structure, field: Callable[[Array], Array]) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import StateSpace, butter, filtfilt, lsim
 
 import antiosc as ao
 import parts
@@ -381,3 +382,61 @@ def test_a_stiffener_takes_its_share_of_the_moment(cell):
     assert abs(above) == pytest.approx(E * bend * (centres[1] + 0.015 - middle), rel=2e-2)
     with pytest.raises(ao.InputError, match=r"no stiffener.*'rib'"):
         ao.probe(part, hit, (x, 0, 0), "stress", stiffener="ribs")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_bar_of_a_shock_spectrum_holds_that_of_a_fine_mesh():
+    """At most frequencies of every component, and of the largest value of every blow."""
+    sites = [SITE, replace(SITE, point=(0.17, 0.06), direction=(0, -1))]
+    balls = [BALL, ao.RigidMass(mass=0.02, velocity=2.0)]
+    frequencies = np.geomspace(500, 2e4, 60)
+    asked = {"times": np.linspace(0, 3e-3, 6001), "frequencies": frequencies}
+    finer = parts.held_sheet(cells=(48, 24))
+    held, bars = [], []
+    for site, ball in zip(sites, balls, strict=True):
+        coarse, fine = (
+            (part, ao.simulate(ao.extract(part, site, n, error="estimate"), ball, LAW, 3e-3))
+            for part, n in ((parts.held_sheet(cells=(3, 2)), 6), (finer, 80))
+        )
+        for point in POINTS[:3]:
+            found, right = (ao.probe_srs(*one, point, **asked) for one in (coarse, fine))
+            for name, own in found.spectra.items():
+                held.append(abs(own.maximax - right.spectra[name].maximax) <= own.bar)
+            n = found.numbers()
+            off = abs(n["value"] - right.largest.maximax[frequencies == n["frequency"]][0])
+            assert found.component == right.component
+            assert off <= found.error * n["value"]
+            bars.append(float(found.error))
+    assert np.mean(held) > 0.95
+    assert max(bars) < 1
+
+
+@pytest.mark.filterwarnings("ignore:the velocity still rings")
+def test_a_filtered_shock_spectrum_is_that_of_the_filter_and_oscillators_of_scipy(sheet, tmp_path):
+    """Butterworth forward and backward, then oscillators by lsim; above the corner it is told."""
+    part = sheet[0]
+    hit = ao.simulate(ao.extract(part, SITE, 6), BALL, LAW, 8e-3)
+    t = np.linspace(0, 8e-3, 16001)
+    end = np.searchsorted(t, 3e-3) + 1
+    moved = ao.probe(part, hit, POINTS[1], "velocity", t)[:, 1]
+    section = butter(2, 2.0775 * 600, fs=1 / t[1])
+    padded = np.pad(moved, (8000, 0), "edge")
+    seen = filtfilt(*section, padded, padlen=0)[8000:][:end]
+    asked = {"times": t[:end], "filter": "CFC600"}
+    found = ao.probe_srs(part, hit, POINTS[1], frequencies=[300.0, 900.0, 4000.0], **asked)
+    for f, response in zip(found.largest.frequency, found.spectra["y"].maximax, strict=True):
+        w = 2 * np.pi * f
+        times = t[1] * np.arange(end + int(1 / (f * t[1])) + 2)
+        base = np.append(seen, np.full(len(times) - end, seen[-1])) - seen[0]
+        mass = StateSpace([[0, 1], [-w * w, -w / 10]], [[0], [1]], [[w * w, w / 10]], [[0]])
+        _, speeds, _ = lsim(mass, base, times)  # the base's velocity gives that of the mass
+        assert response == pytest.approx(np.abs(np.gradient(speeds, t[1])).max(), rel=0.01)
+    assert "above 1.00 kHz it is the spectrum of the filtered signal" in found.sentence
+    assert found.numbers()["passed"] == 1000.0
+    assert (
+        "filtered signal"
+        not in ao.probe_srs(part, hit, POINTS[1], frequencies=[300.0, 900.0], **asked).sentence
+    )
+    svg = found.plot(tmp_path / "a.svg").read_text()
+    for text in ("through CFC600, Q = 10", "CFC600 passes lower frequencies"):
+        assert text in svg
