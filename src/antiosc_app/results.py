@@ -608,6 +608,7 @@ PROBE_BARS = (
     "the bars of probes are the error by the anti-oscillators, and that of the force{}, which the"
     " values follow; the mesh's error at their points is not in them"
 )
+OF_SPECTRA = "; those of shock response spectra have it in the motion too"
 WITHOUT_FORCE = (
     "probes have no error bar: they follow the force, whose error is not known; told is their error"
     " by the anti-oscillators"
@@ -700,7 +701,10 @@ def _note_on_probes(probes: Sequence[Probe], left_out: bool) -> str:
         return ""
     without_law = " without the contact's law" if left_out else ""
     known = all(probe.force is not None for probe in barred)
-    return PROBE_BARS.format(without_law) if known else WITHOUT_FORCE
+    if not known:
+        return WITHOUT_FORCE
+    has_mesh = any(probe.shock and probe.shock.numbers()["mesh"] for probe in barred)
+    return PROBE_BARS.format(without_law) + OF_SPECTRA * has_mesh
 
 
 def _fact_of_probe(probe: Probe) -> tuple[str, str]:

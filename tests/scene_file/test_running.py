@@ -212,6 +212,36 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
 
 
 @pytest.mark.fem
+@pytest.mark.filterwarnings("ignore:the velocity still rings")
+def test_a_shock_spectrum_of_a_scene_has_the_bar_of_probe_srs(tmp_path, capsys):
+    """With the mesh's share, in the result, the table and on the terminal."""
+    asked = '[probes.{}]\npoint = [0.02, 0.04, 0.06]\nquantity = "velocity"\nsnap = 0.02\n'
+    asked += "srs = true\n"
+    probes = asked.format("bare") + asked.format("seen") + 'filter = "CFC1000"\n'
+    path = written(tmp_path, f'{BRACKET}[extract]\nn = 8\nerror = "estimate"\n{HIT}{probes}')
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    made = objects(path)
+    written_numbers = numbers(tmp_path / "out")["probes"]
+    columns = table(tmp_path / "out/srs.csv")
+    for name, seen in {"bare": None, "seen": "CFC1000"}.items():
+        place = {"point": (0.02, 0.04, 0.06), "snap": 0.02, "filter": seen}
+        found = ao.probe_srs(made.structure, made.history, **place)
+        own = written_numbers[name]["srs"]
+        for key in ("value", "frequency", "truncation", "mesh", "force", "error", "passed"):
+            assert own[key] == pytest.approx(found.numbers()[key], rel=1e-2), key
+        assert own["error"] == pytest.approx(own["truncation"] + own["mesh"] + own["force"])
+        unit = ", ".join(filter(None, ["m/s²", seen]))
+        for component, spectrum in found.spectra.items():
+            bars = columns[f"{name} {component} ± ({unit})"]
+            np.testing.assert_allclose(bars, spectrum.bar, rtol=1e-2)
+        assert f" ± {percent(own['error'])} (anti-oscillators" in told
+        assert f", mesh {percent(own['mesh'])}, force {percent(own['force'])}" in told
+    assert told.count("above 1.67 kHz it is the spectrum of the filtered signal") == 1
+    assert "; those of shock response spectra have it in the motion too" in told
+
+
+@pytest.mark.fem
 def test_a_probe_off_the_part_ends_a_run_before_its_impact(tmp_path, capsys, monkeypatch):
     probe = "[probes.far]\npoint = [0.02, 0.04, 0.9]\n"
     path = written(tmp_path, f"{BRACKET}[extract]\nn = 8\n{HIT}{probe}")
