@@ -65,7 +65,8 @@ class ProbeError(float):
         return error
 
     def __str__(self) -> str:
-        named = {"anti-oscillators": self.truncation, "mesh": self.mesh, "force": self.force}
+        force = "force" if self.law_given else "force and law"
+        named = {"anti-oscillators": self.truncation, "mesh": self.mesh, force: self.force}
         known = {name: share for name, share in named.items() if share is not None}
         shares = ", ".join(f"{name} {percent(share)}" for name, share in known.items())
         if isfinite(self):

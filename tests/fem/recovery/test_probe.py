@@ -14,7 +14,7 @@ from scipy.signal import StateSpace, butter, filtfilt, lsim
 import antiosc as ao
 import parts
 from antiosc.base.texts import percent
-from antiosc.extension import check_point
+from antiosc.extension import ProbeError, check_point
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.reach import Reach
 from antiosc.recovery import mesh_fields
@@ -132,6 +132,8 @@ def test_the_error_of_a_probe_has_that_of_the_force_which_it_follows():
     assert whole == whole.truncation + whole.force > alone.truncation
     assert str(whole).startswith(f"± {percent(whole)} (anti-oscillators ")
     assert repr(whole) == str(whole)
+    assert str(whole).endswith(" with the law as given)")
+    assert "force and law 2 %" in str(ProbeError(0.01, 0.02))
     assert vars(pickle.loads(pickle.dumps(whole))) == vars(whole)
 
 
@@ -438,5 +440,5 @@ def test_a_filtered_shock_spectrum_is_that_of_the_filter_and_oscillators_of_scip
         not in ao.probe_srs(part, hit, POINTS[1], frequencies=[300.0, 900.0], **asked).sentence
     )
     svg = found.plot(tmp_path / "a.svg").read_text()
-    for text in ("through CFC600, Q = 10", "CFC600 passes lower frequencies"):
+    for text in ("through CFC600, Q = 10", "CFC600 passes up to 1.00 kHz"):
         assert text in svg
