@@ -30,8 +30,9 @@ from antiosc.fields.probe_error import (
     with_fewer,
     with_force,
 )
-from antiosc.fields.spectra import SAMPLES_OF_A_PERIOD, ShockSpectrum, srs
+from antiosc.fields.spectra import SAMPLES_OF_A_PERIOD, ShockSpectrum, draw_spectrum, srs
 from antiosc.impact.histories import History
+from antiosc.impact.histories.factors import times_of
 from antiosc.models.body import resolved_frequency
 from antiosc.plot.charts import figure_or_path, new_figure
 
@@ -147,7 +148,7 @@ class ProbeSpectra(ReprMixin):
         if self.passed is not None:
             label = f"{self.filter} passes up to {engineering(self.passed, 'Hz')}"
             axes.axvline(self.passed, color="0.4", lw=1, label=label)
-        self.largest.draw(axes, "m/s²", f", {self._seen}")
+        draw_spectrum(self.largest, axes, "m/s²", f", {self._seen}")
         return figure_or_path(figure, path)
 
     def _facts(self) -> list[tuple[str, str]]:
@@ -155,43 +156,6 @@ class ProbeSpectra(ReprMixin):
         value, frequency = engineering(n["value"], "m/s²", 4), engineering(n["frequency"], "Hz")
         error = [] if self.error is None else [("error", str(self.error))]
         return [("largest", f"{self._seen}: {value} at {frequency}"), *error]
-
-    def with_bars(
-        self, fewer: ProbeSpectra, corrected: ProbeSpectra | None, budget: ErrorBudget | None
-    ) -> ProbeSpectra:
-        """The spectra with their bars.
-
-        `fewer`, `corrected`: those of the same impact with half the anti-oscillators, and on the
-        model that is corrected for its mesh (None: without such a model), at the same times and
-        frequencies. `budget`: the error budget of the impact; None if it has none.
-        """
-        safety = 1.0 if budget is None else budget.safety
-        truncation = self._apart(fewer)
-        mesh = {} if corrected is None else self._apart(corrected, safety)
-        k = int(np.argmax(self.largest.maximax))
-        of_truncation, of_mesh = (
-            float(apart[self.component][k] / (self.largest.maximax[k] or 1.0)) if apart else None
-            for apart in (truncation, mesh)
-        )
-        error = with_force(of_truncation or 0.0, budget, of_mesh)
-        if error.force is None:
-            return replace(self, error=error)
-        spectra = {
-            name: replace(
-                one, bar=truncation[name] + mesh.get(name, 0.0) + error.force * one.maximax
-            )
-            for name, one in self.spectra.items()
-        }
-        return replace(self, spectra=spectra, error=error)
-
-    def _apart(self, other: ProbeSpectra, factor: float = 1.0) -> dict[str, Array]:
-        """Component -> (m,) largest difference to another spectrum within `WINDOW`."""
-        octaves = np.log2(self.largest.frequency)
-        near = np.abs(octaves[:, None] - octaves) <= WINDOW / 2
-        return {
-            name: factor * (near * np.abs(one.maximax - other.spectra[name].maximax)).max(axis=1)
-            for name, one in self.spectra.items()
-        }
 
 
 def even_times(history: History, omega: Array, resolved: float) -> Array:
@@ -233,9 +197,8 @@ def spectra_at(
     resolved = None
     with contextlib.suppress(InputError):  # a model that was read lacks it
         resolved = resolved_frequency(model)
-    if times is None:
-        times = even_times(history, model.omega, resolved or 0.0)
-    t = np.reshape(times, -1).astype(float)
+    even = even_times(history, model.omega, resolved or 0.0)
+    t = times_of(history, even if times is None else times)
     velocity = probe(structure, history, point, "velocity", t, **options)
     spectra: dict[str, ShockSpectrum] = {}
     messages: dict[str, list[str]] = {}
@@ -256,13 +219,43 @@ def compared(
     corrected: Callable[..., ProbeSpectra] | None,
     budget: ErrorBudget | None,
 ) -> ProbeSpectra:
-    """Spectra with their bars: `fewer` and `corrected` make those of the other two models at given
-    `times` and `frequencies`.
+    """Spectra with their bars.
+
+    `fewer`, `corrected`: make those of the same impact with half the anti-oscillators, and on the
+    model that is corrected for its mesh (None: without such a model), at given `times` and
+    `frequencies`. `budget`: the error budget of the impact; None if it has none.
     """
     asked = {"times": own.times, "frequencies": own.largest.frequency}
+    mesh: dict[str, Array] = {}
     with without_warnings():  # they are those of the spectra themselves
-        others = fewer(**asked), None if corrected is None else corrected(**asked)
-    return own.with_bars(*others, budget)
+        truncation = _apart(own, fewer(**asked))
+        if corrected is not None:
+            safety = 1.0 if budget is None else budget.safety
+            mesh = _apart(own, corrected(**asked), safety)
+    peak = int(np.argmax(own.largest.maximax))
+    size = own.largest.maximax[peak] or 1.0
+
+    def share(apart: dict[str, Array]) -> float:
+        return float(apart[own.component][peak] / size)
+
+    error = with_force(share(truncation), budget, share(mesh) if mesh else None)
+    if error.force is None:
+        return replace(own, error=error)
+    spectra = {
+        name: replace(one, bar=truncation[name] + mesh.get(name, 0.0) + error.force * one.maximax)
+        for name, one in own.spectra.items()
+    }
+    return replace(own, spectra=spectra, error=error)
+
+
+def _apart(own: ProbeSpectra, other: ProbeSpectra, factor: float = 1.0) -> dict[str, Array]:
+    """Component -> (m,) largest difference of two spectra within `WINDOW`, times the factor."""
+    octaves = np.log2(own.largest.frequency)
+    near = np.abs(octaves[:, None] - octaves) <= WINDOW / 2
+    return {
+        name: factor * (near * np.abs(one.maximax - other.spectra[name].maximax)).max(axis=1)
+        for name, one in own.spectra.items()
+    }
 
 
 def probe_srs(

@@ -74,22 +74,8 @@ class ShockSpectrum(Completed):
         """
         unit = checks.text("unit", unit)
         figure = new_figure((7.0, 4.0), shown=path is None)
-        self.draw(figure.subplots(), unit)
+        draw_spectrum(self, figure.subplots(), unit)
         return figure_or_path(figure, path)
-
-    def draw(self, axes: Axes, unit: str, of: str = "") -> None:
-        """Draw the spectrum into axes, with its bar; `of`: what it is a spectrum of."""
-        for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
-            axes.loglog(self.frequency, getattr(self, name), style, label=name)
-        if self.bar is not None:
-            limits = axes.get_ylim()
-            ends = self.maximax - self.bar, self.maximax + self.bar
-            axes.fill_between(self.frequency, *ends, alpha=0.2, label="error bar of maximax")
-            axes.set_ylim(limits)
-        axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
-        axes.set_title(f"shock response spectrum{of}, Q = {self.Q:g}")
-        axes.grid(visible=True, which="both", alpha=0.3)
-        axes.legend()
 
     def _facts(self) -> list[tuple[str, str]]:
         peak_index = int(np.argmax(self.maximax))
@@ -102,6 +88,21 @@ class ShockSpectrum(Completed):
             ("highest", f"{self.maximax[-1]:.4g} at {engineering(self.frequency[-1], 'Hz')}"),
             ("Q", f"{self.Q:g}"),
         ]
+
+
+def draw_spectrum(spectrum: ShockSpectrum, axes: Axes, unit: str, of: str = "") -> None:
+    """Draw the spectrum into axes, with its bar; `of`: what it is a spectrum of."""
+    for name, style in (("maximax", "-"), ("positive", "--"), ("negative", ":")):
+        axes.loglog(spectrum.frequency, getattr(spectrum, name), style, label=name)
+    if spectrum.bar is not None:
+        limits = axes.get_ylim()
+        ends = spectrum.maximax - spectrum.bar, spectrum.maximax + spectrum.bar
+        axes.fill_between(spectrum.frequency, *ends, alpha=0.2, label="error bar of maximax")
+        axes.set_ylim(limits)
+    axes.set(xlabel="natural frequency (Hz)", ylabel=f"largest response ({unit})")
+    axes.set_title(f"shock response spectrum{of}, Q = {spectrum.Q:g}")
+    axes.grid(visible=True, which="both", alpha=0.3)
+    axes.legend()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
