@@ -29,6 +29,7 @@ from antiosc.fields.probe_error import (
 )
 from antiosc.fields.probe_spectra import (
     ProbeSpectra as ProbeSpectra,
+    probe_srs as probe_srs,
 )
 from antiosc.fields.spectra import (
     ShockSpectrum as ShockSpectrum,

@@ -64,8 +64,8 @@ class ProbeSpectra(ReprMixin):
     spectra : component -> its spectrum, m/s², with its `bar` where the force has one.
     times : (n,) times of the velocity from which they are made, s.
     filter : channel frequency class through which the velocity is seen, or None.
-    resolved : frequency in Hz up to which the model has the natural modes of its mesh; None if it
-        is not known.
+    resolved : frequency in Hz up to which the model has the natural modes of its mesh or matrices;
+        None if it is not known.
     error : relative error of the largest value; None if it was not estimated.
     """
 
@@ -101,7 +101,7 @@ class ProbeSpectra(ReprMixin):
         n = self.numbers()
         error = "" if self.error is None else f" {self.error}"
         value, frequency = engineering(n["value"], "m/s²", 4), engineering(n["frequency"], "Hz")
-        largest = f"{self._seen}: largest {value}{error} at {frequency}{self._limit()}"
+        largest = f"{self._seen}: largest {value}{error} at {frequency}{self._limits()}"
         return f"shock response spectrum (Q = {n['Q']:g}) {largest}"
 
     @property
@@ -109,21 +109,24 @@ class ProbeSpectra(ReprMixin):
         """The component, and the filter through which it is seen."""
         return f"{self.component}{f' through {self.filter}' if self.filter else ''}"
 
-    def _limit(self) -> str:
+    def _limits(self) -> str:
         """The end of the sentence."""
         frequency = self.largest.frequency
+        told = []
         if self.passed is not None and frequency[-1] > self.passed:
             passed = engineering(self.passed, "Hz")
-            return (
+            told.append(
                 f"; above {passed} it is the spectrum of the filtered signal, not of the part's"
                 f" motion: read it up to {passed}, or leave out the filter"
             )
-        if self.resolved is None:
-            return ""
-        known = engineering(self.resolved, "Hz")
-        beyond = frequency[np.argmax(self.largest.maximax)] > self.resolved
-        missing = ", and lacks those of this frequency" * bool(beyond)
-        return f"; the model has the natural modes of its mesh up to {known}{missing}"
+        beyond = self.resolved is not None and self.numbers()["frequency"] > self.resolved
+        if self.resolved is not None and (beyond or not told):
+            known = engineering(self.resolved, "Hz")
+            missing = ", and lacks those of this frequency" * beyond
+            told.append(
+                f"; the model has the natural modes of its mesh or matrices up to {known}{missing}"
+            )
+        return "".join(told)
 
     def numbers(self) -> dict[str, Any]:
         """The largest value in m/s², its component and frequency in Hz, and its error."""
