@@ -633,6 +633,8 @@ def _probe_rows(probes: Sequence[Probe], left_out: bool) -> Rows:
             rows.append(("", BY_FILTER.format(seen, probe.settled.filter, probe.name)))
         if probe.shock:
             rows.append(("", probe.shock.sentence))
+            if (probe.shock.numbers()["mesh"] or 0.0) > UNSETTLED:
+                rows.append(("", COARSE_FOR_SPECTRUM))
             if not probe.shock.has_converged:
                 rows.append(("", "this largest response has not converged"))
     unsettled = [
@@ -741,8 +743,12 @@ def _axis_text(peak: Columns) -> str:
     return f"largest component {axis['component']}, {value}"
 
 
-#: Error of a largest value by truncation from which it is said not to have converged.
+#: Share of a bar from which a value is said not to have converged, or the mesh to be coarse for it.
 UNSETTLED = 0.1
+COARSE_FOR_SPECTRUM = (
+    "the mesh is coarse for this spectrum: use smaller elements of the whole part"
+    f" ({SMALLER_CELLS})"
+)
 NOT_CONVERGED = (
     "a peak that has not converged depends on the anti-oscillators: take more (n in [extract])"
 )
