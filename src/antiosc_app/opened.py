@@ -148,12 +148,15 @@ Step: TypeAlias = Callable[[SetUp, Table], Data]
 
 #: Number of structures in the cache.
 STRUCTURES = 2
-#: Number of falls and of impacts in the cache, of meshes, and of models: with its shapes and those
-#: of its stretching one of 77 000 dofs has 85 MB.
+#: Number of falls and of impacts in the cache, and of models: with its shapes and those of its
+#: stretching one of 77 000 dofs has 85 MB.
 FALLS = 10
 IMPACTS = 2
-MESHES = 2
 MODELS = 12
+#: Number of meshes, of 20 to 60 MB each with 60 000 cells of order 2: no model outlives its mesh,
+#: and Undo finds it again. If it were made anew it may be another one, since the mesher begins with
+#: the attempt that succeeded last.
+MESHES = MODELS
 #: Number of browser tabs whose latest call is known.
 TABS = 100
 #: Largest number of improvements of an impact by its error bar.
@@ -625,7 +628,8 @@ class Opened:
         call = scene.structure
         self._building = True
         try:
-            return self._structures.of(key, lambda: self._of_mesh(scene)(call))
+            evaluate = self._of_mesh(scene)  # it is used, and stays as long as its structures
+            return self._structures.of(key, lambda: evaluate(call))
         finally:
             self._building = False
 

@@ -228,6 +228,18 @@ def test_other_supports_keep_the_mesh_and_a_set_up_is_simulated_once(opened):
     assert free.hit.peak_force != held.hit.peak_force
 
 
+def test_cells_that_are_undone_are_those_of_before(opened):
+    """Of the same mesh, although the structures on it were forgotten: another would differ."""
+    setups = [set_up.read(asked(opened, size=size)) for size in (8e-3, 9e-3, 1e-2, 1.1e-2)]
+    scenes = [opened._compiled(set_up.scene_of(opened._opened(), one, 1e-3)) for one in setups]
+    first = opened._structure(scenes[0])
+    for scene in scenes[1:]:
+        opened._structure(scene)
+    again = opened._structure(scenes[0])
+    assert again is not first
+    assert again.mesh is first.mesh
+
+
 def test_the_page_tells_its_work_without_the_names_of_sections(step):
     from antiosc_app.opened import Opened
 
