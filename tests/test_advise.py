@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from antiosc.base.errors import InputError
 from antiosc.models.closed_form import UniformBeam, free_free
 from antiosc.models.closed_form.plates import SupportedPlate
 from antiosc.strikes.advice import advise
+from antiosc_app.results import advice_of
 from paths import demo
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -35,6 +38,30 @@ def test_contact_time_and_radius_are_hertzs():
     assert advice.contact_time == pytest.approx(hit.contact_time, rel=1e-3)
     # a² = R δ for a sphere on a plane
     assert advice.contact_radius == pytest.approx(np.sqrt(0.01 * hit.indentation.max()), rel=1e-3)
+
+
+def test_the_numbers_of_a_reason_keep_its_inequality():
+    """By a contact radius, or a slenderness, that is just beyond its limit."""
+    radius = advise((0.3, 0.2, 0.006), sphere(0.01, 1.0), **STEEL).contact_radius
+    for part in ((0.3, 0.2, 4 * 0.999 * radius), (0.1, 0.0999 / 9.97, 0.001)):
+        told = " ".join(advise(part, sphere(0.01, 1.0), **STEEL).reasons)
+        (low, sign, high) = re.search(r"([\d.]+) ([≤≥<>]) ([\d.]+)", told).groups()
+        assert {"≤": float.__le__, "≥": float.__ge__}[sign](float(low), float(high))
+
+
+@pytest.mark.fem
+def test_a_dry_run_says_where_the_error_of_a_simpler_family_is_told():
+    import sheets
+
+    steel = ao.material("steel S235", thickness=0.003)
+    part = ao.Structure(sheets.plate(4, 0.003).mesh, steel, sheets.SIMPLE)
+    told = [
+        dict(advice_of(SimpleNamespace(structure=part, impactor=sphere(0.01, speed))))
+        for speed in (3.0, 0.001)
+    ]
+    families = [rows["sufficient element family"] for rows in told]
+    assert "error of the present one" in families[0]
+    assert families[1] == "shell"
 
 
 @pytest.mark.parametrize(

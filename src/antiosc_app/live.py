@@ -1165,6 +1165,8 @@ def no_bar(budget: ErrorBudget | None, structure: Structure | None) -> str:
 
 #: Share of the force from which its bar is told before the numbers.
 WIDE = 0.5
+#: Share of the force from which a cause of its bar is told beside the largest one.
+LEAST_TOLD = 0.01
 
 
 def rough_force(bar: float | None) -> str:
@@ -1196,14 +1198,16 @@ def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
 def _narrows(hit: History, budget: ErrorBudget) -> str:
     """The end of a sentence on the cause of most of the bar, and the remedy."""
     bar = budget["peak_force"]
-    cause = max(budget.causes, key=lambda name: getattr(bar, name))
+    shares = {name: getattr(bar, name) for name in budget.causes}
+    cause, *others = sorted(shares, key=lambda name: -shares[name])
     remedy = _remedy_of_stretch(hit) if cause == "stretch" else REMEDIES[cause]
     ending = _end_of_law(hit) if cause == "law" else f"{NARROWING.lower()}{remedy}"
-    share = percent(getattr(bar, cause))
+    rest = [f"{name} {percent(shares[name])}" for name in others if shares[name] >= LEAST_TOLD]
+    after = f", then {', '.join(rest)}" if rest else ""
     whole = "the bar of the peak force"
     if budget.no_bar:
         whole = "the known part of the peak force's error"
-    told = f"the largest part of {whole} comes from the {cause}, {share}"
+    told = f"the largest part of {whole} comes from the {cause}, {percent(shares[cause])}{after}"
     return f"{': '.join(filter(None, [told, ending]))}."
 
 

@@ -426,11 +426,25 @@ def advice_of(results: SceneResults) -> Rows:
         return rows
     return [
         *rows,
-        ("sufficient element family", advice.family),
+        ("sufficient element family", f"{advice.family}{_of_simpler(results, advice.family)}"),
         ("elements suffice up to", engineering(advice.element_size, "m")),
         ("highest relevant frequency", engineering(advice.frequency, "Hz")),
         ("reasons", "; ".join(advice.reasons)),
     ]
+
+
+#: Element family -> dimension of its cells.
+CELLS = {"beam": 1, "shell": 2, "solid": 3}
+
+
+def _of_simpler(results: SceneResults, family: str) -> str:
+    """Where a run tells the error of a part of a simpler family than `family`; "" of others."""
+    structure = results.structure
+    if structure is None or not structure.matrices.meshed:
+        return ""
+    if structure.mesh.tdim >= CELLS[family]:
+        return ""
+    return "; the error of the present one is the share model of the run's error bars"
 
 
 def _longest_cell(structure: Structure) -> float:
@@ -500,6 +514,9 @@ def _impact(results: SceneResults) -> Presentation:
     summary, explanation = (_untold(one, results) for one in (hit.summary(), hit.explanation))
     held = conditions(results)
     struck = format_rows([(f"{name:<{SUMMARY}}", value) for name, value in held])
+    if budget is not None:  # its lines have the shares of the force
+        of_force = budget.causes_text("peak_force")
+        summary = "\n".join(row for row in summary.splitlines() if of_force not in row)
     told = "\n".join(filter(None, (struck, summary)))
     remedy = "" if is_scene else remedy_of(hit, budget)
     lines = (line for line in str(budget or "").splitlines() if line not in told)

@@ -404,3 +404,14 @@ def test_a_peak_that_two_runs_share_by_chance_is_not_taken_for_exact():
     control.update(0.1, 0.05)
     control.update(0.03, 0.0)
     assert control.error["peak"] == control.error["force"] > 0.01
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1, 0.0])
+def test_told_shares_add_up_to_the_bar_and_small_ones_are_one_share(scale):
+    shares = {"mesh": 0.06, "truncation": 0.05, "time": 1e-3, "patch": 3e-3, "law": 0.09}
+    bar = bars.ErrorBar(1.0, **{name: scale * share for name, share in shares.items()})
+    told = bars.ErrorBudget({"peak_force": bar}, 0.0).causes_text("peak_force")
+    parts = dict(part.rsplit(" ", 2)[:2] for part in told.split(", "))
+    assert sum(map(float, parts.values())) == pytest.approx(100 * bar.known, rel=0.01)
+    if scale:
+        assert list(parts) == ["mesh", "truncation", "law", "others"]

@@ -25,7 +25,7 @@ import numpy as np
 
 from antiosc.base import checks
 from antiosc.base.errors import InputError
-from antiosc.base.texts import FieldsRepr, percent
+from antiosc.base.texts import FieldsRepr, engineering, percent
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.bodies import RigidMass, Sphere
@@ -142,11 +142,10 @@ def advise(
         if frequency > limit and lam > UNMOVED:
             missing_names.append(f"holds up to {1e-3 * limit:.3g} kHz")
         if slender[family] < SLENDER:
-            missing_names.append(f"slenderness {slender[family]:.2g} < {SLENDER:g}")
+            missing_names.append(f"slenderness {slender[family]:.2g} ≤ {SLENDER:g}")
         if family != "solid" and contact > CONTACT * thickness:
-            missing_names.append(
-                f"contact radius {1e3 * contact:.2g} mm > {CONTACT:g} of the thickness"
-            )
+            share = f"{contact / thickness:.2g} ≥ {CONTACT:g} of the thickness"  # as rounded
+            missing_names.append(f"contact radius {engineering(contact, 'm')}, {share}")
         if not missing_names:
             break
         reasons.append(f"{family} {' and '.join(missing_names)}")

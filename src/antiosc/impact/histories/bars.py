@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from antiosc.base.texts import engineering, percent, plus_minus, restitution_text
+from antiosc.base.texts import LEAST_SHARE, engineering, percent, plus_minus, restitution_text
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
@@ -42,6 +42,8 @@ BY_GIVEN_LAW = " (law as given)"
 WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
+#: Shares that are smaller than this error, and than this part of the bar, are told as one sum.
+SMALL_SHARE, SMALL_PART = 5e-3, 0.1
 
 
 @dataclass(frozen=True)
@@ -317,9 +319,15 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         return {**shares, "total": bar.total, "below": below, "above": above}
 
     def causes_text(self, name: str) -> str:
-        """The shares of the causes in the error of a quantity as text."""
+        """The shares of the causes in the error of a quantity as text, small ones as one sum."""
         bar = self.bar(name)
-        return ", ".join(f"{cause} {percent(getattr(bar, cause))}" for cause in self.causes)
+        shares = {cause: getattr(bar, cause) for cause in self.causes}
+        least = min(SMALL_SHARE, SMALL_PART * bar.known)
+        told = {cause: share for cause, share in shares.items() if share >= least}
+        rest = sum(shares.values()) - sum(told.values())
+        if rest > LEAST_SHARE:
+            told["others"] = rest
+        return ", ".join(f"{cause} {percent(share)}" for cause, share in told.items())
 
     def __str__(self) -> str:
         lines = []

@@ -433,9 +433,8 @@ def by_krylov(
         step = 0
         while len(results) < len(lanczos):
             step += 1
-            report(
-                f"step {step}, about {max(counts)}; {len(results)} of {len(lanczos)} models done"
-            )
+            expected = f", about {max(counts)}" * (step <= max(counts))
+            report(f"step {step}{expected}; {len(results)} of {len(lanczos)} models done")
             active = [i for i in range(len(lanczos)) if i not in results]
             loads = [lanczos[i].load for i in active]
             shapes = statics[0].solver.solve_block(np.hstack(loads))
