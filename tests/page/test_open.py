@@ -1385,10 +1385,12 @@ def test_coordinates_that_are_typed_beside_a_map_are_struck():
             told = "return page.remarks.peak_force.textContent"
             assert browser.run(told).startswith("no error bar at this site")
             radius = browser.run("return page.sites.data.radii[page.site]")
-            browser.run("map.click()")
+            assert browser.run(f"map.click(); {OWN_VALUES}") == []  # before the answer too
+            assert browser.run("return python.value") == ""
             there = reached(browser, "settled", browser.run("return bench.turn"))["setup"]
             assert there["radius"] == pytest.approx(radius)  # the patch that the map judged
             assert browser.run(OWN_VALUES) == []
+            assert browser.run("return python.value").startswith("Site(")
             browser.run("bench.map()")
             for _ in range(600):
                 if browser.run("return Boolean(bench.page.sites) && !bench.pending"):

@@ -63,6 +63,7 @@ class Bench {
     this.pending = 0;
     [this.past, this.future, this.warned, this.caution] = [[], [], [], ""];
     this.answers = new Map(); // set-up -> its whole answer
+    this.lent = []; // radii of patches of sites of maps that were struck
     this.look();
   }
 
@@ -150,6 +151,7 @@ class Bench {
   outdated(are) {
     document.body.classList.toggle("outdated", are);
     find("save").disabled = are;
+    if (are) find("python").value = ""; // it would be the site before
   }
 
   // An error or a hint, the caution, and the warnings of what is shown.
@@ -608,7 +610,7 @@ class Bench {
   }
 
   // Whether the radius of the patch is that of a site of a map that was struck.
-  is_lent() { return this.setup.radius !== null && this.setup.radius === this.lent; }
+  is_lent() { return this.lent.includes(this.setup.radius); }
 
   falls() { return this.setup.striker.kind === "floor"; }
 
@@ -984,9 +986,9 @@ class Bench {
 
   strike_chosen() {
     const { chosen, page: { sites: { data: { radii } }, site } } = this, radius = radii.length ? exact(radii[site]) : null;
-    this.chosen = null;
-    this.change(radius === null || this.setup.radius !== null ? chosen : { ...chosen, radius });
-    if (radius !== null) this.lent = radius;
+    const lends = radius !== null && (this.setup.radius === null || this.is_lent());
+    if (lends) this.lent.push(radius); // before its field is shown
+    this.change(lends ? { ...chosen, radius } : chosen);
   }
 
   wrote(text) { Object.assign(find("written"), { textContent: text, hidden: !text }); }
