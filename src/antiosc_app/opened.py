@@ -57,6 +57,7 @@ from antiosc.extension import (
     with_parts,
     with_stresses,
 )
+from antiosc.io.reading import HOW_MADE
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import ModelInfo, coarse_at, info_of
 from antiosc.models.doubts import NO_RESULT
@@ -388,7 +389,7 @@ class Opened:
                     self._ends, self._written = (), ""
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
             source = self._source
-            notes = [] if source is None else source.look.notes
+            notes = [] if source is None else _lasting_notes(source.look)
             warnings = by_weight(messages, " ".join([caution, *verdict, *notes]))
             remedy = ""
             if source is not None:
@@ -521,7 +522,7 @@ class Opened:
             "piece": inspection.read.get("piece", JOINED),
             "contact": inspection.read.get("contact", ""),
             "contacts": CONTACT_TEXTS if "contact" in inspection.read else {},
-            "told": _told_of_file(inspection),
+            "told": _told_of_file(inspection, self._path.name),
             "mass": _mass(inspection),
             "first_striker": f"The first striker is a {inspection.ball_text()}.",
             "first_held": _first_held(inspection),
@@ -1203,7 +1204,7 @@ def _finer_sizes(look: Inspection) -> list[tuple[float, str]]:
     return [(size, cost.brief()) for size, cost in costs.items() if cost.fits]
 
 
-def _told_of_file(look: Inspection) -> str:
+def _told_of_file(look: Inspection, name: str) -> str:
     """Sentences on the part's size, and on the choices made while reading its file."""
     choices = ""
     if "unit" in look.read:
@@ -1214,8 +1215,14 @@ def _told_of_file(look: Inspection) -> str:
         choices += f"; mass {look.mass_text()}"
     if look.kept:
         choices += f"; the deck keeps its elements, for {look.kept}"
-    notes = (note for note in look.notes if not any(words in note for words in OF_PIECES))
-    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, notes)])
+    notes = [note.removeprefix(f"{name}: ") for note in _lasting_notes(look)]
+    told = [note for note in notes if not any(words in note for words in OF_PIECES)]
+    return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, told)])
+
+
+def _lasting_notes(look: Inspection) -> list[str]:
+    """The notes on a part, without those on how its first mesh was made: each answer has its own."""
+    return [note for note in look.notes if not any(words in note for words in HOW_MADE)]
 
 
 def _mass(look: Inspection) -> float:

@@ -26,6 +26,7 @@ from antiosc.base.plausible import GRAVITY
 from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
+from antiosc.io.reading import MESHED_OTHERWISE
 from antiosc.models.doubts import NEAR, NO_RESULT
 from antiosc.reduce.extraction import krylov
 from antiosc.reduce.site.sites import located
@@ -796,6 +797,24 @@ def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them()
     assert not offered([0.0, 0.0, 0.0], [0.0, 0.0, 1e-3])  # they are there already
     assert not offered(None)  # Hertz's stress lies between nodes
     assert not offered([0.0, 0.0, 0.0], *[[1.0, 0.0, 0.0]] * set_up.MOST_STRESSED)
+
+
+def test_how_a_mesh_was_made_is_told_of_the_mesh_that_is_shown(opened, monkeypatch):
+    """Beside its answer, not of the first mesh; and a note of the file has its name no more."""
+    opened.calls["look"]({})
+    source = opened._opened()
+    made = [f"a.stl {MESHED_OTHERWISE} with {how}." for how in ("all edges", "flat facets")]
+    look = replace(source.look, notes=("a.stl: small holes that are closed: 1.", made[0]))
+    told = opened_page._told_of_file(look, "a.stl")
+    assert told.endswith(". Small holes that are closed: 1.")
+    monkeypatch.setattr(opened, "_source", source._replace(look=look))
+    for sentence in made:
+
+        def work(sentence=sentence):
+            warn(sentence)
+            return {}
+
+        assert warned(opened._computed(work)) == [sentence]
 
 
 def test_a_warning_that_is_among_the_sentences_is_shown_once():

@@ -73,7 +73,7 @@ def test_the_unit_of_a_deck_is_that_of_its_materials(tmp_path, unit):
     assert (found.read, found.of_deck) == ({"unit": unit}, True)
     np.testing.assert_allclose(found.high - found.low, SIDES, rtol=1e-4)
     assert found.mass == pytest.approx(7850 * np.prod(SIDES), rel=1e-3)
-    assert f"mass {found.mass_text()}" in opened._told_of_file(found)
+    assert f"mass {found.mass_text()}" in opened._told_of_file(found, "")
 
 
 @pytest.mark.parametrize(

@@ -197,19 +197,19 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
     points, triangles = _merged(points, triangles, COINCIDENT * size)
     triangles, flipped = _flipped(points, triangles)
     if flipped:
-        notes.append(f"{name}: {flipped} triangles without area are cut out of their neighbours.")
+        notes.append(f"{name}: triangles without area, cut out of their neighbours: {flipped}.")
     sound = ~_flat(points, triangles)
     repeated, wall = (np.zeros(len(triangles), dtype=bool) for _ in range(2))
     repeated[sound], wall[sound] = _repeats(triangles[sound])
     reasons = (
         (~sound, "without area"),
-        (repeated, "that repeat another"),
+        (repeated, "equal to another"),
         (wall, "between bodies that touch, or folded,"),
     )
     for removed, reason in reasons:
         if removed.any():
             notes.append(
-                f"{name}: {removed.sum()} of {len(removed)} triangles {reason} are left out."
+                f"{name}: triangles {reason} that are left out: {removed.sum()} of {len(removed)}."
             )
     triangles = triangles[sound & ~repeated & ~wall]
     if not len(triangles):
@@ -218,11 +218,11 @@ def cleaned(points: Array, triangles: IntArray, name: str) -> FacetSkin:
         )
     triangles, cut = _sewn(points, triangles, COINCIDENT * size)
     if cut:
-        notes.append(f"{name}: {cut} triangles are cut at corners of others on their sides.")
+        notes.append(f"{name}: triangles that are cut at corners of others on their sides: {cut}.")
     triangles, piece = oriented(points, triangles)
     points, more, holes = _caps(points, triangles, SMALL_HOLE * size)
     if holes:
-        notes.append(f"{name}: {holes} small holes of the surface are closed.")
+        notes.append(f"{name}: small holes of the surface that are closed: {holes}.")
         triangles, piece = oriented(points, np.vstack([triangles, more]))
     return FacetSkin(points, triangles, piece, _unpaired(triangles), notes)
 

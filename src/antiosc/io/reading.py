@@ -535,7 +535,8 @@ MOST_OFF = 2e-3
 NEARER_TIME = 40.0
 
 
-#: Words of what is told of a mesh that another attempt made in the shape of the file.
+#: Words of what is told of a mesh that another attempt made in the shape of the file; of one of a
+#: surface that was made anew that is told alone.
 MESHED_OTHERWISE = "is meshed in the shape of the file, by another attempt than the first,"
 #: Words of remarks on how a mesh was made that has the shape of its file.
 HOW_MADE = (MESHED_OTHERWISE, remade.ANEW)
@@ -557,7 +558,7 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
         with contextlib.suppress(UnmeshableError):
             raw = once(number)
             if raw.off <= MOST_OFF:
-                raw.remarks = [*raw.remarks, sentence]
+                raw.remarks = [*raw.remarks, *filter(None, [sentence])]
                 return raw
     limit: tuple[float, ...] = ()
     reason: UnmeshableError | None = None
@@ -592,10 +593,10 @@ def _meshed(once: Callable[..., RawMesh], asked: Asked) -> RawMesh:
             sentence = str(reason).rstrip(".")
             told = f"{sentence}; it is meshed {attempt.about}."
             if raw.off <= MOST_OFF:  # gmsh's error asks for nothing then
-                told = f"{name} {MESHED_OTHERWISE} {attempt.about}."
-            raw.remarks = [*first_remarks, told]
+                told = f"{name} {MESHED_OTHERWISE} {attempt.about}." * (not asked.anew)
+            raw.remarks = [*first_remarks, *filter(None, [told])]
             if raw.off <= MOST_OFF and asked.path.exists():
-                _worked[asked.state] = number, raw.remarks[-1]
+                _worked[asked.state] = number, told
         if raw.off <= MOST_OFF:
             return raw
         reason = reason or UnmeshableError(f"gmsh's mesh of {name} is {_off(raw)}")
