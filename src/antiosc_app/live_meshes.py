@@ -71,7 +71,9 @@ def of_structure(structure: Structure, hit: History, edges: bool = False) -> Dat
     page["motion"] = fields(motion, x, MOST_FIELDS[0], lambda u: np.linalg.norm(u, axis=1))
     if hit.assembly.bodies["structure"].omega.all():  # a free part moves on as a whole
         page["deflection"] = _deflection(motion, skin.points[used_nodes], hit)
-    if stress is not None:
+    if isinstance(stress, str):
+        page["no_stress"] = stress
+    else:
         stress_fields = [field[node] @ to_shapes for field in stress]
         page["stress"] = [fields(field, x, MOST_FIELDS[1], _equivalent) for field in stress_fields]
     return page
@@ -188,8 +190,15 @@ def _bars(points: Array, lines: IntArray) -> tuple[Array, IntArray, IntArray]:
     return np.stack(ends, axis=1).reshape(-1, 3), np.vstack(faces), node
 
 
-def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | None:
-    """Stresses (N, 6, columns) at all nodes on rank 0; None if unknown.
+#: Why no stress of a part is known.
+NO_OUTLINE = (
+    "not computed: a beam of the part has a section without an outline, given by area and second"
+    " moments alone; give the dimensions of the section, or points of it for the stress"
+)
+
+
+def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | str:
+    """Stresses (N, 6, columns) at all nodes on rank 0; text why they are not known.
 
     For sheets on both sides, for beams at each point of the outline.
     """
@@ -199,8 +208,8 @@ def _stress(structure: Structure, hit: History, shapes: Array) -> list[Array] | 
             points, _, tensors = tensors_at_nodes(
                 structure, hit, "structure", shapes, "stress", [side]
             )
-        except InputError:  # a beam, whose section has no outline
-            return None
+        except InputError:  # of a beam alone
+            return NO_OUTLINE
         if structure.comm.rank == 0:
             stresses += _averages(tensors, len(points))
     return stresses

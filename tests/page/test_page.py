@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 import antiosc as ao
+import parts
 from antiosc.base.texts import engineering, plain, plus_minus
 from antiosc.extension import contact_time_note
 from antiosc.fields.peaks import PeakField
@@ -504,6 +505,18 @@ def test_the_deflection_at_the_site_has_its_bar_and_tells_until_when_it_is_known
     browser.run(MOVE, {"mass": 60})
     assert "±" not in browser.run(cell)  # another impact's is not known
     assert browser.run("return page.remark('site_deflection', false)").endswith(", no bar")
+
+
+def test_a_stress_that_is_not_known_is_a_row_with_its_reason(browser, tmp_path):
+    beam = ao.Beam(**parts.ALUMINIUM, section=ao.Section(1e-4, 1e-9, 1e-9), orientation=(0, 0, 1))
+    part = ao.Structure(parts.line(0.5, 10, (1, 0, 0)), beam, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, 1)), n=2)
+    hit = ao.simulate(model, ao.RigidMass(0.02, 1.0), ao.Hertz(1e7), 2e-3)
+    opened(browser, ao.write_report(tmp_path / "beam.html", hit, part))
+    told = browser.run(
+        "return [page.cells.stress[0].textContent, page.remarks.stress.textContent]"
+    )
+    assert told == ["–", live_meshes.NO_OUTLINE]
 
 
 def test_a_deflection_that_may_become_larger_later_says_how_large():

@@ -325,7 +325,8 @@ class Margin(ReprMixin):
             remedy = ""
             if self.hollow_patch:
                 least = engineering(self.hollow_patch, "m", 2)
-                remedy = f"; a patch down to a radius of {least} narrows it ({PATCH_RADIUS})"
+                remedy = f"; a smaller patch, down to a radius of {least}, narrows it, on cells not"
+                remedy += f" larger than it ({PATCH_RADIUS})"
             sentences.append(
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
                 f" stress may be larger by up to {more}, which is in the bar{remedy}"

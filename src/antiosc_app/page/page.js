@@ -54,7 +54,7 @@ class Page {
     const yields = this.blow.law.yields, slow = yields && yields.rim ? yield_speed(pose(this.body(), this.blow, this.start), this.blow.striker.mobility) / 2 : Infinity;
     if (this.blow.computed) this.blow.computed.stress ??= data.stress ?? null;
     this.least = { speed: Math.min(this.start.speed / RANGE, slow) };
-    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...((data.fixed || this.part) && this.blow.computed && this.blow.computed.site_deflection != null ? [SITE_MOVED] : []), ...(this.part && data.part.deflection ? [MOVED] : []), ...(this.part && data.part.stress ? [STRESS] : [])];
+    this.rows = [...QUANTITIES, ...(yields ? [DENT] : []), ...((data.fixed || this.part) && this.blow.computed && this.blow.computed.site_deflection != null ? [SITE_MOVED] : []), ...(this.part && data.part.deflection ? [MOVED] : []), ...(this.part && (data.part.stress || data.part.no_stress) ? [STRESS] : [])];
     this.said = [...document.querySelectorAll("[data-of]")].map((p) => ({ p, of: p.dataset.of, computed: p.textContent }));
     this.make_sliders();
     this.make_numbers();
@@ -237,6 +237,7 @@ class Page {
   // What is said below a number: where it holds, or why it has no bar.
   remark(name, has_bar) {
     const { data, blow: { bars } } = this;
+    if (name === "stress" && data.part.no_stress) return data.part.no_stress;
     if (name === "stress") return [data.scope, has_bar ? "" : data.stress_note].filter(Boolean).join("; ");
     if (this.sites && name === "peak_force" && !has_bar) return "no error bar at this site: it has one when it is struck by itself";
     if (name === "deflection") return this.at_start() ? `${data.part.deflection.told}${has_bar ? "" : ", no bar"}` : "no bar";
@@ -274,7 +275,8 @@ class Page {
       const has_bar = (Array.isArray(bar) || Number.isFinite(bar)) && Number.isFinite(value);
       const parts = has_bar ? this.with_bar(name, plain, bar, value, unit) : [plain];
       unbroken(now, parts);
-      const remark = this.remarks[name], text = Number.isFinite(value) ? this.remark(name, has_bar) : "";
+      const remark = this.remarks[name], no_stress = name === "stress" && this.data.part.no_stress;
+      const text = Number.isFinite(value) || no_stress ? this.remark(name, has_bar) : "";
       Object.assign(remark, { textContent: text }).parentElement.hidden = !text;
       now.dataset.value = value;
       unbroken(before, kept === null ? [] : [this.plain(name, kept, unit, computed.unknown ?? unknown)]);

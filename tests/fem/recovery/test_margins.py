@@ -617,7 +617,7 @@ def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
     assert Zones.about([measured]).hollow_patch == advised
     assert measured._replace(radii=(radii[0], advised)).smallest_patch == 0.0
     hollow = dataclasses.replace(hollow, hollow_patch=advised)
-    assert f"down to a radius of {engineering(advised, 'm', 2)} narrows it" in hollow.sentence
+    assert f"down to a radius of {engineering(advised, 'm', 2)}, narrows it" in hollow.sentence
 
 
 def test_a_plate_thinner_than_its_patch_has_no_hollow_by_rounding():
