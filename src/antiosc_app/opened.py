@@ -1010,8 +1010,22 @@ class Opened:
         """When the whole answer to a set-up may end [s]; none if not long."""
         if set_up.striker.kind == FLOOR:
             return self._landing(set_up)
-        forecast = self._opened().look.forecast(set_up.size, set_up.n, grows=set_up.n is None)
+        near = self._smaller_at(set_up)
+        forecast = self._opened().look.forecast(set_up.size, set_up.n, set_up.n is None, near)
         return forecast.told(forecast.answer)
+
+    def _smaller_at(self, set_up: SetUp) -> Sequence[tuple[Sequence[float], float]]:
+        """(point, size) of the smaller cells of a set-up, of a finished mesh if that without them
+        was struck.
+        """
+        source = self._opened()
+        if not source.look.divides:
+            return scene_of(source, set_up, DURATION).get("geometry", {}).get("refine", ())
+        before = [repr(replace(set_up, finer=finer, stressed=())) for finer in (None, False)]
+        blow = next((self._impacts[key] for key in before if key in self._impacts), None)
+        if blow is None or not set_up.finer:
+            return ()
+        return [(place, _near(blow)) for place in (set_up.point, *set_up.stressed)]
 
     def _landing(self, set_up: SetUp) -> Sequence[float]:
         """When a fall may end, as `_answering`; none where the modes of the part are known."""

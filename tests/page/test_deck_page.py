@@ -535,6 +535,8 @@ def test_finer_cells_around_the_site_of_a_deck_are_those_that_the_contact_needs(
     allowed = float(re.search(r"cells of at most ([\d.]+) mm", coarse)[1])
     assert 1e3 * size == pytest.approx(allowed, rel=0.05)
     assert place == setup["point"]
+    assert opened._smaller_at(set_up.read(finer["setup"])) == [(tuple(place), size)]
+    assert opened._smaller_at(set_up.read(setup)) == ()
     part = ao.read_model(deck, "m", refine=[(place, size)])
     assert blow.structure.dofs == part.dofs
     look = opened._opened().look

@@ -746,6 +746,21 @@ def test_finer_mesh_is_at_the_site_and_at_the_largest_stress(opened):
         set_up.read({**setup, "stressed": 4 * [place]})
 
 
+def test_forecasts_count_the_smaller_cells_at_the_site(opened):
+    """Those of the mesh that is made, on the page and in a new scene."""
+    setup = set_up.read(asked(opened, finer=True))
+    scene = opened._compiled(set_up.scene_of(opened._opened(), setup, 1e-3))
+    look = opened._opened().look
+    foreseen = look.forecast(near=opened._smaller_at(setup)).cells
+    assert foreseen == pytest.approx(opened._structure(scene).mesh.n_cells, rel=0.15)
+    assert foreseen > 1.3 * look.n_cells
+    first = replace(look, point=list(setup.point), cell=SIZE / 4, radius=None)
+    there = re.search(r"some ([\d ]+) with those at the site", first.sentences("a.step")[0])
+    foreseen = look.forecast(near=[(setup.point, SIZE / 4)]).cells
+    assert float(there[1].replace(" ", "")) == pytest.approx(foreseen, rel=0.05)
+    assert "at the site" not in first.sentences("a.step", drop=True)[0]
+
+
 def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
     setup = set_up.read(asked(opened))
     falls = replace(setup.striker, kind="floor", finer=((0.0, 0.0, 0.0),))
