@@ -57,7 +57,6 @@ from antiosc.extension import (
     with_parts,
     with_stresses,
 )
-from antiosc.io.reading import HOW_MADE
 from antiosc.models.auto_contact import AUTO
 from antiosc.models.body import ModelInfo, coarse_at, info_of
 from antiosc.models.doubts import NO_RESULT
@@ -389,7 +388,7 @@ class Opened:
                     self._ends, self._written = (), ""
             caution, verdict = result.get("caution", ""), result.get("verdict", ())
             source = self._source
-            notes = [] if source is None else _lasting_notes(source.look)
+            notes = [] if source is None else source.look.lasting_notes
             warnings = by_weight(messages, " ".join([caution, *verdict, *notes]))
             remedy = ""
             if source is not None:
@@ -1229,14 +1228,9 @@ def _told_of_file(look: Inspection, name: str) -> str:
         choices += f"; mass {look.mass_text()}"
     if look.kept:
         choices += f"; the deck keeps its elements, for {look.kept}"
-    notes = [note.removeprefix(f"{name}: ") for note in _lasting_notes(look)]
+    notes = [note.removeprefix(f"{name}: ") for note in look.lasting_notes]
     told = [note for note in notes if not any(words in note for words in OF_PIECES)]
     return " ".join([f"{look.sides_text()}{choices}.", *map(capitalised, told)])
-
-
-def _lasting_notes(look: Inspection) -> list[str]:
-    """The notes on a part, without those on how its first mesh was made: each answer has its own."""
-    return [note for note in look.notes if not any(words in note for words in HOW_MADE)]
 
 
 def _mass(look: Inspection) -> float:

@@ -759,6 +759,8 @@ def test_forecasts_count_the_smaller_cells_at_the_site(opened):
     foreseen = look.forecast(near=[(setup.point, SIZE / 4)]).cells
     assert float(there[1].replace(" ", "")) == pytest.approx(foreseen, rel=0.05)
     assert "at the site" not in first.sentences("a.step", drop=True)[0]
+    made = replace(first, notes=(f"a.step {MESHED_OTHERWISE} with flat facets.",))
+    assert MESHED_OTHERWISE not in " ".join(made.sentences("a.step"))  # of another mesh
 
 
 def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):

@@ -513,9 +513,7 @@ def test_a_stress_that_is_not_known_is_a_row_with_its_reason(browser, tmp_path):
     model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, 1)), n=2)
     hit = ao.simulate(model, ao.RigidMass(0.02, 1.0), ao.Hertz(1e7), 2e-3)
     opened(browser, ao.write_report(tmp_path / "beam.html", hit, part))
-    told = browser.run(
-        "return [page.cells.stress[0].textContent, page.remarks.stress.textContent]"
-    )
+    told = browser.run("return [page.cells.stress[0].textContent, page.remarks.stress.textContent]")
     assert told == ["–", live_meshes.NO_OUTLINE]
 
 
