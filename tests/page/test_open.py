@@ -39,6 +39,7 @@ from antiosc_app import (
     set_up,
     until_parted,
 )
+from antiosc_app.kept import FreeModeCache
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read as read_document
@@ -519,6 +520,20 @@ def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
     assert quick["blow"]["bars"]["shares"] == {}
     assert not any("error bar" in sentence for sentence in [*quick["verdict"], quick["caution"]])
     assert settled["blow"]["bars"]["shares"]["peak_force"]["mesh"] > 0
+
+
+def test_free_modes_are_searched_once_an_answer_is_whole(opened, monkeypatch):
+    """Between its steps a round of the search would delay the next one."""
+    rounds = []
+    monkeypatch.setattr(FreeModeCache, "search", lambda self: rounds.append(self))
+    setup = asked(opened, size=0.9 * SIZE)  # of other cells, whose modes are not known
+    for name in ("blow", "settle", "fields"):
+        call(opened, name, setup)
+        opened._work.submit(opened._search_modes).result()
+        assert rounds == []
+    call(opened, "verdict", setup)
+    opened._work.submit(len, "").result()
+    assert len(rounds) == 1
 
 
 def test_a_call_that_is_overtaken_is_not_computed(opened):
