@@ -470,6 +470,11 @@ def test_only_a_striker_chosen_by_name_has_the_name_of_a_standard(struck_beam):
     assert "hammer" not in assets.striker_text(ao.named_impactor("IK09", 3.0))
 
 
+def test_a_run_tells_the_shares_of_the_force_once(struck_beam):
+    shares = re.search(r"^peak force .*%: (.* %)", struck_beam[0], re.MULTILINE)[1]
+    assert struck_beam[0].count(shares) == 1
+
+
 def test_the_force_has_one_error_in_a_summary():
     """It told 0.039 % of a force of ± 15 %."""
     section = ao.Section.circle(0.02)
