@@ -738,6 +738,26 @@ def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
+@pytest.mark.parametrize("largest", [0.95, 1.04])
+def test_a_map_and_the_blow_at_its_worst_site_have_one_verdict_on_yield(largest):
+    """Also where the exposure is below 1, and that with the errors of the blow above it."""
+
+    def told(strength):
+        part, found = struck(supports=True, yield_strength=strength)
+        known = {}
+        sentences = " ".join(verdict.headline_of_map(found, part, known=known).sentences)
+        hit = known[int(found.exposure.argmax())]
+        ((peak, force),) = verdict._stress_alone(part, hit)
+        return sentences, verdict._with_force(peak.worst_point, force)
+
+    _, worst = told(YIELD)
+    sentences, worst = told(YIELD * worst.bounds[1] / largest)
+    assert worst.exposure < 1
+    assert ("reached nowhere for certain, and may be at" in sentences) == (largest > 1)
+    assert ("yield may be reached" in worst.sentence.lower()) == (largest > 1)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
 def test_the_stress_of_the_worst_site_stands_beside_its_force_and_is_no_surer():
     part, found = struck(supports=True, yield_strength=YIELD)
     known = {}
