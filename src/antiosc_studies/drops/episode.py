@@ -535,11 +535,12 @@ SWITCH = 0.1
 
 class AtPeak(NamedTuple):
     """The points that press at the largest force, the strongest first, the work [J] of the contacts
-    up to then, and the vertical (3,) in the axes of the part.
+    up to then, alone and with the patches, and the vertical (3,) in the axes of the part.
     """
 
     points: IntArray
     work: float
+    with_patches: float
     up: Array
 
 
@@ -603,22 +604,24 @@ class Episode:
 
     @property
     def _approaches(self) -> Array:
-        """Largest approaches (n,) [m] of all contacts at the times of the run."""
+        """Approaches (n, sites) [m] of all contacts at the times of the run."""
         run = self.history.run
         R = self.history.assembly.system.R
-        return np.asarray((run.depth + run.force @ R.T)[:, : len(self.which)].max(axis=1))
+        return np.asarray((run.depth + run.force @ R.T)[:, : len(self.which)])
 
     @cached_property
     def at_peak(self) -> AtPeak:
         """The episode at its largest force."""
         times, forces = self.forces()
         peak = int(np.argmax(forces.sum(axis=1)))
-        depths = self.history.run.depth[: peak + 1, : len(self.which)]
-        work = float(trapezoid(forces[: peak + 1], depths, axis=0).sum())
+        works = [
+            float(trapezoid(forces[: peak + 1], way[: peak + 1], axis=0).sum())
+            for way in (self.history.run.depth[:, : len(self.which)], self._approaches)
+        ]
         path = path_of(self.touch, self.history, np.linspace(0.0, times[peak], SAMPLES + 1))
         strongest = np.argsort(-forces[peak])
         pressing = strongest[forces[peak][strongest] > 0]
-        return AtPeak(self.which[pressing], work, path.R[-1, 2])
+        return AtPeak(self.which[pressing], *works, path.R[-1, 2])
 
     @property
     def error(self) -> float:
@@ -695,7 +698,8 @@ class Episode:
         heights = vertical @ body.lines.T - lowest[:, None]
         spacing = float(np.median(cKDTree(body.lines).query(body.lines, 2)[0][:, -1]))
         # between two vertices the surface is lower
-        depths = np.interp(times, self.history.run.time, self._approaches).clip(0.0)[:, None]
+        depths = np.interp(times, self.history.run.time, self._approaches.max(axis=1))
+        depths = depths.clip(0.0)[:, None]
         depths = depths + spacing**2 / (8 * body.line_radii)
         extents = [_extent(body.lines[below]) for below in heights < depths]
         k = int(np.argmax(extents))

@@ -113,6 +113,20 @@ class Skin:
         return ~self.sharp & self.arched & bends_once
 
     @property
+    def sagittas(self) -> Array:
+        """Heights (P,) [m] of the round surface over the facets at the vertices of lines.
+
+        An arc of radius R over a facet along which the normal turns by φ is Rφ²/8 high.
+        """
+        edges = np.concatenate([self.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+        edges = edges[self.lines[edges].any(axis=1)]
+        turns = np.linalg.norm(np.diff(self.normals[edges], axis=1)[:, 0], axis=1)
+        arcs = turns**2 / (8 * self.curvatures[edges, 1].max(axis=1))
+        heights = np.zeros(len(self.points))
+        np.maximum.at(heights, edges, arcs[:, None])
+        return np.where(self.lines, heights, 0.0)
+
+    @property
     def outward(self) -> IntArray:
         """The triangles (T, 3) of a solid, with their vertices around the outward normal."""
         corners = self.points[self.triangles]
