@@ -121,15 +121,17 @@ def test_the_shares_of_a_smaller_contact_make_the_bar_of_the_largest_force(monke
     assert fall.impacts[0].law_error == pytest.approx(2.0 + hypot(*others))
 
 
-ARC = 8  # facets of a rounded edge
-LENGTH = 0.026  # of it [m]
+LENGTH = 0.026  # of a rounded edge [m]
 
 
-@pytest.fixture(scope="module", params=[1e-3, pytest.param(5e-4, marks=pytest.mark.slow)])
-def rounded(request, tmp_path_factory) -> tuple[float, FreeBody]:
-    """The radius of an edge, and a block of ABS with it."""
-    radius = request.param
-    a = np.linspace(0.0, np.pi / 2, ARC + 1)
+@pytest.fixture(
+    scope="module",
+    params=[(1e-3, 8), (2e-3, 3), pytest.param((5e-4, 8), marks=pytest.mark.slow)],
+)
+def rounded(request, tmp_path_factory) -> tuple[float, int, FreeBody]:
+    """The radius and the number of facets of an edge, and a block of ABS with it."""
+    radius, facets = request.param
+    a = np.linspace(0.0, np.pi / 2, facets + 1)
     arc = radius * np.column_stack((1 - np.sin(a), 1 - np.cos(a)))
     profile = [*arc.tolist(), [0.0, 0.012], [0.02, 0.012], [0.02, 0.0]]
     count = len(profile)
@@ -140,7 +142,7 @@ def rounded(request, tmp_path_factory) -> tuple[float, FreeBody]:
     path = tmp_path_factory.mktemp("rounded") / "part.geo"
     path.write_text(f'SetFactory("OpenCASCADE"); {points}{sides}{shape}{solid}')
     part = ao.Structure(ao.read_mesh(path, size=0.006), ao.material("ABS"))
-    return radius, free_body(part, 6, None, None)
+    return radius, facets, free_body(part, 6, None, None)
 
 
 def _rounded_edge(radius: float, slope: float, deep: float) -> tuple[np.ndarray, tuple]:
@@ -170,12 +172,14 @@ def test_the_half_space_of_the_tests_has_the_force_of_hertz_and_a_limit() -> Non
     assert soft == pytest.approx(plastic, rel=0.03)
 
 
-@pytest.mark.parametrize("tilt", [1, 3, 5, 10])
+@pytest.mark.filterwarnings("ignore:in 1 of 1 impacts")
+@pytest.mark.parametrize("tilt", [0.3, 1, 3, 10])
 def test_the_bar_of_an_edge_that_lies_almost_flat_holds_a_half_space(rounded, tilt) -> None:
     """The shape of the edge on an elastic half-space that yields at 2.4 times the strength, at
-    equal work; with 3° the division among the vertices alone is worth 20 %.
+    equal work; with 3° the division among the vertices alone is worth 20 %. Where the facets were
+    higher than the dent the bar was that of a line, 350 %.
     """
-    radius, body = rounded
+    radius, facets, body = rounded
     floor = ao.Floor("concrete C30/37")
     fall = ao.drop(body, 1.0, (45, tilt, 0), floor, until=1)
     episode = max(fall.episodes, key=lambda episode: episode.peak_force())
@@ -185,8 +189,8 @@ def test_the_bar_of_an_edge_that_lies_almost_flat_holds_a_half_space(rounded, ti
     heights, cell = _rounded_edge(radius, asin(abs(pressed.up[0])), deep)
     depths = np.geomspace(deep / 60, deep, 16)
     known = force_at(pressed.work, heights, cell, modulus, 2.4 * strength, depths)
-    assert abs(known / fall.peak_force - 1) < fall.law_error < 0.6
-    if tilt == 3:
+    assert abs(known / fall.peak_force - 1) < fall.law_error < (0.6 if facets == 8 else 2.0)
+    if tilt == 3 and facets == 8:
         assert fall.error_shares()[BETWEEN] > 0.2
         assert abs(known / fall.peak_force - 1) > hypot(*_without_between(fall).values())
 

@@ -290,7 +290,7 @@ def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
     with pytest.warns(ao.AccuracyWarning, match="inclined"):
         ao.drop(flat.body, 0.1, (0, 0.3, 0), floor, until=1)
     lossy = ao.Floor(STEEL, restitution=0.7)
-    with pytest.warns(ao.AccuracyWarning, match="along a line of its surface.* vertices"):
+    with pytest.warns(ao.AccuracyWarning, match="on a rounded edge or side.* vertices"):
         rough = ao.drop(flat.body, 0.1, (0, 0, 0), lossy, until=1)
     assert rough.law_error is None  # no bar for a force that depends on the mesh
     assert "–" in str(rough.impacts)

@@ -34,8 +34,8 @@ BESIDE = "an edge or a face beside the corner that meets the floor almost flat"
 BETWEEN = "the division of the dent among the vertices of the part"
 #: Elastic force of a line over that of an elliptic punch. Of 15 steel cylinders of 20 x 50 mm (five
 #: rolls, cells of 2, 4 and 10 mm) without their line the bars lacked 3 and 4 % of the force in two
-#: cases with 1, and nothing with 1.2.
-STIFFER = 1.2
+#: cases with 1, and nothing with 1.3.
+STIFFER = 1.3
 #: Depths over the dent at which the cut of the surface is computed.
 DEPTHS = np.geomspace(1e-3, 10.0, 61)
 
@@ -94,9 +94,10 @@ def _areas(current: Episode, depths: Array, is_raised: bool) -> Array:
 def _force_of_cut(floor: Floor, current: Episode) -> float:
     """Upper bound [N] of the force of the surface at the work of the contacts; 0 if they have it.
 
-    It is the lower one of Tabor's pressure on the area of the cut of the part by the floor, and of
-    the elastic force of a flat punch with this area. Along a line the cut is that of the round
-    surface over the facets, and the punch is slender, and takes the work of the patches too.
+    It is the lower one of Tabor's pressure on the area of the cut of the part by the floor, at the
+    work of the contacts, and of the elastic force of a flat punch with this area, at their work with
+    that of the patches. Along a line the cut is that of the round surface over the facets, and the
+    punch is slender.
     """
     body = current.body
     skin = _solid_skin(body)
@@ -115,10 +116,13 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     punch = 2 * modulus * np.sqrt(area / pi) * d
     if line is not None:
         punch *= STIFFER / _slender(line.length, area)
-    force = np.fmin(TABOR * strength * area, punch)
-    works = cumulative_trapezoid(force, d, initial=0.0)
-    work = pressed.work if line is None else pressed.with_patches
-    return float(np.interp(work, works, force))
+    crushed = _after(pressed.work, d, TABOR * strength * area)
+    return float(np.fmin(crushed, _after(pressed.with_patches, d, punch)))
+
+
+def _after(work: float, depths: Array, forces: Array) -> float:
+    """Force [N] after a work [J], of forces (n,) at depths (n,) [m]."""
+    return float(np.interp(work, cumulative_trapezoid(forces, depths, initial=0.0), forces))
 
 
 def _slender(length: float, areas: Array) -> Array:

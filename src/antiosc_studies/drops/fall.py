@@ -493,9 +493,9 @@ class Fall(Trajectory, Result):
         notes = (
             (
                 self._along_line,
-                "the part lands along a line of its surface, as a cylinder on its side; the "
-                "contact is taken at vertices of the mesh, as points with their radii, and the bar "
-                "holds what the whole line may carry: a floor with a soft layer has a narrower one",
+                "the part lands on a rounded edge or side, which lies lower than its facets; the "
+                "contact is taken at vertices of the mesh, and the bar holds what the round "
+                "surface may carry: smaller cells, or a floor with a soft layer, narrow it",
             ),
             (
                 Episode.inclined,
