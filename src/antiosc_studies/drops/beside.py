@@ -95,9 +95,9 @@ def _force_of_cut(floor: Floor, current: Episode) -> float:
     """Upper bound [N] of the force of the surface at the work of the contacts; 0 if they have it.
 
     It is the lower one of Tabor's pressure on the area of the cut of the part by the floor, at the
-    work of the contacts, and of the elastic force of a flat punch with this area, at their work with
-    that of the patches. Along a line the cut is that of the round surface over the facets, and the
-    punch is slender.
+    work of the contacts, and of the elastic force of a flat punch with this area, at their work
+    with that of the patches. Along a line the cut is that of the round surface over the facets,
+    and the punch is slender.
     """
     body = current.body
     skin = _solid_skin(body)
