@@ -614,14 +614,15 @@ class Episode:
         """The episode at its largest force."""
         times, forces = self.forces()
         peak = int(np.argmax(forces.sum(axis=1)))
-        works = [
+        depths = self.history.run.depth[:, : len(self.which)]
+        work, with_patches = (
             float(trapezoid(forces[: peak + 1], way[: peak + 1], axis=0).sum())
-            for way in (self.history.run.depth[:, : len(self.which)], self._approaches)
-        ]
+            for way in (depths, self._approaches)
+        )
         path = path_of(self.touch, self.history, np.linspace(0.0, times[peak], SAMPLES + 1))
         strongest = np.argsort(-forces[peak])
         pressing = strongest[forces[peak][strongest] > 0]
-        return AtPeak(self.which[pressing], *works, path.R[-1, 2])
+        return AtPeak(self.which[pressing], work, with_patches, path.R[-1, 2])
 
     @property
     def error(self) -> float:
