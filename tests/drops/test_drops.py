@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import progress
+from antiosc.base.cfc import memory_of
 from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
@@ -864,6 +865,14 @@ def test_an_accelerometer_feels_what_the_rigid_body_does() -> None:
     assert 2 * amplitude * duration / np.pi == pytest.approx(change, rel=5e-3)
     assert fall.peak("acceleration", (0, 0, 0), filter="CFC180").value < 0.5 * peak.value
     assert fall.srs((0, 0, 0), 0, [10.0, 1e5]).positive[1] == pytest.approx(peak.value, rel=0.05)
+
+
+def test_the_shocks_of_impacts_that_follow_soon_are_their_own() -> None:
+    """Impacts within the memory of the filter, 2 ms: each had the largest shock of all."""
+    fall = ao.drop(block(), 0.2, tilt=(2, 3, 0), floor=ao.Floor(law=ao.Hertz(1e8)), until=3)
+    touches = fall.impacts.column("time")
+    assert np.diff(touches).max() < memory_of("CFC1000")
+    assert np.searchsorted(touches, [peak.time for peak in fall.shocks]).tolist() == [1, 2, 3]
 
 
 def test_channel_frequency_classes_are_those_of_j211() -> None:

@@ -261,11 +261,18 @@ class Fall(Trajectory, Result):
         return max(peaks, key=float)
 
     def _strongest(self, k: int, at: At, filter: str | None) -> Peak:
-        """The largest acceleration at a point in one impact."""
+        """The largest acceleration at a point in one impact, nearer to it than to the others."""
         t, a = self.signal(at, k, filter=filter)
-        size = np.linalg.norm(a, axis=1)
+        own = (t >= self._before(k)) & (t <= self._before(k + 1))
+        size = np.where(own, np.linalg.norm(a, axis=1), 0.0)
         i = int(np.argmax(size))
         return Peak(float(size[i]), float(t[i]), k)
+
+    def _before(self, k: int) -> float:
+        """The middle of the flight before an impact [s]; -inf before the first, inf at the end."""
+        if k in (0, len(self.groups)):
+            return np.inf if k else -np.inf
+        return (self._episodes(k - 1)[-1].end.time + self._episodes(k)[0].start.time) / 2
 
     @cached_property
     def shocks(self) -> tuple[Peak, ...]:
