@@ -10,17 +10,20 @@ from weakref import WeakKeyDictionary
 from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
-from antiosc.impact.histories.linear_theory import asks_for_stretch
+from antiosc.impact.histories.linear_theory import asks_for_stretch, stretch_estimate
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
+from antiosc.models.stretch import MOST
 from antiosc.reduce.extraction.stretching import with_stretch
 
 H = TypeVar("H", bound=History)
 #: Simulates the impact on a model.
 Run = Callable[[AntiOscillators], H]
-#: The models with second-order forces, by the models without them, as long as these are in use: the
-#: forces are the same for every striker, and take longer than the impact.
-_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, AntiOscillators] = WeakKeyDictionary()
+#: The models with second-order forces of so many modes, by the models without them, as long as
+#: these are in use: the forces are the same for every striker, and take longer than the impact.
+_WITH_STRETCH: WeakKeyDictionary[AntiOscillators, dict[int, AntiOscillators]] = WeakKeyDictionary()
+#: Change of the force up to which few modes are enough, and their number: each pair takes a solve.
+SLIGHT, FEW = 0.1, 12
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
@@ -31,8 +34,11 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     with _collected_warnings() as warnings:
         linear = run(model)
     if model.stretch is None and asks_for_stretch(linear):
-        with _collected_warnings() as stretched_warnings:
-            stretched = _stretched(structure, model, run)
+        for most in (FEW, MOST) if stretch_estimate(linear) <= SLIGHT else (MOST,):
+            with _collected_warnings() as stretched_warnings:
+                stretched = _stretched(structure, model, run, most)
+            if stretched is None or stretched.assembly.stretch_settled:
+                break
         if stretched is not None and stretched.assembly.stretched:
             linear = stretched
             warnings = stretched_warnings
@@ -46,22 +52,24 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     if model.stretch is not None or info_of(model).thickness is None:
         return model
     try:
-        return _with_stretch(structure, model)
+        return _with_stretch(structure, model, MOST)
     except InputError:  # of a part that has none
         return model
 
 
-def _with_stretch(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with second-order forces, computed once for a model."""
-    if model not in _WITH_STRETCH:
-        _WITH_STRETCH[model] = with_stretch(structure, model, "auto")
-    return _WITH_STRETCH[model]
+def _with_stretch(structure: Structure, model: AntiOscillators, most: int) -> AntiOscillators:
+    """The model with second-order forces of `most` modes or more, computed once for a model."""
+    known = _WITH_STRETCH.setdefault(model, {})
+    enough = min((count for count in known if count >= most), default=most)
+    if enough not in known:
+        known[enough] = with_stretch(structure, model, "auto", enough)
+    return known[enough]
 
 
-def _stretched(structure: Structure, model: AntiOscillators, run: Run[H]) -> H | None:
+def _stretched(structure: Structure, model: AntiOscillators, run: Run[H], most: int) -> H | None:
     """The impact with second-order forces; None if the part or the run has none."""
     try:
-        return run(_with_stretch(structure, model))
+        return run(_with_stretch(structure, model, most))
     except InputError:  # the linear run tells of its deflection
         return None
 

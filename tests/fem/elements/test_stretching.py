@@ -20,6 +20,7 @@ from antiosc.fem.mesh import walls
 from antiosc.fem.mesh.walls import wall_thickness
 from antiosc.fem.platform import compat
 from antiosc.fem.reach import Reach
+from antiosc.models.stretch import MOST
 from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
 from antiosc.reduce.extraction.stretching import with_stretch
@@ -579,6 +580,33 @@ def test_friction_on_a_sheet_that_stretches_keeps_the_books():
     velocity = hit.at([6e-3])["slider"].velocity("foot", (1, 0, 0))[0]
     assert 0.2 * (0.8 - velocity) == pytest.approx(0.1 * across, rel=1e-3)
     assert hit.energy.dissipated[-1] == pytest.approx(0.1 * across * (0.8 + velocity) / 2, rel=0.05)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
+def test_a_blow_that_hardly_stretches_has_few_motions(monkeypatch):
+    """With all of them its force is the same; a harder blow on the model has all."""
+    part, site = plate()
+    model, other = (ao.extract(part, site, n=30) for _ in range(2))
+    computed = []
+
+    def recorded(*given):
+        computed.append(given[-1])
+        return with_stretch(*given)
+
+    monkeypatch.setattr(second_order, "with_stretch", recorded)
+
+    def struck(model, speed):
+        ball = ao.RigidMass(0.05, velocity=speed)
+        run = functools.partial(ao.simulate, impactor=ball, contact=ao.Hertz(1e9), duration=2e-3)
+        return second_order.simulated(part, model, run)
+
+    few = struck(model, 0.2)
+    assert few.assembly.stretched
+    assert computed == [second_order.FEW]
+    struck(model, 2.0)
+    assert computed == [second_order.FEW, MOST]
+    monkeypatch.setattr(second_order, "FEW", MOST)
+    assert struck(other, 0.2).peak_force == pytest.approx(few.peak_force, rel=2e-3)
 
 
 def test_the_forces_of_a_model_are_computed_once_for_all_strikers(monkeypatch):

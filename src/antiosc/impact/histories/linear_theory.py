@@ -166,12 +166,14 @@ def held_along_line(name: str, ratio: float) -> str:
     return f"{words}; where it bends in two at once, forces are up to {share} larger than these"
 
 
-#: The least deflection over the thickness that may change a displacement by 0.3 % (`NEGLIGIBLE` of
-#: `antiosc.impact.stretching`): the force is at most 1 + 1.85 (w/h)² that of linear theory, of
-#: a disc with a hinged edge that does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of
-#: Plates and Shells*, table 82). The same as a change of the force of a curved sheet.
-SLIGHT_DEFLECTION = 0.04
+#: The force at a deflection w is at most 1 + 1.85 (w/h)² that of linear theory, of a disc with a
+#: hinged edge that does not move (S. Timoshenko, S. Woinowsky-Krieger, *Theory of Plates and
+#: Shells*, table 82).
+HINGED = 1.85
+#: Change that is noticeable (`NEGLIGIBLE` of `antiosc.impact.stretching`), and the deflection over
+#: the thickness that may make it.
 SLIGHT_CHANGE = 3e-3
+SLIGHT_DEFLECTION = 0.04
 
 
 #: Whether the runs of a context are taken as linear, whatever they deflect.
@@ -195,11 +197,19 @@ def asks_for_stretch(history: RunHistory) -> bool:
 
 def may_stretch(history: RunHistory) -> bool:
     """Whether second-order strain may change a linear run of sheets noticeably."""
-    return any(
-        deflection(history, name) > SLIGHT_DEFLECTION * h
-        or abs(_worst_change(name, body, history)[0]) > SLIGHT_CHANGE
+    return stretch_estimate(history) > SLIGHT_CHANGE
+
+
+def stretch_estimate(history: RunHistory) -> float:
+    """About the largest share by which second-order strain may change the force of a linear run."""
+    changes = (
+        max(
+            HINGED * (deflection(history, name) / h) ** 2,
+            abs(_worst_change(name, body, history)[0]),
+        )
         for name, body, h in _sheets(history)
     )
+    return max(changes, default=0.0)
 
 
 def _sheets(history: RunHistory) -> Iterator[tuple[str, SceneBody, float]]:

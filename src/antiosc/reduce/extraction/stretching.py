@@ -65,15 +65,18 @@ def _check_model(model: AntiOscillators) -> None:
         raise InputError("stretch does not take dampers, nor layers that relax: leave it out.")
 
 
-def with_stretch(structure: Structure, model: AntiOscillators, count: Count) -> AntiOscillators:
+def with_stretch(
+    structure: Structure, model: AntiOscillators, count: Count, most: int = MOST
+) -> AntiOscillators:
     """The model with second-order forces of the modes that its sites move most.
 
-    count : number of modes that an impact takes, or "auto". Two more are computed, for the error.
+    count : number of modes that an impact takes, or "auto": of at most `most`. Two more are
+    computed, for the error.
     """
     _check_model(model)
     body = model.free_modes
     assert body.shape is not None
-    modes = candidates(body.omega, body.B, MOST if count == "auto" else min(count + 2, MOST))
+    modes = candidates(body.omega, body.B, most if count == "auto" else min(count + 2, MOST))
     phi = body.field((body.shape @ modes).T).T
     return replace(model, stretch=_stretch_of_motions(structure, modes, phi, count))
 
