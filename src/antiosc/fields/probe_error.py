@@ -121,7 +121,9 @@ def probe_error(
     )
     error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
     if error >= NOT_CONVERGED:
-        on_root(structure.comm, partial(warn, _not_converged(quantity, error), AccuracyWarning))
+        filtered = options.get("filter") is not None
+        message = _not_converged(quantity, error, filtered)
+        on_root(structure.comm, partial(warn, message, AccuracyWarning))
     return with_force(error, budget_of(history))
 
 
@@ -176,13 +178,12 @@ def budget_of(history: History) -> ErrorBudget | None:
 NOT_CONVERGED = 0.1
 
 
-def _not_converged(quantity: str, error: float) -> str:
+def _not_converged(quantity: str, error: float, filtered: bool) -> str:
     """Sentence on a largest value that has not converged."""
     remedy = "extract more anti-oscillators (n)"
     if quantity == "acceleration":
-        remedy += (
-            ", see it through a filter (CFC1000), or judge it by its shock spectrum (probe_srs)"
-        )
+        seen = "" if filtered else ", see it through a filter (CFC1000)"
+        remedy += f"{seen}, or judge it by its shock spectrum (probe_srs)"
     return (
         f"The largest {quantity} has not converged: with half the anti-oscillators it changes by"
         f" {percent(error)}, and this number is no bound; {remedy}."

@@ -44,6 +44,13 @@ TIMES = 2000
 PART = "structure"
 
 
+#: What is told of the speed that was not found beside the other one.
+NOT_FOUND = {
+    "may be reached": "; from which lower speed on it may be reached was not found",
+    "is certain": "; no speed was found from which it is certain",
+}
+
+
 class YieldSpeeds(NamedTuple):
     """Speeds of the striker [m/s] from which yield may be reached, and is reached for certain,
     within the errors of the stress and the range of the strength; None: not found.
@@ -85,7 +92,7 @@ class YieldSpeeds(NamedTuple):
             return ""
         held = "the same striker, mesh and patch at other speeds"
         missing = [what for what, speed in ends.items() if speed is None]
-        other = f"; no speed was found from which it {missing[0]}" if missing else ""
+        other = "".join(NOT_FOUND[what] for what in missing)
         return f"yield at this place {', and '.join(told)}{other}: {held}"
 
     def _how(self, speed: float) -> str:

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 #: Width of the names of results.
 LABEL = 13
+#: Frequency over the highest one below which a motion is a rigid one.
+RIGID = 1e-6
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
@@ -175,8 +177,18 @@ class History(RunHistory, Results):
         return (
             f"After the last release the bodies still approach (restitution {e:.3g}"
             f" < 0) and will touch again: peak force, impulse and restitution are those up to"
-            f" {self.run.time[-1]:g} s; lengthen the duration."
+            f" {self.run.time[-1]:g} s; lengthen the duration{self._by_half_a_period}."
         )
+
+    @property
+    def _by_half_a_period(self) -> str:
+        """By how much a run is lengthened until a part has swung back; "" of rigid bodies."""
+        omega = np.concatenate([body.omega for body in self.assembly.bodies.values()])
+        elastic = omega[omega > RIGID * omega.max(initial=0.0)]
+        if not elastic.size:
+            return ""
+        half = engineering(np.pi / elastic.min(), "s")
+        return f" by {half} or more, half a period of the slowest motion"
 
     @property
     def verdict(self) -> str:
