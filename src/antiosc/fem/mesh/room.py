@@ -13,6 +13,9 @@ NEAR = 2.0
 #: Height of a point over the tangent plane, over its distance from the site, that the error of the
 #: normal may make: at facets of 15° it is 0.03. A wall at a distance D is met by balls from 1.08 D.
 SLOPE = 0.05
+#: Height of a point over its distance from which on it is another face, half as near too. A post beside
+#: a site, 1.9 patch radii away, was left out: a ball of 4 mm struck it 0.3 mm before the site.
+STEEP = 0.3
 
 
 def largest_ball(
@@ -26,7 +29,8 @@ def largest_ball(
     distance = np.linalg.norm(r, axis=1)
     mean = faces.sizes[np.argmin(np.linalg.norm(faces.centres - point, axis=1))] if r.size else 0
     height = r @ normal - SLOPE * distance
-    touched = (height > 0) & (distance > NEAR * max(patch_radius, float(mean)))
+    near = np.where(height > STEEP * distance, NEAR / 2, NEAR) * max(patch_radius, float(mean))
+    touched = (height > 0) & (distance > near)
     radii = np.where(touched, distance**2 / (2 * np.where(touched, height, 1.0)), np.inf)
     ball = (np.inf, point)
     if radii.size:
