@@ -237,7 +237,7 @@ def test_a_shock_spectrum_of_a_scene_has_the_bar_of_probe_srs(tmp_path, capsys):
             np.testing.assert_allclose(bars, spectrum.bar, rtol=1e-2)
         assert f" ± {percent(own['error'])} (anti-oscillators" in told
         assert f", mesh {percent(own['mesh'])}, force {percent(own['force'])}" in told
-    assert told.count("above 1.67 kHz it is the spectrum of the filtered signal") == 1
+    assert told.count("above 1.67 kHz the spectrum is that of the filtered signal") == 1
     assert "; those of shock response spectra have it in the motion too" in told
     assert written_numbers["bare"]["srs"]["mesh"] > 0.1
     assert told.count("the mesh is coarse for this spectrum: use smaller elements") == 2

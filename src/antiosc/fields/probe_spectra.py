@@ -66,7 +66,7 @@ class ProbeSpectra(ReprMixin):
     filter : channel frequency class through which the velocity is seen, or None.
     resolved : frequency in Hz up to which the model has the natural modes of its mesh or matrices;
         None if it is not known.
-    error : relative error of the largest value; None if it was not estimated.
+    error : relative error of the largest value that the filter passes; None if not estimated.
     """
 
     spectra: Mapping[str, ShockSpectrum]
@@ -77,8 +77,18 @@ class ProbeSpectra(ReprMixin):
 
     @property
     def component(self) -> str:
-        """The component with the largest value."""
-        return max(self.spectra, key=lambda name: float(self.spectra[name].maximax.max()))
+        """The component with the largest value that its filter passes."""
+        return max(self.spectra, key=lambda name: float(self._passing(self.spectra[name]).max()))
+
+    def _passing(self, spectrum: ShockSpectrum) -> Array:
+        """Values (m,) of a spectrum, 0 beyond what the filter passes if it passes any of them."""
+        beyond = spectrum.frequency > (np.inf if self.passed is None else self.passed)
+        return np.where(beyond & ~beyond.all(), 0.0, spectrum.maximax)
+
+    @property
+    def peak(self) -> int:
+        """Number of the frequency of the largest value that the filter passes, from 0."""
+        return int(np.argmax(self._passing(self.largest)))
 
     @property
     def largest(self) -> ShockSpectrum:
@@ -116,8 +126,8 @@ class ProbeSpectra(ReprMixin):
         if self.passed is not None and frequency[-1] > self.passed:
             passed = engineering(self.passed, "Hz")
             told.append(
-                f"; above {passed} it is the spectrum of the filtered signal, not of the part's"
-                f" motion: read it up to {passed}, or leave out the filter"
+                f"; above {passed} the spectrum is that of the filtered signal, not of the part's"
+                " motion: for it leave out the filter"
             )
         beyond = self.resolved is not None and self.numbers()["frequency"] > self.resolved
         if self.resolved is not None and (beyond or not told):
@@ -129,9 +139,11 @@ class ProbeSpectra(ReprMixin):
         return "".join(told)
 
     def numbers(self) -> dict[str, Any]:
-        """The largest value in m/s², its component and frequency in Hz, and its error."""
+        """The largest value in m/s² that the filter passes, its component, frequency in Hz and
+        error.
+        """
         spectrum = self.largest
-        k = int(np.argmax(spectrum.maximax))
+        k = self.peak
         error = self.error
         shares: dict[str, Any] = dict.fromkeys(("truncation", "mesh", "force", "error"))
         if error is not None:
@@ -235,7 +247,7 @@ def compared(
         if corrected is not None:
             safety = 1.0 if budget is None else budget.safety
             mesh = _apart(own, corrected(**asked), safety)
-    peak = int(np.argmax(own.largest.maximax))
+    peak = own.peak
     size = own.largest.maximax[peak] or 1.0
 
     def share(apart: dict[str, Array]) -> float:

@@ -13,8 +13,8 @@ NEAR = 2.0
 #: Height of a point over the tangent plane, over its distance from the site, that the error of the
 #: normal may make: at facets of 15° it is 0.03. A wall at a distance D is met by balls from 1.08 D.
 SLOPE = 0.05
-#: Height of a point over its distance from which on it is another face, half as near too. A post beside
-#: a site, 1.9 patch radii away, was left out: a ball of 4 mm struck it 0.3 mm before the site.
+#: Height of a point over its distance from which on it is another face, half as near too. A post
+#: beside a site, 1.6 patch radii away, was left out: a ball of 4 mm struck it 0.3 mm before.
 STEEP = 0.3
 
 
