@@ -268,6 +268,14 @@ def test_a_map_tells_the_blow_that_deflects_a_held_sheet_most(recwarn):
     assert f"(90, 30, 0) mm: 'structure' deflects by {ratio:.3g} mm, {ratio:.3g} times" in far[0]
 
 
+@pytest.mark.parametrize(("bar", "is_told"), [(0.48, True), (0.1, False), (None, False)])
+def test_forces_within_the_bar_of_the_largest_do_not_decide(bar, is_told):
+    """Of 60 sites of a plate between 1.12 and 1.28 kN ± 48 % one was told to be the worst."""
+    told = verdict._undecided(np.array([1120.0, 1200.0, 1280.0]), bar)
+    assert bool(told) == is_told
+    assert all("1.12 kN to 1.28 kN, lie within that bar" in sentence for sentence in told)
+
+
 def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     """In a corner of a face a quarter of the patch carries the whole force."""
     middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)

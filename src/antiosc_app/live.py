@@ -583,6 +583,7 @@ def headline_of_map(
         sentences.append(
             f"The largest force{of_sites}, {force_text}, arises at {place_text}{where}."
         )
+        sentences += _undecided(impact_map.peak_force[mask], bar)
         sentences += _harder_in_doubt(impact_map, high)
         if impact_map.doubtful.all() and bar:
             sentences.append("Its bar leaves out what makes it doubtful.")
@@ -619,6 +620,18 @@ def _doubt_of(impact_map: ImpactMap, i: int) -> str:
     """The end of a sentence on a site: why it is doubtful; "" if it is not, or that is unknown."""
     reason = str(impact_map.reasons[i]) if impact_map.doubtful[i] else ""
     return f", where {reason}" if reason else ""
+
+
+def _undecided(forces: Array, bar: float | None) -> list[str]:
+    """A sentence (in a list) that the bar of the largest of the forces (n,) holds all of them."""
+    low, high = float(np.nanmin(forces)), float(np.nanmax(forces))
+    if not bar or low < (1 - bar) * high or low == high:
+        return []
+    ends = f"{engineering(low, 'N')} to {engineering(high, 'N')}"
+    return [
+        f"The forces of all these sites, {ends}, lie within that bar: which of them is struck"
+        " hardest is not decided, and it holds for all."
+    ]
 
 
 def _harder_in_doubt(impact_map: ImpactMap, force: float) -> list[str]:
@@ -1192,6 +1205,8 @@ def remedy_of(hit: History, budget: ErrorBudget | None) -> str:
     """Sentence on the cause that limits the accuracy, and the remedy; "" if it is told before."""
     if budget is None or rough(hit, budget):
         return ""
+    if budget.no_bar and budget["peak_force"].known < LEAST_TOLD:
+        return ""  # what is not known decides
     return capitalised(_narrows(hit, budget))
 
 

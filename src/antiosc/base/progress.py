@@ -154,8 +154,11 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
 
 
 def progress_text(count: int, total: int, elapsed: float) -> str:
-    """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
-    text = f"{count} of {total}"
+    """How many of `total` are done after `elapsed` seconds, and how long the others will take.
+
+    Of a number that is estimated more may be done.
+    """
+    text = f"{min(count, total)} of {total}"
     if 0 < count < total:
         text += f", about {seconds_text(elapsed * (total - count) / count)} left"
     return text
