@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from antiosc import History, SceneHistory
-from antiosc.base.errors import finite_element_packages
+from antiosc import History, SceneHistory, peak_field
+from antiosc.base._types import Array
+from antiosc.base.errors import finite_element_packages, without_warnings
 from antiosc_app.live import force_bar
 from antiosc_app.scene_file.run import error_budget
 
 if TYPE_CHECKING:
-    from antiosc import PeakField, Structure
+    from antiosc import Margin, PeakField, Structure
 
 
 def with_yield_speeds(
@@ -32,7 +33,16 @@ def _with_speeds(structure: Structure | None, history: History, field: PeakField
         return field
     with finite_element_packages():
         from antiosc.extension import yield_speeds
-    return replace(field, yield_speeds=yield_speeds(struck, history, worst, _force))
+
+    def beyond(balls: Array) -> Margin | None:
+        """The margin without the stresses in balls."""
+        with without_warnings():
+            other = peak_field(
+                struck, history, field.quantity, leave_out=balls, sharp_edges=worst.away is None
+            )
+        return other.worst_point
+
+    return replace(field, yield_speeds=yield_speeds(struck, history, worst, _force, beyond))
 
 
 def _force(hit: History) -> float:

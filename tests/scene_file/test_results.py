@@ -405,8 +405,8 @@ def test_the_speed_from_which_a_part_yields_is_told_everywhere(struck_beam):
     assert 2.0 < speeds["possible"] < speeds["certain"]
     ends = (engineering(speeds[name], "m/s", 2) for name in ("possible", "certain"))
     sentence = "may be reached from about {} on, and is certain from about {} on".format(*ends)
-    assert f"yield at this place {sentence}" in told
-    assert f"Yield at this place {sentence}" in html.unescape(report)
+    assert f"yield outside the contact {sentence}" in told
+    assert f"Yield outside the contact {sentence}" in html.unescape(report)
 
 
 def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
@@ -424,7 +424,7 @@ def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     of_study = told.getvalue().partition("without random values:")[2].split("wrote ")[0]
     lines = [re.sub(r"^[a-z ]*  +", "", line) for line in of_study.splitlines() if line]
     (shares,) = set(lines) - of_run
-    for start in ("peak force ", "The contact yields", "yield is", "yield at this place"):
+    for start in ("peak force ", "The contact yields", "yield is", "yield outside the contact"):
         assert any(line.startswith(start) for line in lines)
     found = numbers(tmp_path / "out")
     assert found["monte_carlo"]["quantile"][:3] == [0.5, 0.95, 0.99]

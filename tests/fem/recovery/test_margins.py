@@ -1062,6 +1062,28 @@ def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
     assert f"from about {engineering(found.contact, 'm/s', 2)} on" in found.sentence
 
 
+@pytest.mark.parametrize("first", [0.5, 2.0])
+def test_the_speed_of_yield_is_of_a_place_that_the_larger_contact_does_not_cover(first):
+    """From any first speed it is the one at which a run has the strength at the end of its bar."""
+    box = parts.box((12, 8, 6), (0.03, 0.02, 0.012))
+    part = ao.Structure(box, ao.material("PETG printed"), [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.02, 0.01, 0.012), (0, 0, -1), radius=5e-3), n=12)
+
+    def struck(speed: float) -> ao.History:
+        ball = ao.Sphere(0.005, material="bearing steel 100Cr6", velocity=speed)
+        return ao.simulate(model, ball, duration=6e-4)
+
+    def margin(hit: ao.History, balls=None) -> ao.Margin:
+        return ao.peak_field(part, hit, sharp_edges=False, leave_out=balls).margin()
+
+    hit = struck(first)
+    at_first = yield_speeds(part, hit, margin(hit), lambda _: 0.2)
+    found = yield_speeds(part, hit, margin(hit), lambda _: 0.2, functools.partial(margin, hit))
+    of_run = dataclasses.replace(margin(struck(found.possible)), force_error=0.2)
+    assert of_run.bounds[1] == pytest.approx(1.0, rel=0.02)
+    assert at_first.possible < 0.92 * found.possible
+
+
 @pytest.mark.parametrize(("exposure", "found"), [(0.5, True), (0.2, False)])
 def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
     """The exposure is a power of the speed; above 1.2 times that of the impact there is no run."""
