@@ -508,7 +508,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     # no bar, as the force has none
-    bar = r"\(no error bar; anti-oscillators \S+ %\)"
+    bar = r"\(no error bar, as the force has none; anti-oscillators \S+ %\)"
     assert re.search(rf"probe top +acceleration magnitude: largest \S+ m/s² {bar} \(\S+ g\)", told)
     assert "margin of safety" in told
     found = numbers(tmp_path / "out")

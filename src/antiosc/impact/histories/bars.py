@@ -42,8 +42,10 @@ BY_GIVEN_LAW = " (law as given)"
 WHOLE = percent(1.0)
 #: Those that are told only of models that were measured, and of parts that stretch.
 RARE = ("noise", "band", "stretch")
-#: Shares that are smaller than this error, and than this part of the bar, are told as one sum.
+#: Shares that are smaller than this error, and than this part of the bar, are told as one sum;
+#: others always, so that a bar tells whether the contact's law is in it.
 SMALL_SHARE, SMALL_PART = 5e-3, 0.1
+ALWAYS_TOLD = ("law", *RARE)
 
 
 @dataclass(frozen=True)
@@ -323,7 +325,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         bar = self.bar(name)
         shares = {cause: getattr(bar, cause) for cause in self.causes}
         least = min(SMALL_SHARE, SMALL_PART * bar.known)
-        told = {cause: share for cause, share in shares.items() if share >= least}
+        told = {
+            cause: share
+            for cause, share in shares.items()
+            if share >= least or cause in ALWAYS_TOLD
+        }
         rest = sum(shares.values()) - sum(told.values())
         if rest > LEAST_SHARE:
             told["others"] = rest
