@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from math import floor, inf, log2, pi
+from math import floor, inf, log2
 from typing import NamedTuple, TypeVar
 
 from antiosc import AntiOscillators, History, truncation_error
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering, percent, rounded_up
 from antiosc.extension import enough_radius, may_stretch, out_of_reach, taken_as_linear
+from antiosc.models.body import half_period
 
 T = TypeVar("T")
 #: First duration of an impact [s].
@@ -42,8 +43,6 @@ EXPANSION = 0.7
 MOST_TRUNCATION = 0.1
 #: Largest product of dofs and anti-oscillators: 3.4e7 took 85 s for this sheet, beside other work.
 MOST_WORK = 8e7
-#: Frequencies over the highest one below which modes are rigid motions.
-RIGID = 1e-6
 
 
 class Choice(NamedTuple):
@@ -172,10 +171,9 @@ def _enough(hit: History, is_sheet: bool) -> float:
     away = out_of_reach(hit) if is_sheet else end
     if away is None:
         away = end if parted(hit, LEAST_RETURN) else inf
-    omega = hit.assembly.bodies["structure"].omega
-    elastic = omega[omega > RIGID * omega.max(initial=0.0)]
+    half = half_period(hit.assembly.bodies["structure"].omega)
     released = hit.contacts[-1][1] if hit.contacts else 0.0
-    swing = float(released + pi / elastic.min()) if elastic.size else end
+    swing = released + half if half else end
     return max(swing, min(away, 2 * end))
 
 

@@ -117,15 +117,19 @@ def yield_speeds(
     the stresses in balls (n, 4). A faster striker has a larger contact, which may cover the worst
     point: the place is then the worst one beyond. All ranks must call it.
     """
-    speeds = _of_place(structure, hit, worst, force)
+    speed, at_speed = getattr(hit.impactor, "velocity", None), hit.at_speed
+    if not isinstance(speed, float) or speed <= 0 or at_speed is None or worst.columns is None:
+        return YieldSpeeds(None, None)
+    contact = _speed_of_contact(hit, at_speed, speed)
+    speeds = _of_place(structure, hit, worst, force, contact)
     for _ in range(MOST_PLACES):
         before = speeds.possible
-        if before is None or before in speeds.extrapolated or hit.at_speed is None:
+        if before is None or before in speeds.extrapolated:
             break
-        farther = beyond(zones_of(hit.at_speed(before), PART).balls)
+        farther = beyond(zones_of(at_speed(before), PART).balls)
         if farther is None:
             break
-        found = _of_place(structure, hit, farther, force)
+        found = _of_place(structure, hit, farther, force, contact)
         if found.possible is None or found.possible < SAME * before:
             break
         speeds = found
@@ -133,14 +137,17 @@ def yield_speeds(
 
 
 def _of_place(
-    structure: Structure, hit: History, worst: Margin, force: Callable[[History], float]
+    structure: Structure,
+    hit: History,
+    worst: Margin,
+    force: Callable[[History], float],
+    contact: _Found,
 ) -> YieldSpeeds:
-    """The speeds from which one point yields."""
-    speed, at_speed = getattr(hit.impactor, "velocity", None), hit.at_speed
-    columns = worst.columns
-    if not isinstance(speed, float) or speed <= 0 or at_speed is None or columns is None:
-        return YieldSpeeds(None, None)
-    contact = _speed_of_contact(hit, at_speed, speed)
+    """The speeds from which one point yields, beside that of the `contact`."""
+    columns, at_speed = worst.columns, hit.at_speed
+    if columns is None or at_speed is None:
+        return YieldSpeeds(None, None, contact=contact.speed)
+    speed = hit.impactor.velocity
     shapes = shapes_of(structure, hit, PART)
     here = _largest(structure, hit, columns)
     if not (here and hit.peak_force):  # nothing grows with the speed

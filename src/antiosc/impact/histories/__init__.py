@@ -24,7 +24,7 @@ from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.histories.parts import ContactHistory
 from antiosc.impact.histories.site_motion import SiteMotion, site_motion
 from antiosc.impact.histories.tables import Results
-from antiosc.models.body import info_of, site_points
+from antiosc.models.body import half_period, info_of, site_points
 from antiosc.models.parameters import has_bars
 from antiosc.plot.charts import plot_history
 
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 #: Width of the names of results.
 LABEL = 13
-#: Frequency over the highest one below which a motion is a rigid one.
-RIGID = 1e-6
 #: Contacts of which a file lists the times.
 MOST_CONTACTS = 10_000
 
@@ -184,11 +182,10 @@ class History(RunHistory, Results):
     def _by_half_a_period(self) -> str:
         """By how much a run is lengthened until a part has swung back; "" of rigid bodies."""
         omega = np.concatenate([body.omega for body in self.assembly.bodies.values()])
-        elastic = omega[omega > RIGID * omega.max(initial=0.0)]
-        if not elastic.size:
+        half = half_period(omega)
+        if not half:
             return ""
-        half = engineering(np.pi / elastic.min(), "s")
-        return f" by {half} or more, half a period of the slowest motion"
+        return f" by {engineering(half, 's')} or more, half a period of the slowest motion"
 
     @property
     def verdict(self) -> str:
