@@ -217,6 +217,8 @@ class Assembly:
     stretched : second-order forces of the bodies that stretch, which have rows in the march.
     stretch_effect : relative change of the largest force of a contact by these.
     stretch_settled : whether more of them would change the results by no more than the tolerance.
+    stretch_left_out : energy of second-order strain at the largest force over the linear energy, of
+        a solid that is taken as linear because it is small; 0.0 for others.
     """
 
     parts: Callable[[], Parts]
@@ -231,6 +233,7 @@ class Assembly:
     stretched: Mapping[str, Stretch] = field(default_factory=dict, kw_only=True)
     stretch_effect: float = field(default=0.0, kw_only=True)
     stretch_settled: bool = field(default=True, kw_only=True)
+    stretch_left_out: float = field(default=0.0, kw_only=True)
 
     @cached_property
     def _parts(self) -> Parts:

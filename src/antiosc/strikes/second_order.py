@@ -4,17 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from math import inf
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
-from antiosc.impact.histories.linear_theory import asks_for_stretch, stretch_estimate
+from antiosc.impact.histories.linear_theory import (
+    asks_for_stretch,
+    large_deflection_message,
+    stretch_estimate,
+)
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
 from antiosc.models.stretch import MOST
-from antiosc.reduce.extraction.stretching import with_stretch
+from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 
 H = TypeVar("H", bound=History)
 #: Simulates the impact on a model.
@@ -24,6 +33,11 @@ Run = Callable[[AntiOscillators], H]
 _WITH_STRETCH: WeakKeyDictionary[AntiOscillators, dict[int, AntiOscillators]] = WeakKeyDictionary()
 #: Change of the force up to which few modes are enough, and their number: each pair takes a solve.
 SLIGHT, FEW = 0.1, 12
+#: Energy of second-order strain over the linear one up to which a solid is taken as linear: runs
+#: with more and more motions of solids scatter by more than what these change.
+SLIGHT_ENERGY = 0.03
+#: Times until the last parting at which the deflection is compared.
+SAMPLES = 400
 
 
 def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
@@ -33,7 +47,14 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     """
     with _collected_warnings() as warnings:
         linear = run(model)
-    if model.stretch is None and asks_for_stretch(linear):
+    asks = model.stretch is None and asks_for_stretch(linear)
+    energy = _energy_of_solid(structure, linear) if asks else inf
+    if energy <= SLIGHT_ENERGY:
+        sentence = large_deflection_message(linear)
+        warnings = [told for told in warnings if told != sentence]
+        linear = replace(linear, message=linear.message.replace(f" {sentence}", ""))
+        linear.assembly.stretch_left_out = energy
+    elif asks:
         for most in (FEW, MOST) if stretch_estimate(linear) <= SLIGHT else (MOST,):
             with _collected_warnings() as stretched_warnings:
                 stretched = _stretched(structure, model, run, most)
@@ -55,6 +76,30 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
         return _with_stretch(structure, model, MOST)
     except InputError:  # of a part that has none
         return model
+
+
+def _energy_of_solid(structure: Structure, linear: History) -> float:
+    """Energy of second-order strain over the linear one in a solid, the larger one of the instants
+    of the largest force and of the largest deflection of a linear run; inf for other parts.
+    """
+    body = linear.model.free_modes
+    if body.shape is None or not linear.contacts:
+        return inf
+    contact = max(linear.contact_histories, key=lambda contact: contact.peak_force)
+    times = np.append(
+        np.linspace(0.0, contact.contacts[-1][1], SAMPLES),
+        contact.time[int(np.argmax(contact.force))],
+    )
+    amplitudes = linear.states(times)[0][:, linear.assembly.spans["structure"]]
+    deflected = int(np.argmax(np.abs(amplitudes[:-1] @ body.B).max(axis=1)))
+    try:
+        parts = [member.part for member in with_parts(structure).members()]
+        if any(part.kind.name != "solid" for part in parts):
+            return inf
+        motions = body.field((body.shape @ amplitudes[[deflected, -1]].T).T)
+        return float(second_order_energies(structure, motions.T).max())
+    except InputError:  # a part without such forces
+        return inf
 
 
 def _with_stretch(structure: Structure, model: AntiOscillators, most: int) -> AntiOscillators:

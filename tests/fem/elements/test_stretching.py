@@ -23,11 +23,11 @@ from antiosc.fem.reach import Reach
 from antiosc.models.stretch import MOST
 from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
-from antiosc.reduce.extraction.stretching import with_stretch
+from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 from antiosc.strikes import second_order
 from antiosc_app.live_meshes import sites_of_map
 from antiosc_decks.shared_nodes import SharedNodes
-from assemblies import line
+from assemblies import box, line
 from full_second_order import Full
 from sheets import sheet
 from von_karman import Disc
@@ -607,6 +607,86 @@ def test_a_blow_that_hardly_stretches_has_few_motions(monkeypatch):
     assert computed == [second_order.FEW, MOST]
     monkeypatch.setattr(second_order, "FEW", MOST)
     assert struck(other, 0.2).peak_force == pytest.approx(few.peak_force, rel=2e-3)
+
+
+def solid_plate(rim):
+    """A plate of solids, 100 × 80 × 4 mm, held where `rim` says."""
+    mesh = box((0, 0, 0), (0.1, 0.08, 0.004), (8, 8, 1))
+    return ao.Structure(mesh, ao.Solid(**STEEL), [ao.Support(rim)])
+
+
+def on_rim(x):
+    return np.isclose(x[0] * (0.1 - x[0]), 0) | np.isclose(x[1] * (0.08 - x[1]), 0)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_solid_that_hardly_stretches_is_taken_as_linear():
+    """The share of its bar holds what all degrees of freedom change; a harder blow stretches."""
+    part = solid_plate(on_rim)
+    site = ao.Site((0.05, 0.032, 0.004), (0, 0, -1), snap=True, radius=0.012)
+    model = ao.extract(part, site, n=30, error="estimate")
+    mass, k, duration = 0.05, 5e9, 4e-4
+
+    def struck(speed):
+        ball = ao.RigidMass(mass, velocity=speed)
+        law = ao.Power(k, 1.5)
+        run = functools.partial(ao.simulate, impactor=ball, contact=law, duration=duration)
+        return second_order.simulated(part, model, run)
+
+    slight = struck(30.0)
+    assert not slight.assembly.stretched
+    assert 0.01 < slight.assembly.stretch_left_out < second_order.SLIGHT_ENERGY
+    full = Full(part, site)
+    whole = full.impact(mass, 30.0, k, duration, 150)[1].max()
+    full.forces, full.tangent = np.zeros_like, lambda _: csr(part.K) * 0
+    effect = whole / full.impact(mass, 30.0, k, duration, 150)[1].max() - 1
+    assert 2e-4 < abs(effect) < slight.error_budget["peak_force"].stretch < 0.08
+    assert "taken as linear" in " ".join(slight.stretch_texts)
+    harder = struck(60.0)
+    assert harder.assembly.stretched
+    assert harder.assembly.stretch_left_out == 0.0
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_solid_that_bends_freely_is_not_told_to_stretch():
+    """A cantilever held on a strip deflects by more than half its thickness with little energy of
+    second-order strain: no sentence tells that it stretches.
+    """
+    part = solid_plate(lambda x: x[0] < 0.02)
+    model = ao.extract(part, ao.Site((0.1, 0.04, 0.004), (0, 0, -1), snap=True, radius=0.012), n=30)
+    run = functools.partial(
+        ao.simulate,
+        impactor=ao.RigidMass(0.2, velocity=8.0),
+        contact=ao.Hertz(1e9),
+        duration=6e-3,
+    )
+    with pytest.warns(ao.AccuracyWarning, match="times its thickness"):
+        alone = run(model)
+    hit = second_order.simulated(part, model, run)
+    assert hit.peak_force == alone.peak_force
+    assert "times its thickness" in alone.message
+    assert "times its thickness" not in hit.message
+    assert 0 < hit.assembly.stretch_left_out < second_order.SLIGHT_ENERGY
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_energies_of_second_order_strain_follow_the_amplitude():
+    """Third and fourth order, the first as the derivatives of the whole energy have it."""
+    part = solid_plate(on_rim)
+    site = ao.Site((0.05, 0.04, 0.004), (0, 0, -1), snap=True, radius=0.012)
+    model = ao.extract(part, site, n=20)
+    body = model.free_modes
+    static = body.field(body.shape @ (body.B[:, 0] / body.omega**2))
+    motion = 2e-4 * static / np.abs(static).max()
+    factors = np.array([1.0, 2.0, 4.0])
+    energies = second_order_energies(part, motion[:, None] * factors)
+    third, fourth = np.linalg.solve(np.column_stack([factors, factors**2])[:2], energies[:2])
+    assert energies[2] == pytest.approx(4 * third + 16 * fourth, rel=1e-6)
+    full = Full(part, site)
+    linear = motion @ csr(part.K) @ motion / 2
+    sizes = [full.energy(sign * motion) / linear - 1 for sign in (1, -1)]
+    assert third == pytest.approx(abs(sizes[0] - sizes[1]) / 2, rel=1e-6)
+    assert 0 < fourth < (sizes[0] + sizes[1]) / 2  # there what follows is not relaxed
 
 
 def test_the_forces_of_a_model_are_computed_once_for_all_strikers(monkeypatch):

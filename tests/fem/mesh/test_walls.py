@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -79,5 +81,5 @@ def test_no_wall_is_thinner_than_nothing():
     normals = np.array([[0.0, 0.0, 1.0], [0.8, 0.0, -0.6]])
     skin = _Skin(corners + centres[:, None], normals, np.zeros(2, dtype=int))
     assert skin.depth(centres[0], 0) == np.inf
-    flat = skin._replace(normals=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    flat = replace(skin, normals=np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
     assert flat.depth(centres[0], 0) == pytest.approx(0.5)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
-from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base._types import Array, IntArray
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces, quadrature
 from antiosc.fem.platform import compat
@@ -79,7 +81,8 @@ def _evenly(areas: Array, count: int) -> IntArray:
     return np.searchsorted(cumulated, shares * cumulated[-1])
 
 
-class _Skin(NamedTuple):
+@dataclass(frozen=True)
+class _Skin:
     """Corners in order (F, v, 3), normals (F, 3) and numbers of the bodies (F,) of the faces of all
     ranks.
     """
@@ -88,17 +91,26 @@ class _Skin(NamedTuple):
     normals: Array
     bodies: IntArray
 
-    @property
+    @cached_property
     def centres(self) -> Array:
         """Middles of the corners (F, 3)."""
         return np.asarray(self.corners.mean(axis=1))
 
-    def beneath(self, point: Array, normal: Array) -> BoolArray:
-        """Whether the line (F,) through a point along a normal meets the faces."""
-        sides = np.roll(self.corners, -1, axis=1) - self.corners
-        turns = np.cross(sides, point - self.corners) @ normal
+    @cached_property
+    def radii(self) -> Array:
+        """Largest distance (F,) of the corners from the middle."""
+        return np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1)
+
+    def beneath(self, point: Array, normal: Array, faces: IntArray) -> IntArray:
+        """Those of the faces that the line through a point along a normal meets."""
+        gap = self.centres[faces] - point
+        aside = np.linalg.norm(gap - np.outer(gap @ normal, normal), axis=1)
+        near = faces[aside <= self.radii[faces] * (1 + EDGE)]
+        corners = self.corners[near]
+        sides = np.roll(corners, -1, axis=1) - corners
+        turns = np.cross(sides, point - corners) @ normal
         level = EDGE * np.abs(turns).max(axis=1, keepdims=True)
-        return np.asarray((turns >= -level).all(axis=1) | (turns <= level).all(axis=1))
+        return near[(turns >= -level).all(axis=1) | (turns <= level).all(axis=1)]
 
     def depth(self, point: Array, face: int, *, straight: bool = False) -> float:
         """Distance [m] from a point of a face along its normal to the nearest opposite face of its
@@ -106,18 +118,18 @@ class _Skin(NamedTuple):
 
         `straight`: of those alone that the normal meets.
         """
-        gap = self.corners.mean(axis=1) - point
+        gap = self.centres - point
         cosine = self.normals @ self.normals[face]
         behind = gap @ self.normals[face] < -TOUCHING * np.abs(gap).max()
         inside = np.einsum("fd,fd->f", gap, self.normals) > 0  # of the plane of the opposite face
         is_opposite = (cosine < OPPOSITE) & behind & inside
         is_opposite &= self.bodies == self.bodies[face]
+        opposite: IntArray = np.flatnonzero(is_opposite)
         if straight:
-            is_opposite &= self.beneath(point, self.normals[face])
-        if not is_opposite.any():
+            opposite = self.beneath(point, self.normals[face], opposite)
+        if not opposite.size:
             return np.inf
-        distance = np.where(is_opposite, np.linalg.norm(gap, axis=1), np.inf)
-        j = int(np.argmin(distance))
+        j = int(opposite[np.argmin(np.linalg.norm(gap[opposite], axis=1))])
         return float(-(gap[j] @ self.normals[j]) / cosine[j])
 
 

@@ -79,6 +79,8 @@ def large_deflection_message(history: RunHistory) -> str:
     """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
     worst = 0.0
     message = ""
+    if history.assembly.stretch_left_out:
+        return ""
     for name, body, h in _sheets(history):
         if not body.omega.all():  # it is free
             continue
@@ -107,7 +109,15 @@ def stretch_effect(history: RunHistory) -> str:
 
 
 def linear_texts(history: RunHistory) -> Iterator[str]:
-    """Sentences on sheets whose linear model stands, though not far below its limit."""
+    """Sentences on sheets and thin solids whose linear model stands, though not far below its
+    limit.
+    """
+    if left_out := history.assembly.stretch_left_out:
+        yield (
+            "'structure' is taken as linear: the energy of second-order strain is"
+            f" {percent(left_out)} of that of its motion at the largest force"
+        )
+        return
     for name, body in history.assembly.bodies.items():
         bends = info_of(body.body).bends
         if bends is not None:

@@ -169,6 +169,22 @@ def candidates(omega: Array, B: Array, count: int) -> Array:
     return basis[:, :count]
 
 
+def second_order_energies(structure: Structure, motions: Array) -> Array:
+    """Energy of second-order strain of motions (dofs, k) to fourth order, over the linear energy of
+    each (k,): sizes without signs, and what follows a motion statically is relaxed.
+    """
+    pairs = [(i, i) for i in range(motions.shape[1])]
+    pieces = _pieces(structure, motions)
+    g = _pair_loads(structure, pieces, pairs)
+    third = np.sum(motions * g, axis=0) / 3
+    fourth = np.diag(sum(_quartic(piece, pairs) for piece in pieces)).copy()
+    for i in range(len(fourth)):
+        one = slice(i, i + 1)
+        fourth[i] -= g[:, i] @ _static(structure, g[:, one], motions[:, one])[:, 0] / 2
+    linear = np.sum(motions * multiply(structure.K, motions), axis=0) / 2
+    return np.asarray((np.abs(third) + np.abs(fourth)) / linear)
+
+
 def tensors(structure: Structure, phi: Array) -> tuple[Array, Array, Array]:
     """Tensors H (m, m, m), G (m, m, m, m) and second-order displacements (dofs, pairs).
 
