@@ -1084,7 +1084,8 @@ def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> Data
 
     `scope`: where it is judged, as text, "" anywhere; `stress_place` [m]: its place, null at the
     edge of a contact's surroundings; `stress_bar`: how far it may lie below and above, over
-    itself, by mesh, patch and force, whose error is `force`; `stress_note`: what this leaves out.
+    itself, by mesh, patch and force, whose error is `force`; `of_cells`: whether most of it is by
+    the cells there; `stress_note`: what this leaves out.
     """
     for peak in fields.values():
         margin = peak.worst_point
@@ -1092,6 +1093,7 @@ def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> Data
             strength = None if peak.exposure is None else margin.strength
             judged: Data = {"stress": margin.stress, "strength": strength}
             judged["stress_bar"] = stress_bar(peak, force)
+            judged["of_cells"] = _with_force(margin, force).is_of_cells
             judged["stress_note"] = _stress_note(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time

@@ -831,6 +831,25 @@ def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them()
     assert not offered([0.0, 0.0, 0.0], *[[1.0, 0.0, 0.0]] * set_up.MOST_STRESSED)
 
 
+def test_the_page_goes_on_with_smaller_cells_where_they_narrow_a_wide_stress(opened, monkeypatch):
+    """Unless the user has decided on cells, others causes are larger, or it takes long."""
+    wide = {"stress_bar": (0.5, 1.5), "of_cells": True, "stress_place": [0.01, 0.0, 0.0]}
+
+    def narrows(judged, **changed):
+        return opened._narrows(set_up.read(asked(opened, **changed)), judged)
+
+    assert narrows(wide)
+    assert not narrows({**wide, "stress_bar": (0.5, 0.9)})
+    assert not narrows({**wide, "stress_bar": None})
+    assert not narrows({**wide, "of_cells": False})
+    assert not narrows({**wide, "stress_place": None})
+    assert not narrows({})
+    assert not narrows(wide, finer=False)
+    assert not narrows(wide, finer=True, stressed=[[0.0, 0.0, 0.0]])
+    monkeypatch.setattr(opened, "_answering", lambda _: [opened_page.NARROWED_SOON + 1, 1e4])
+    assert not narrows(wide)
+
+
 def test_how_a_mesh_was_made_is_told_of_the_mesh_that_is_shown(opened, monkeypatch):
     """Beside its answer, not of the first mesh; and a note of the file has its name no more."""
     opened.calls["look"]({})
@@ -1346,6 +1365,19 @@ def test_a_refused_set_up_keeps_all_that_was_typed(command):
         assert below == ""
         assert "has 1100 times the mass of the part" in above
         assert above in browser.run("return document.getElementById('wrong').textContent")
+        # smaller cells at the largest stress follow once, and Undo takes them away
+        goes_on = "bench.page.data.stress_place = [0.01, 0, 0]; bench.narrow();"
+        chosen = "return [bench.setup.finer, bench.setup.stressed]"
+        assert browser.run(f"{goes_on} {chosen}") == [True, [[0.01, 0, 0]]]
+        assert "follow" in browser.run("return document.getElementById('case').textContent")
+        browser.run("undo.click()")
+        assert browser.run(f"{goes_on} {chosen}") == [None, []]
+        # a typed place turns the direction, and says so
+        told = "return document.getElementById('how').textContent"
+        assert "has turned" not in browser.run(told)
+        browser.run("bench.turned = null; bench.move_to([0, 0.02, 0.03], [])")
+        assert browser.run("return bench.setup.direction") == pytest.approx([1, 0, 0], abs=1e-6)
+        assert "has turned into the surface" in browser.run(told)
         assert first["setup"]["own"] is None
         assert browser.said() == []
 

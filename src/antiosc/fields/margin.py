@@ -112,6 +112,10 @@ class Away(NamedTuple):
         return capitalised(" or ".join(names))
 
 
+#: Cause of the error of a stress that smaller cells there narrow.
+OF_CELLS = f"the mesh at this place ({SMALLER_CELLS})"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Margin(ReprMixin):
     """The worst point of a part over a run: the largest stress over the strength.
@@ -275,7 +279,7 @@ class Margin(ReprMixin):
         of_mesh = self.value + self.spread + self.mesh_error
         in_all = max(self.others[1] - self.stress, 0.0)
         causes = {
-            f"the mesh at this place ({SMALLER_CELLS})": of_mesh - self.stress,
+            OF_CELLS: of_mesh - self.stress,
             f"the mesh at a place that may have more ({SMALLER_CELLS})": in_all,
             f"the hollow under the patch ({PATCH_RADIUS})": self.hollow_stress,
             "the contact's own stress, which the part's thickness there changes": of_hertz
@@ -283,6 +287,11 @@ class Margin(ReprMixin):
             "the force": self.force_error * self.stress,
         }
         return max(causes, key=lambda cause: causes[cause])
+
+    @property
+    def is_of_cells(self) -> bool:
+        """Whether the largest cause is the mesh at the place, which smaller cells there mend."""
+        return self.widest == OF_CELLS
 
     @property
     def bounds(self) -> tuple[float, float]:

@@ -35,7 +35,7 @@ _WITH_STRETCH: WeakKeyDictionary[AntiOscillators, dict[int, AntiOscillators]] = 
 SLIGHT, FEW = 0.1, 12
 #: Energy of second-order strain over the linear one up to which a solid is taken as linear: runs
 #: with more and more motions of solids scatter by more than what these change.
-SLIGHT_ENERGY = 0.03
+SLIGHT_ENERGY = 0.05
 #: Times until the last parting at which the deflection is compared.
 SAMPLES = 400
 
@@ -55,7 +55,11 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
         linear = replace(linear, message=linear.message.replace(f" {sentence}", ""))
         linear.assembly.stretch_left_out = energy
     elif asks:
-        for most in (FEW, MOST) if stretch_estimate(linear) <= SLIGHT else (MOST,):
+        if energy < inf:  # a solid, whose series more motions do not settle
+            counts = [FEW if energy <= SLIGHT else MOST]
+        else:
+            counts = [FEW, MOST] if stretch_estimate(linear) <= SLIGHT else [MOST]
+        for most in counts:
             with _collected_warnings() as stretched_warnings:
                 stretched = _stretched(structure, model, run, most)
             if stretched is None or stretched.assembly.stretch_settled:

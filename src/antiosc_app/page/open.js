@@ -63,6 +63,8 @@ class Bench {
     this.pending = 0;
     [this.past, this.future, this.warned, this.caution] = [[], [], [], ""];
     this.answers = new Map(); // set-up -> its whole answer
+    this.followed = false; // whether the direction has followed a place that was typed
+    this.narrowed = new Set(); // set-ups after which smaller cells at the largest stress have followed
     this.lent = []; // radii of patches of sites of maps that were struck
     this.look();
   }
@@ -318,7 +320,10 @@ class Bench {
   move_to(point, inputs) {
     const { facts, setup, chosen, skin, rest } = this, before = { ...setup, ...chosen }.direction;
     const normal = facts.family === "Beam" || this.is_turned() ? null : normal_at(rest, skin.faces, point, facts.family === "Solid" ? null : before);
-    this.change({ ...chosen, point, ...(normal ? { direction: aimed(normal) } : {}) }, true, inputs);
+    const aim = normal ? { direction: aimed(normal) } : {};
+    this.change({ ...chosen, point, ...aim }, true, inputs);
+    this.followed = Boolean(normal) && String(aim.direction) !== String(before);
+    this.show_fields();
   }
 
   // -- fields
@@ -686,7 +691,8 @@ class Bench {
     const refines = falls ? this.facts.geometry : this.facts.refines;
     find("finer").hidden = !refines || this.is_finer() && !this.stressed_elsewhere();
     find("coarser").hidden = !refines || !this.is_finer();
-    const strikes = clicks_hold ? "" : "A click strikes there. ";
+    const turned = this.followed ? "The direction has turned into the surface at the place that was typed. " : "";
+    const strikes = clicks_hold ? turned : `${turned}A click strikes there. `;
     find("how").textContent = falls ? "The face that you click points down, then the part is tilted." : `${strikes}Drag the tail of the arrow to change the direction.`;
     this.name_map();
     find("held-list").replaceChildren();
@@ -708,6 +714,7 @@ class Bench {
     this.inputs = inputs;
     if (!inputs.length) forget(); // a click has given what was typed
     this.chosen = null; // before the fields show it again
+    this.followed = false;
     if (!this.moving) {
       this.past.push(this.setup);
       this.past.splice(0, this.past.length - MOST_UNDO);
@@ -853,6 +860,16 @@ class Bench {
       this.foresee();
     }
     document.documentElement.dataset.complete = this.turn;
+    if (judged && judged.narrows) this.narrow();
+  }
+
+  // Smaller cells at the largest stress, once for a set-up: Undo leads back to it, and stays there.
+  narrow() {
+    const asked = JSON.stringify(this.setup), { stress_place } = this.page.data;
+    if (this.narrowed.has(asked)) return;
+    this.narrowed.add(asked);
+    this.change({ finer: true, stressed: [stress_place] });
+    find("case").textContent = "smaller cells at the largest stress follow, whose error is large …";
   }
 
   judge({ verdict, caution, judged }) {
