@@ -538,8 +538,10 @@ NEARER_TIME = 40.0
 #: Words of what is told of a mesh that another attempt made in the shape of the file; of one of a
 #: surface that was made anew that is told alone.
 MESHED_OTHERWISE = "is meshed in the shape of the file, by another attempt than the first,"
+#: Of tetrahedra without volume, without which the part is the same.
+NOT_READ = "flat cells that gmsh left at the surface are not read"
 #: Words of remarks on how a mesh was made that has the shape of its file.
-HOW_MADE = (MESHED_OTHERWISE, remade.ANEW)
+HOW_MADE = (MESHED_OTHERWISE, remade.ANEW, NOT_READ)
 
 
 #: Attempts after the first that succeeded, by the state of the file, and what is told of them: the

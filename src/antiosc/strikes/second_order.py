@@ -47,29 +47,41 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     """
     with _collected_warnings() as warnings:
         linear = run(model)
-    asks = model.stretch is None and asks_for_stretch(linear)
-    energy = _energy_of_solid(structure, linear) if asks else inf
-    if energy <= SLIGHT_ENERGY:
-        sentence = large_deflection_message(linear)
-        warnings = [told for told in warnings if told != sentence]
-        linear = replace(linear, message=linear.message.replace(f" {sentence}", ""))
-        linear.assembly.stretch_left_out = energy
-    elif asks:
-        if energy < inf:  # a solid, whose series more motions do not settle
-            counts = [FEW if energy <= SLIGHT else MOST]
+    if model.stretch is None and asks_for_stretch(linear):
+        energy = _energy_of_solid(structure, linear)
+        if energy <= SLIGHT_ENERGY:
+            linear, warnings = _taken_as_linear(linear, warnings, energy)
         else:
-            counts = [FEW, MOST] if stretch_estimate(linear) <= SLIGHT else [MOST]
-        for most in counts:
-            with _collected_warnings() as stretched_warnings:
-                stretched = _stretched(structure, model, run, most)
-            if stretched is None or stretched.assembly.stretch_settled:
-                break
-        if stretched is not None and stretched.assembly.stretched:
-            linear = stretched
-            warnings = stretched_warnings
+            for most in _counts(linear, energy):
+                with _collected_warnings() as stretched_warnings:
+                    stretched = _stretched(structure, model, run, most)
+                if stretched is None or stretched.assembly.stretch_settled:
+                    break
+            if stretched is not None and stretched.assembly.stretched:
+                linear = stretched
+                warnings = stretched_warnings
     for sentence in warnings:
         warn(sentence)
     return linear
+
+
+def _taken_as_linear(linear: H, warnings: list[str], energy: float) -> tuple[H, list[str]]:
+    """(run, its warnings) of a solid with so little energy of second-order strain: none says that
+    it deflects beyond linear theory.
+    """
+    sentence = large_deflection_message(linear)
+    linear.assembly.stretch_left_out = energy
+    message = linear.message.replace(f" {sentence}", "")
+    return replace(linear, message=message), [told for told in warnings if told != sentence]
+
+
+def _counts(linear: History, energy: float) -> list[int]:
+    """Numbers of motions to try until the forces settle; one number of a solid, which has an
+    `energy`: more motions do not settle its forces.
+    """
+    if energy < inf:
+        return [FEW if energy <= SLIGHT else MOST]
+    return [FEW, MOST] if stretch_estimate(linear) <= SLIGHT else [MOST]
 
 
 def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:

@@ -10,6 +10,7 @@ import pytest
 from antiosc.base.errors import MeshError, UnmeshableError
 from antiosc.fem.mesh.soundness import sound
 from antiosc.io.neutral import KINDS, RawMesh
+from antiosc.io.reading import HOW_MADE
 
 CUBES = 200
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
@@ -60,6 +61,7 @@ def test_a_flat_cell_at_the_surface_is_left_out_and_its_faces_keep_their_group()
     assert len(faces) == 2
     assert faces <= of_cells
     assert raw.remarks == ["column.stl: flat cells that gmsh left at the surface are not read: 1."]
+    assert any(words in raw.remarks[0] for words in HOW_MADE)  # a note, for the part is the same
 
 
 def test_a_flat_cell_inside_is_refused():

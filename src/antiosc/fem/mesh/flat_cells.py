@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.io.neutral import FACETS, IntArray, RawMesh
-from antiosc.io.reading import compact, keys
+from antiosc.io.reading import NOT_READ, compact, keys
 
 #: Largest share of such cells in a mesh. A sound part has few (2 of 13 902 cells of a bracket by
 #: others); where surfaces cross each other there are more.
@@ -58,7 +58,7 @@ def without_flat(raw: RawMesh, flat: IntArray, name: str) -> RawMesh:
     for parts in groups.values():
         if 3 in parts:
             parts[3] = parts[3][~np.isin(keys(parts[3]), removed_cells)]
-    sentence = f"{name}: flat cells that gmsh left at the surface are not read: {removed}."
+    sentence = f"{name}: {NOT_READ}: {removed}."
     notes = [*raw.remarks, sentence]
     return compact(replace(raw, cells=raw.cells[kept_cells], groups=groups, remarks=notes))
 
