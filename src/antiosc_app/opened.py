@@ -835,7 +835,7 @@ class Opened:
         """Whether the page goes on with smaller cells at the largest stress."""
         source = self._opened()
         bar = judged.get("stress_bar")
-        asked = set_up.finer is not None or set_up.stressed
+        asked = set_up.finer is False or set_up.stressed
         if asked or not source.look.meshed or not bar or not judged["of_cells"]:
             return False
         if bar[1] <= MOST_OF_STRESS or not _stressed_elsewhere(source, set_up, judged):

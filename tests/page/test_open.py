@@ -839,6 +839,7 @@ def test_the_page_goes_on_with_smaller_cells_where_they_narrow_a_wide_stress(ope
         return opened._narrows(set_up.read(asked(opened, **changed)), judged)
 
     assert narrows(wide)
+    assert narrows(wide, finer=True)  # at the site alone
     assert not narrows({**wide, "stress_bar": (0.5, 0.9)})
     assert not narrows({**wide, "stress_bar": None})
     assert not narrows({**wide, "of_cells": False})
