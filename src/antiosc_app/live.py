@@ -424,7 +424,6 @@ REMEDIES = {
     "band": "measure up to a higher frequency",
     "model": "use solid elements in place of beams or shells",
     "stretch": "extract with a larger number of motions (in a scene: stretch in [extract])",
-    "left out": 'extract with the stretch "auto" (in a scene: in [extract])',
     "law": "give the yield strength of the part's own material, and its range as its tests have it"
     f" ({OWN_STRENGTH})",
 }
@@ -1254,8 +1253,6 @@ def _of_table(matter: Matter) -> bool:
 
 def _remedy_of_stretch(hit: History) -> str:
     """What narrows the bar by the choice of second-order modes."""
-    if hit.assembly.stretch_left_out:
-        return REMEDIES["left out"]
     stretch = getattr(hit.model, "stretch", None)
     taken = hit.assembly.stretched.get("structure")
     if stretch is not None and taken is not None and taken.size < stretch.size:

@@ -832,7 +832,7 @@ def test_smaller_cells_at_the_stress_are_the_remedy_while_the_page_offers_them()
 
 
 def test_the_page_goes_on_with_smaller_cells_where_they_narrow_a_wide_stress(opened, monkeypatch):
-    """Unless the user has decided on cells, others causes are larger, or it takes long."""
+    """Unless the user has decided on cells, other causes are larger, or it takes long."""
     wide = {"stress_bar": (0.5, 1.5), "of_cells": True, "stress_place": [0.01, 0.0, 0.0]}
 
     def narrows(judged, **changed):
@@ -1379,6 +1379,8 @@ def test_a_refused_set_up_keeps_all_that_was_typed(command):
         browser.run("bench.turned = null; bench.move_to([0, 0.02, 0.03], [])")
         assert browser.run("return bench.setup.direction") == pytest.approx([1, 0, 0], abs=1e-6)
         assert "has turned into the surface" in browser.run(told)
+        browser.run("undo.click()")
+        assert "has turned" not in browser.run(told)
         assert first["setup"]["own"] is None
         assert browser.said() == []
 

@@ -69,8 +69,10 @@ def _taken_as_linear(linear: H, warnings: list[str], energy: float) -> tuple[H, 
     """(run, its warnings) of a solid with so little energy of second-order strain: none says that
     it deflects beyond linear theory.
     """
-    sentence = large_deflection_message(linear)
     linear.assembly.stretch_left_out = energy
+    sentence = large_deflection_message(linear)
+    if not sentence:
+        return linear, warnings
     message = linear.message.replace(f" {sentence}", "")
     return replace(linear, message=message), [told for told in warnings if told != sentence]
 
@@ -99,7 +101,7 @@ def _energy_of_solid(structure: Structure, linear: History) -> float:
     of the largest force and of the largest deflection of a linear run; inf for other parts.
     """
     body = linear.model.free_modes
-    if body.shape is None or not linear.contacts:
+    if body.shape is None or not linear.contacts or not _is_solid(structure):
         return inf
     contact = max(linear.contact_histories, key=lambda contact: contact.peak_force)
     times = np.append(
@@ -108,14 +110,20 @@ def _energy_of_solid(structure: Structure, linear: History) -> float:
     )
     amplitudes = linear.states(times)[0][:, linear.assembly.spans["structure"]]
     deflected = int(np.argmax(np.abs(amplitudes[:-1] @ body.B).max(axis=1)))
+    motions = body.field((body.shape @ amplitudes[[deflected, -1]].T).T)
     try:
-        parts = [member.part for member in with_parts(structure).members()]
-        if any(part.kind.name != "solid" for part in parts):
-            return inf
-        motions = body.field((body.shape @ amplitudes[[deflected, -1]].T).T)
         return float(second_order_energies(structure, motions.T).max())
     except InputError:  # a part without such forces
         return inf
+
+
+def _is_solid(structure: Structure) -> bool:
+    """Whether all parts of a structure are meshed solids."""
+    try:
+        members = with_parts(structure).members()
+    except InputError:  # matrices without mesh
+        return False
+    return all(member.part.kind.name == "solid" for member in members)
 
 
 def _with_stretch(structure: Structure, model: AntiOscillators, most: int) -> AntiOscillators:

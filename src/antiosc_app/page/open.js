@@ -734,6 +734,7 @@ class Bench {
     to.push(this.setup);
     this.setup = from.pop();
     this.chosen = null;
+    this.followed = false;
     this.inputs = [];
     forget();
     this.show_fields();

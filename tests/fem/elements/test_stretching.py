@@ -642,6 +642,9 @@ def test_a_solid_that_hardly_stretches_is_taken_as_linear():
     effect = whole / full.impact(mass, 30.0, k, duration, 150)[1].max() - 1
     assert 2e-4 < abs(effect) < slight.error_budget["peak_force"].stretch < 0.08
     assert "taken as linear" in " ".join(slight.stretch_texts)
+    noted = replace(slight, message="Completed. The contact yields.")
+    noted, _ = second_order._taken_as_linear(noted, [], 0.01)
+    assert noted.message == "Completed. The contact yields."  # nothing is taken out of it
     harder = struck(60.0)
     assert harder.assembly.stretched
     assert harder.assembly.stretch_left_out == 0.0

@@ -79,8 +79,6 @@ def large_deflection_message(history: RunHistory) -> str:
     """Warning of the worst deflection of a supported sheet beyond linear theory; "" if none."""
     worst = 0.0
     message = ""
-    if history.assembly.stretch_left_out:
-        return ""
     for name, body, h in _sheets(history):
         if not body.omega.all():  # it is free
             continue
