@@ -141,6 +141,7 @@ from antiosc.impact.histories.energy import (
     impulses as impulses,
 )
 from antiosc.impact.histories.linear_theory import (
+    hopeless_text as hopeless_text,
     may_stretch as may_stretch,
     taken_as_linear as taken_as_linear,
     unstretched_text as unstretched_text,

@@ -63,7 +63,14 @@ from antiosc.models.doubts import NO_RESULT
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
-from antiosc_app.inspection import CONTACT_TEXTS, DIMENSIONS, LONG, Inspection, rounded_down
+from antiosc_app.inspection import (
+    CONTACT_TEXTS,
+    DIMENSIONS,
+    LONG,
+    Forecast,
+    Inspection,
+    rounded_down,
+)
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
 from antiosc_app.scene_file import run
@@ -721,8 +728,7 @@ class Opened:
             if better == set_up:
                 break
             if quickly:
-                coarse = better.finer != set_up.finer
-                blow = blow._replace(settled=False, refining=COARSE if coarse else FEW)
+                blow = blow._replace(settled=False, refining=COARSE if "cells" in why else FEW)
                 break
             set_up = better
             reasons |= why
@@ -841,7 +847,8 @@ class Opened:
         if bar[1] <= MOST_OF_STRESS or not _stressed_elsewhere(source, set_up, judged):
             return False
         finer = replace(set_up, finer=True, stressed=(judged["stress_place"],))
-        return min(self._answering(finer), default=0.0) <= NARROWED_SOON
+        forecast = self._foreseen(finer)
+        return min(forecast.told(forecast.answer), default=0.0) <= NARROWED_SOON
 
     def _map(self, set_up: SetUp, values: Table) -> Data:
         """Impacts of the striker at all points of a face, or of the part."""
@@ -1029,12 +1036,23 @@ class Opened:
         return f"{cost} {forecast.memory}. {_too_large(_finest_size(look, n))}"
 
     def _answering(self, set_up: SetUp) -> Sequence[float]:
-        """When the whole answer to a set-up may end [s]; none if not long."""
+        """When the whole answer to a set-up may end [s]: with as many anti-oscillators as the
+        impact before needed, if there is one; none if not long.
+        """
         if set_up.striker.kind == FLOOR:
             return self._landing(set_up)
+        forecast = self._foreseen(set_up)
+        ends = forecast.told(forecast.answer)
+        before = next((one for one in reversed(self._impacts.values()) if one.settled), None)
+        if before is None or len(ends) < 2:
+            return ends
+        enough = [count <= before.sections["extract"]["n"] for count in forecast.counts]
+        return [ends[max(sum(enough), 1) - 1]]
+
+    def _foreseen(self, set_up: SetUp) -> Forecast:
+        """Forecast of the models of a set-up."""
         near = self._smaller_at(set_up)
-        forecast = self._opened().look.forecast(set_up.size, set_up.n, set_up.n is None, near)
-        return forecast.told(forecast.answer)
+        return self._opened().look.forecast(set_up.size, set_up.n, set_up.n is None, near)
 
     def _smaller_at(self, set_up: SetUp) -> Sequence[tuple[Sequence[float], float]]:
         """(point, size) of the smaller cells of a set-up, of a finished mesh if that without them
@@ -1349,13 +1367,20 @@ def _with_less_error(
         reasons["n"] = why_more(n, more, bar.truncation)
         set_up = replace(set_up, n=more, expansion=expansion_of(blow.hit))
     of_cells = bar.mesh + (bar.patch or 0.0)
-    if asked.finer is None and not set_up.finer and look.meshed and of_cells > MOST_OF_CELLS:
-        reasons["cells"] = (
-            "The cells around the site are smaller than those of the part: without it the force"
-            f" had {percent(of_cells)} of error by mesh and patch."
-        )
-        set_up = replace(set_up, finer=True)
-    return set_up, reasons
+    if not look.meshed or of_cells <= MOST_OF_CELLS:
+        return set_up, reasons
+    if asked.finer is None and not set_up.finer:
+        finer = replace(set_up, finer=True)
+    elif set_up.finer and set_up.near is None and asked.radius is None and look.family == "Solid":
+        (_, size), *_ = blow.sections["geometry"]["refine"]
+        finer = replace(set_up, near=rounded_up(size / FINER))
+    else:
+        return set_up, reasons
+    reasons["cells"] = (
+        "The cells around the site are smaller than those of the part: without it the force"
+        f" had {percent(of_cells)} of error by mesh and patch."
+    )
+    return finer, reasons
 
 
 def _strengths(blow: PageImpact) -> dict[str, Any]:

@@ -348,13 +348,13 @@ def scene_of(source: InspectedFile, set_up: SetUp, duration: float) -> Table:
         part = _part(source, set_up, set_up.striker.finer)
         if inspection.of_deck:
             part["deck"]["free"] = True
-        return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up), "worst": {}}
+        return {"title": f"A fall of {source.name}", **part, "drop": _drop(set_up)}
     site: Table = {"point": list(set_up.point), "direction": list(set_up.direction), "snap": True}
     if inspection.family == "Solid":
-        finer = FINER if set_up.finer and inspection.meshed else 1.0
-        site["radius"] = set_up.radius or rounded_up(
-            RESOLVED * source.size_at(set_up.point) / finer
-        )
+        size = source.size_at(set_up.point)
+        if set_up.finer and inspection.meshed:
+            size = set_up.near or size / FINER
+        site["radius"] = set_up.radius or rounded_up(RESOLVED * size)
     extract: Table = {"n": set_up.n or inspection.count}
     if set_up.expansion:
         extract["expansion"] = set_up.expansion
@@ -390,6 +390,7 @@ def _part(source: InspectedFile, set_up: SetUp, finer: Sequence[Sequence[float]]
         return {"deck": {"path": source.name, **read, **given}}
     if finer and inspection.meshed:
         sizes = [rounded_up(source.size_at(place) / FINER) for place in finer]
+        sizes[0] = set_up.near or sizes[0]
         read["refine"] = [[list(place), size] for place, size in zip(finer, sizes, strict=True)]
     own = set_up.own if set_up.material == OWN else None
     material: Table = {"name": set_up.material}

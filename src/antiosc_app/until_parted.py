@@ -15,7 +15,13 @@ from typing import NamedTuple, TypeVar
 from antiosc import AntiOscillators, History, truncation_error
 from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering, percent, rounded_up
-from antiosc.extension import enough_radius, may_stretch, out_of_reach, taken_as_linear
+from antiosc.extension import (
+    enough_radius,
+    hopeless_text,
+    may_stretch,
+    out_of_reach,
+    taken_as_linear,
+)
 from antiosc.models.body import half_period
 
 T = TypeVar("T")
@@ -95,6 +101,8 @@ def until_parted(
             choice = choice._replace(radius=rounded_up(error.radius))
             continue
         hit = hit_of(result)
+        if hopeless_text(hit):
+            break
         radius = None if choice.keeps_radius else enough_radius(hit)
         if radius is not None and number < MOST_RUNS - 1:
             choice = choice._replace(radius=rounded_up(radius))

@@ -33,6 +33,7 @@ from antiosc.reduce.site.sites import located
 from antiosc_app import (
     guessed_sites,
     inspecting,
+    inspection,
     live,
     new,
     opened as opened_page,
@@ -847,8 +848,25 @@ def test_the_page_goes_on_with_smaller_cells_where_they_narrow_a_wide_stress(ope
     assert not narrows({})
     assert not narrows(wide, finer=False)
     assert not narrows(wide, finer=True, stressed=[[0.0, 0.0, 0.0]])
-    monkeypatch.setattr(opened, "_answering", lambda _: [opened_page.NARROWED_SOON + 1, 1e4])
+    slow = inspection.forecast_of("tetrahedron", 3, 1e7, [20, 150], 4.0)
+    assert slow.told(slow.answer)[0] > opened_page.NARROWED_SOON
+    monkeypatch.setattr(opened, "_foreseen", lambda _: slow)
     assert not narrows(wide)
+
+
+def test_a_later_answer_is_foreseen_with_the_anti_oscillators_that_the_first_needed(
+    opened, monkeypatch
+):
+    """Of a part of 143 000 dofs "64 s to 10 min" stood beside each answer of about 50 s."""
+    monkeypatch.setattr(inspection, "LONG", 0.0)
+    asked_set_up = asked(opened)
+    growing = opened._foreseen(set_up.read(asked_set_up))
+    assert len(growing.counts) == len(growing.told(growing.answer)) == 3
+    n = call(opened, "settle", asked_set_up, 900)["taken"]["n"]
+    later = set_up.read(asked(opened, damping=0.02))
+    (foreseen,) = opened._answering(later)
+    models = sum(count <= n for count in growing.counts)
+    assert foreseen == pytest.approx(growing.told(growing.answer)[models - 1])
 
 
 def test_how_a_mesh_was_made_is_told_of_the_mesh_that_is_shown(opened, monkeypatch):

@@ -61,12 +61,14 @@ class YieldSpeeds(NamedTuple):
 
     `contact`: that from which the contact itself yields, by the strength of its law.
     `extrapolated`: those that are extrapolated, since the patch is too small for their contacts.
+    `left_out`: names of the sharp edges and supports that the place is away from.
     """
 
     possible: float | None
     certain: float | None
     extrapolated: tuple[float | None, ...] = ()
     contact: float | None = None
+    left_out: str = ""
 
     @property
     def sentence(self) -> str:
@@ -97,7 +99,8 @@ class YieldSpeeds(NamedTuple):
         held = "the same striker, mesh and patch at other speeds"
         missing = [what for what, speed in ends.items() if speed is None]
         other = "".join(NOT_FOUND[what] for what in missing)
-        return f"yield outside the contact {', and '.join(told)}{other}: {held}"
+        away = f", and away from {self.left_out}," * bool(self.left_out)
+        return f"yield outside the contact{away} {', and '.join(told)}{other}: {held}"
 
     def _how(self, speed: float) -> str:
         """Text: that a speed is extrapolated; "" of others."""
@@ -164,7 +167,8 @@ def _of_place(
 
     certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
     extrapolated = (one.speed for one in (possible, certain, contact) if one.extrapolated)
-    return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated), contact.speed)
+    left_out = worst.away.names if worst.away else ""
+    return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated), contact.speed, left_out)
 
 
 def _speed_of_contact(hit: History, at_speed: Callable[[float], History], speed: float) -> _Found:

@@ -51,6 +51,7 @@ from antiosc.impact.histories.bars import (
     ErrorBudget,
     Rebound,
 )
+from antiosc.impact.histories.linear_theory import hopeless_text
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import (
@@ -296,6 +297,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
+    if hopeless := hopeless_text(hit):
+        bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
+        return ErrorBudget(bars_without, 0.0, unknown=("mesh",), no_mesh=hopeless)
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
@@ -404,6 +408,11 @@ def _kept(
         return runs[-1]
 
     return run
+
+
+def _no_bar(value: float) -> ErrorBar:
+    """The bar of a quantity whose error is not known."""
+    return ErrorBar(value, 0.0, 0.0, 0.0, 0.0, without_mesh=True)
 
 
 LINEAR_BARS = "The part stretches: its bars but time and stretch are those of its linear motion."

@@ -42,7 +42,7 @@ const WRITING = "The scene and its report are being written:", WRITTEN = "is wri
 const LONG = 20, SOON = 60, FEWEST = 50, SAVES = 0.75; // s of a map that is asked for, and of that with fewer sites; their number, and share of the time
 const LASTS = 2; // s from which on an answer tells its time
 const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
-const CONTINUED = ["settle", "fields", "verdict", "map_forecast"]; // steps of an answer that has begun
+const CONTINUED = ["settle", "fields", "verdict"]; // steps of an answer that has begun
 const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
 const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
@@ -65,6 +65,7 @@ class Bench {
     this.answers = new Map(); // set-up -> its whole answer
     this.followed = false; // whether the direction has followed a place that was typed
     this.narrowed = new Set(); // set-ups after which smaller cells at the largest stress have followed
+    this.refusing = []; // fields that are marked as those of a refused set-up, and with what
     this.lent = []; // radii of patches of sites of maps that were struck
     this.look();
   }
@@ -154,6 +155,7 @@ class Bench {
     document.body.classList.toggle("outdated", are);
     find("save").disabled = are;
     if (are) find("python").value = ""; // it would be the site before
+    else this.accepted();
   }
 
   // An error or a hint, the caution, and the warnings of what is shown.
@@ -409,10 +411,10 @@ class Bench {
     }
   }
 
-  // A material of one's own starts from the constants of the material before it.
+  // A material of one's own starts from the constants of the material before it, also at the second time:
+  // constants that were typed before are found by Undo.
   choose_material(material) {
-    const { own, material: before } = this.setup;
-    this.change(material === OWN ? { material, own: own || this.facts.constants[before] } : { material });
+    this.change(material === OWN ? { material, own: this.facts.constants[this.setup.material] } : { material });
   }
 
   // The constants of a material that is not in the list; yield strength and range may be empty.
@@ -749,7 +751,14 @@ class Bench {
     this.outdated(true);
     const mends = document.querySelector(`#site-fields [type=number][name="${field}"]`);
     const marked = this.moving || document.querySelector("[aria-invalid=true]"); // a field changed before
-    for (const input of mends ? [mends] : marked ? [] : this.inputs) mark(input, text);
+    const fields = mends ? [mends] : marked ? [] : this.inputs;
+    fields.forEach((input) => mark(input, text));
+    this.refusing.push(...fields.map((input) => [input, text]));
+  }
+
+  // A set-up has its answer: no field refuses it any more; what was typed wrong since stays marked.
+  accepted() {
+    for (const [input, text] of this.refusing.splice(0)) if (marked_with(input) === text) mark(input, "");
   }
 
   // -- the answer: at once, settled, and with motion and stress
@@ -948,8 +957,12 @@ class Bench {
     find("map-takes").textContent = cost && !mapped ? sites_text(cost, most) : "";
   }
 
-  // A map that takes long is asked for, with fewer sites as the other way.
+  // A map that takes long is asked for, with fewer sites as the other way. What is left of the answer to the
+  // blow is given up for the question, and goes on after a No.
   async ask_map(where) {
+    clearTimeout(this.later);
+    const whole = document.documentElement.dataset.complete === String(this.turn), no = () => whole || this.strike();
+    if (!whole) this.turn += 1;
     const { most } = this, cost = await this.map_cost(where), map = (count) => this.map(0, where, count);
     if (!cost || cost.known.includes(most)) return map(most);
     const [least, longest] = map_seconds(cost, most);
@@ -958,7 +971,7 @@ class Bench {
     const saves = fewer < count && map_seconds(cost, fewer)[1] < SAVES * longest;
     const other = saves ? [sites_text(cost, fewer), () => map(fewer)] : undefined;
     this.ask(`The map of ${where || "the part"} strikes ${count} sites, which takes ${lasting(least, longest)}. The field beside the button limits their number.`,
-      `Strike ${count} sites`, () => map(most), () => {}, other);
+      `Strike ${count} sites`, () => map(most), no, other);
   }
 
   // The map, at no more than so many sites; from a map the blow at the site that is chosen on it.
@@ -1092,6 +1105,9 @@ function mark(input, rule) {
   note.hidden = !row.querySelector("[aria-invalid=true]");
   if (rule) note.textContent = rule;
 }
+
+// The text beside a field; "" without any.
+const marked_with = (input) => (input.closest("label").querySelector(".rule") || { textContent: "" }).textContent;
 
 // End the marks of the fields in some rows.
 function forget(rows = "") {

@@ -3,6 +3,7 @@
 const ENLARGED = 0.08, FRAMES = 60, CLOSE = 42; // of the size of the part; of a run, and of its part that is followed closely
 const USUAL = 0.995, SPIKE = 1.5; // quantile of the points that ends the colours where the largest value exceeds it so many times
 const GLASS = 0.15; // cover of each side of the striker over colours of the part, which it hides otherwise
+const HIDES = 0.25; // radius of the striker over half the size of the part from which on it is seen through at rest too
 const ARROW = 0.5; // length of the arrow over half the size of the part
 const NEAR = 1e-6; // m, between crossings that are one
 const LEAVES = 1; // largest way of the striker off the part over the same: with it the view grows
@@ -131,7 +132,7 @@ class Part {
     const { point, direction, radius } = this.place, d = unit(direction);
     const to = point.map((x, i) => x + way[i]), into = this.outside.map((x) => -x);
     const mesh = radius ? ball(to, into, radius) : { points: new Float32Array(3), faces: new Uint32Array(3) };
-    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces, resting ? 1 : GLASS);
+    this.view.put("ball", mesh.points, new Float32Array(mesh.points.length / 3).fill(BALL), mesh.faces, resting && radius < HIDES * this.data.half ? 1 : GLASS);
     // the arrow begins behind the ball, whose surface is left along d at twice its cosine
     const tip = point.map((x, i) => x - 1.05 * this.through() * d[i]);
     const shaft = resting ? arrow(tip, d, ARROW * this.data.half) : { points: new Float32Array(3), faces: new Uint32Array(3) };

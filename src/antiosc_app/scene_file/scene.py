@@ -578,10 +578,13 @@ def _check_quantity(build: Builder, name: str, quantity: object) -> None:
 
 def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]:
     """Criterion -> stress field, for the criteria with known strengths of the materials, or the von
-    Mises stress where none is known; sharp inner edges and rigid supports are not judged.
+    Mises stress where none is known; sharp inner edges and rigid supports are not judged. None of
+    an impact whose numbers do not hold.
     """
     with finite_element_packages():
-        from antiosc.extension import criteria_of
+        from antiosc.extension import criteria_of, hopeless_text
+    if hopeless_text(history):
+        return {}
 
     def field(name: str) -> PeakField:
         return antiosc.peak_field(structure, history, name, sharp_edges=False)
@@ -594,9 +597,15 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
 
 
 def worst_by_strengths(self: Fall) -> WorstField | None:
-    """The stress field with the largest exposure in a fall; None if no strength is known."""
+    """The stress field with the largest exposure in a fall, or the von Mises stress where no
+    strength is known; sharp inner edges are not judged. None where no stress is known.
+    """
     with finite_element_packages():
         from antiosc.extension import criteria_of
     structure: Any = self.body.structure
     fields = [self.worst(name, sharp_edges=False) for name in criteria_of(structure)]
-    return max(fields, key=lambda field: field.margin().exposure, default=None)
+    if fields:
+        return max(fields, key=lambda field: field.margin().exposure)
+    with contextlib.suppress(AntioscError):  # beams whose sections have no outline have no stress
+        return self.worst(sharp_edges=False)
+    return None

@@ -63,6 +63,8 @@ STIFFENS = 0.02
 BLUNT = 0.3
 #: Force of the surface beside a corner, over that of the corner, from which it is told.
 FLAT = 0.1
+#: Acceleration over that through the filter from which the unfiltered one is told too.
+CUT = 1.1
 #: Rotation of the start [rad] by which the predictability is tested.
 NUDGE = 1e-4
 #: Largest relative change of a peak force that counts as predictable.
@@ -427,9 +429,12 @@ class Fall(Trajectory, Result):
         bar = " (no error bar: that of the force is not known)"
         if by_force is not None:
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
+        bare = max(self._strongest(k, None, None).g for k in range(len(self.groups)))
+        cut = f" ({plain(bare, 3)} g unfiltered: the blow is shorter than the filter passes)"
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
-            f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a"
+            f" impact {peak.impact + 1}{cut * (bare > CUT * peak.g)}: all forces over the mass, as"
+            " of a rigid part; the g of a"
             " point of the part are those of an accelerometer there (in a scene:"
             " [accelerometers.NAME])"
         )

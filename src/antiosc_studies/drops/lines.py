@@ -49,6 +49,10 @@ PATCH = 0.4
 PATCHES = 40
 #: Largest gap between the vertices around an axis [rad] of a whole cylinder.
 WHOLE = 1.2
+#: Angle [rad] beside an arc up to which vertices on the planes there belong to it.
+BESIDE = 0.2
+#: Replaces 0 in denominators.
+TINY = float(np.finfo(float).tiny)
 #: 2 (1 - ln 2): under a uniform line force the mean displacement is smaller than that in the middle
 #: by this times F/(pi E* L).
 MEAN = 2 * (1 - log(2))
@@ -279,6 +283,11 @@ def _cylinder(
         radius = radius + growth
         axis = axis / np.linalg.norm(axis)
     down, half_angle = _arc(radial[fit], axis)
+    directions = radial / np.maximum(np.linalg.norm(radial, axis=1, keepdims=True), TINY)
+    on_cylinder &= directions @ down >= np.cos(min(half_angle + BESIDE, pi))
+    fit &= on_cylinder
+    if fit.sum() < LEAST:
+        return None
     material = skin.materials[at]
     centre = middle - body.centre
     if np.isnan(material).any():
@@ -330,18 +339,22 @@ def _closer(
 
 
 def _arc(aside: Array, axis: Array) -> tuple[Array, float]:
-    """(direction (3,) to the middle of an arc of points around an axis, half of its angle
-    [rad]).
+    """(direction (3,) to the middle of an arc of points around an axis, half of its angle [rad]).
+
+    Points may lie on several arcs of one cylinder, as those of the fillets of a grip: the arc with
+    most of them counts, and there is no surface between it and the others.
     """
     first = aside[0] / np.linalg.norm(aside[0])
     second = np.cross(axis, first)
     angles = np.sort(np.arctan2(aside @ second, aside @ first))
     gaps = np.diff(np.append(angles, angles[0] + 2 * pi))
-    widest = int(np.argmax(gaps))
-    gap = float(gaps[widest])
-    middle = float(angles[widest]) + gap / 2 + pi
+    last = int(np.argmax(gaps)) + 1
+    around = np.append(angles[last:], angles[:last] + 2 * pi)
+    arcs = np.split(around, np.flatnonzero(np.diff(around) >= WHOLE) + 1)
+    arc = max(arcs, key=len)
+    middle, half = (arc[0] + arc[-1]) / 2, (arc[-1] - arc[0]) / 2
     down = np.cos(middle) * first + np.sin(middle) * second
-    return down, pi if gap < WHOLE else pi - gap / 2
+    return down, float(pi if gaps.max() < WHOLE else half)
 
 
 def _compliance(body: FreeBody, cylinder: Cylinder, outward: Array) -> float:
