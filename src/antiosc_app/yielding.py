@@ -42,9 +42,11 @@ def _with_speeds(structure: Structure | None, history: History, field: PeakField
             )
         return other.worst_point
 
-    return replace(field, yield_speeds=yield_speeds(struck, history, worst, _force, beyond))
+    budget = error_budget(history)
+    stretch = 0.0 if budget is None else budget["peak_force"].stretch
 
+    def force(hit: History) -> float:
+        """Relative error of the force at another speed; that of its motions is the one here."""
+        return (force_bar(error_budget(hit)) or 0.0) + stretch
 
-def _force(hit: History) -> float:
-    """Relative error of the force of an impact, as its verdict takes it."""
-    return force_bar(error_budget(hit)) or 0.0
+    return replace(field, yield_speeds=yield_speeds(struck, history, worst, force, beyond))

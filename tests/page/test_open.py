@@ -861,7 +861,7 @@ def test_a_later_answer_is_foreseen_with_the_anti_oscillators_that_the_first_nee
     monkeypatch.setattr(inspection, "LONG", 0.0)
     asked_set_up = asked(opened)
     growing = opened._foreseen(set_up.read(asked_set_up))
-    assert len(growing.counts) == len(growing.told(growing.answer)) == 3
+    assert len(growing.counts) == len(growing.told(growing.answer)) > 1
     n = call(opened, "settle", asked_set_up, 900)["taken"]["n"]
     later = set_up.read(asked(opened, damping=0.02))
     (foreseen,) = opened._answering(later)

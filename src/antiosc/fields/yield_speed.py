@@ -29,10 +29,16 @@ from antiosc.impact.histories.verdict import yield_share
 
 #: Largest ratio of the speeds to that of the impact, either way.
 FURTHEST = 30.0
-#: Logarithm of the ratio of two speeds between which that of yield is sought, and its error.
+#: Longest step in the logarithm of a speed, and its error.
 STEP, CLOSE = log(1.5), 0.01
+#: Share by which a step goes beyond the root of a line, and the least power of the speed with which
+#: a stress grows in it.
+BEYOND, SLOWEST = 1.05, 0.25
 #: Power of the speed with which the force of an elastic sphere grows.
 ELASTIC = 1.2
+#: Time that an impact at another speed is followed over that of the stress, or of the end of its
+#: touch: at a thirtieth of the speed an elastic contact takes twice as long.
+AS_LONG = 3.0
 #: Logarithm that stands for an exposure of 0.
 NOTHING = -50.0
 #: Largest ratio of a speed to that of the impact, where the patch is too small for the contact, so
@@ -120,9 +126,16 @@ def yield_speeds(
     the stresses in balls (n, 4). A faster striker has a larger contact, which may cover the worst
     point: the place is then the worst one beyond. All ranks must call it.
     """
-    speed, at_speed = getattr(hit.impactor, "velocity", None), hit.at_speed
-    if not isinstance(speed, float) or speed <= 0 or at_speed is None or worst.columns is None:
+    speed, simulated = getattr(hit.impactor, "velocity", None), hit.at_speed
+    known = simulated is not None and worst.columns is not None and hit.contacts
+    if simulated is None or not known or not isinstance(speed, float) or speed <= 0:
         return YieldSpeeds(None, None)
+    touching = _as_long(hit, 0.0)
+
+    def at_speed(other: float) -> History:
+        """The contact at another speed."""
+        return simulated(other, touching)
+
     contact = _speed_of_contact(hit, at_speed, speed)
     speeds = _of_place(structure, hit, worst, force, contact)
     for _ in range(MOST_PLACES):
@@ -147,11 +160,12 @@ def _of_place(
     contact: _Found,
 ) -> YieldSpeeds:
     """The speeds from which one point yields, beside that of the `contact`."""
-    columns, at_speed = worst.columns, hit.at_speed
-    if columns is None or at_speed is None:
+    columns, simulated = worst.columns, hit.at_speed
+    if columns is None or simulated is None:
         return YieldSpeeds(None, None, contact=contact.speed)
     speed = hit.impactor.velocity
     shapes = shapes_of(structure, hit, PART)
+    until = _as_long(hit, worst.time)
     here = _largest(structure, hit, columns)
     if not (here and hit.peak_force):  # nothing grows with the speed
         return YieldSpeeds(None, None, contact=contact.speed)
@@ -159,7 +173,7 @@ def _of_place(
     @cache
     def bounds(x: float) -> tuple[float, float]:
         """Logarithms of the bounds of the exposure at the speed exp(x)."""
-        run = at_speed(exp(x))
+        run = simulated(exp(x), until)
         zones = zones_on(structure, shapes, None, zones_of(run, PART), run, PART)
         factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
         least, most = _scaled(worst, factors, zones, force(run)).bounds
@@ -169,6 +183,12 @@ def _of_place(
     extrapolated = (one.speed for one in (possible, certain, contact) if one.extrapolated)
     left_out = worst.away.names if worst.away else ""
     return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated), contact.speed, left_out)
+
+
+def _as_long(hit: History, time: float) -> float:
+    """How long impacts at other speeds are followed [s], for what happens at a time in this one."""
+    begun = (end for start, end in hit.contacts if start <= max(time, hit.contacts[0][0]))
+    return min(AS_LONG * max(time, *begun), float(hit.time[-1]))
 
 
 def _speed_of_contact(hit: History, at_speed: Callable[[float], History], speed: float) -> _Found:
@@ -252,10 +272,20 @@ def _scaled(worst: Margin, factors: tuple[float, float], zones: Zones, force: fl
 
 
 def _root(of_log: Callable[[float], float], start: float) -> float | None:
-    """The speed at which a logarithm is 0, from that of a speed; None: too far from it."""
-    x, step = start, STEP if of_log(start) < 0 else -STEP
-    while of_log(x + step) * step < 0:
-        x += step
-        if abs(x + step - start) > log(FURTHEST):
-            return None
-    return exp(float(brentq(of_log, x, x + step, xtol=CLOSE)))
+    """The speed at which a logarithm is 0, from that of a speed; None: too far from it.
+
+    Each step follows the line through the last two values, a little beyond its root, until the sign
+    changes; at first stresses are taken to grow like the speed. No step is longer than STEP: a
+    larger contact may cover the place, whose stress falls then.
+    """
+    at = cache(of_log)
+    x, growth = start, 1.0
+    while abs(x - start) < log(FURTHEST):
+        if abs(at(x)) <= CLOSE * SLOWEST:
+            return exp(x)
+        following = x + min(max(-BEYOND * at(x) / growth, -STEP), STEP)
+        if at(x) * at(following) <= 0:
+            return exp(float(brentq(at, *sorted((x, following)), xtol=CLOSE)))
+        growth = max((at(following) - at(x)) / (following - x), SLOWEST)
+        x = following
+    return None

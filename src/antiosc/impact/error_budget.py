@@ -440,6 +440,8 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
         return dict.fromkeys(UNITS, NEGLIGIBLE)
     if model.stretch.count == "auto":
         stretch_errors = {name: hit.error.get(f"stretch {name}", 0.0) for name in UNITS}
+    elif stretch.size == model.stretch.size:
+        stretch_errors = dict.fromkeys(UNITS, 0.0)
     else:
         count = min(stretch.size + 2, model.stretch.size)
         stretch_errors = differences(hit, rerun(with_count(model, count), tol))

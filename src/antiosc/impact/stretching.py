@@ -109,6 +109,8 @@ class StretchedMotion:
         """
         if self.forces.count != "auto":
             count = self.forces.count
+        if count >= self.forces.size:
+            return self.forces
         space = min(max(SPACE, count), self.forces.size)
         _, _, rotation = np.linalg.svd(self.amplitude[:, :space])
         turn = np.zeros((self.forces.size, min(count, space)))

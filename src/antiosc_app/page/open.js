@@ -414,7 +414,8 @@ class Bench {
   // A material of one's own starts from the constants of the material before it, also at the second time:
   // constants that were typed before are found by Undo.
   choose_material(material) {
-    this.change(material === OWN ? { material, own: this.facts.constants[this.setup.material] } : { material });
+    const { own, material: before } = this.setup;
+    this.change(material === OWN ? { material, own: before === OWN ? own : this.facts.constants[before] } : { material });
   }
 
   // The constants of a material that is not in the list; yield strength and range may be empty.

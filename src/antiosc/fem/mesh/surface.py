@@ -36,6 +36,10 @@ class WeightedPoints:
     weight: Array  # (n,) [m, m² or m³; 1 for points]
 
 
+#: Replaces 0 in divisors: quotients of lengths [m] by it are finite.
+TINY = 1e-300
+
+
 def kind_of_cells(mesh: Mesh, cells: IntArray) -> str:
     """meshio's name of the cell type."""
     return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
@@ -492,8 +496,8 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _nonzero(values: Array) -> Array:
-    """The divisors, with a tiny number instead of 0."""
-    return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
+    """The divisors, with a tiny number instead of 0, by which lengths can be divided."""
+    return np.asarray(np.where(values == 0, TINY, values))
 
 
 def _least_over_ranks(comm: MPI.Comm, values: Array, site: IntArray, count: int) -> Array:

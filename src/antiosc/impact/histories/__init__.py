@@ -60,7 +60,8 @@ class History(RunHistory, Results):
     message : explanation of the status, and changes made to contact laws.
     budget : computes the `error_budget` of a run of `simulate`.
     rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
-    at_speed : simulates the same impact by a striker of another speed [m/s]; of `simulate`.
+    at_speed : simulates the same impact by a striker of another speed [m/s] up to a time [s]; of
+        `simulate`.
     given : the step [s] that was given, or None.
     longer : simulates the same impact for another duration [s]; of `simulate`, `strike` and scenes.
     structure : structure with the last mesh of `strike`, for `probe` and fields; not pickled.
@@ -68,7 +69,7 @@ class History(RunHistory, Results):
 
     budget: Callable[[History], ErrorBudget] | None = None
     rerun: Callable[[AntiOscillators, float], History] | None = None
-    at_speed: Callable[[float], History] | None = None
+    at_speed: Callable[[float, float], History] | None = None
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
