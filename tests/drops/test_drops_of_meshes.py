@@ -212,6 +212,23 @@ def test_a_cylinder_lands_along_its_line(tmp_path: Path, size: float) -> None:
         assert "line" not in fall.summary()
 
 
+def test_the_arc_of_a_line_ends_where_its_points_end() -> None:
+    """Two fillets of a door handle lay on one cylinder, and it fell on the line between them."""
+    axis = np.array([0.0, 0.0, 1.0])
+
+    def arc(*degrees: float) -> tuple[float, float]:
+        """(middle, half angle) of the arc of points at these angles, degrees."""
+        angles = np.radians(degrees)
+        points = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
+        down, half = lines._arc(points, axis)
+        return float(np.degrees(np.arctan2(down[1], down[0]))) % 360, float(np.degrees(half))
+
+    assert arc(-40, -20, 0, 20, 60) == pytest.approx((10, 50))
+    assert arc(170, 190, 210) == pytest.approx((190, 20))
+    assert arc(-65, -61, 33, 40, 50, 65) == pytest.approx((49, 16))
+    assert arc(*range(0, 360, 60))[1] == pytest.approx(180)
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_a_cylinder_whose_arc_a_plane_cuts_in_the_middle_falls(tmp_path: Path) -> None:
     """Between both arcs, 0.4 radii above the plane, is no surface to compute a compliance at."""

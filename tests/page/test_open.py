@@ -747,6 +747,11 @@ def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatc
         if told:
             assert "change the peak force by 40 %" in texts[0]
             assert "35 % of error" in texts[1]
+            # thirds of the cells were not enough: thirds of these, and a patch that they resolve
+            ((_, size),) = blow.sections["geometry"]["refine"]
+            coarse, fine = (one.sections["sites"]["struck"]["radius"] for one in (first, blow))
+            assert fine == pytest.approx(coarse / set_up.FINER**2, rel=0.1)
+            assert fine == pytest.approx(guessed_sites.RESOLVED * size, rel=0.1)
     opened.close()
 
 

@@ -41,7 +41,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import engineering, percent
+from antiosc.base.texts import capitalised, engineering, percent
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import (
     DEFLECTION,
@@ -299,7 +299,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
     if hopeless := hopeless_text(hit):
         bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
-        return ErrorBudget(bars_without, 0.0, unknown=("mesh",), no_mesh=hopeless)
+        no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
+        return ErrorBudget(bars_without, 0.0, unknown=("mesh",), no_mesh=no_mesh)
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     if stretches:
         model = replace(model, stretch=None)
