@@ -10,7 +10,14 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from antiosc.base.errors import AntioscError, warn, warnings_to, without_warnings
+from antiosc.base.errors import (
+    NOTE,
+    AntioscError,
+    warn,
+    warnings_to,
+    weight,
+    without_warnings,
+)
 from antiosc.base.texts import rounded_up
 from antiosc.models.auto_contact import AUTO
 from antiosc_app.scene_file.automatic import only_site, with_values
@@ -97,12 +104,16 @@ def settled(document: Document, begun: Settled | None = None) -> Settled:
         one.evaluate(one.scene.history)
         return one
 
-    with warnings_to(messages.append):
+    told: list[str] = []
+    with warnings_to(told.append):
         sheet = has_sheets(structure)
         result, choice = until_parted(run, _hit, first, is_sheet=sheet, probed=_probed)
         tell_radius(first.radius, choice.radius)
         if hardest is not document:
             result = known.scene(document, choice)
+    if hardest is not document:  # its warnings are not those of the scene's own impact
+        told = [message for message in told if weight(message) == NOTE]
+    messages += told
     result.scene.warnings[:] = list(dict.fromkeys(messages))
     return result
 
