@@ -87,6 +87,8 @@ def test_a_scene_runs_as_its_program(tmp_path, capsys):
     assert f"largest component z, {engineering(axis['value'], 'm', 4)}" in told
     assert told_of["error"] is told_of["force"] is None  # of a model without error = "estimate"
     assert ("has not converged" in told) == (told_of["truncation"] > 0.1)
+    size, late = np.linalg.norm(signal, axis=1), times >= 0.75 * times[-1]
+    assert ("has not died down at the end" in told) == (size[late].max() > 0.5 * size.max())
 
 
 def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filter(tmp_path, capsys):
@@ -117,7 +119,8 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     assert facts[-1] == (
         f"quarter: acceleration, {widest}",
         f"{engineering(peak['value'], 'm/s²')} (no error bar);"
-        f" largest component z, {engineering(peak['axis']['value'], 'm/s²', 4)}",
+        f" largest component z, {engineering(peak['axis']['value'], 'm/s²', 4)};"
+        " a larger value may follow the run",
     )
     assert text.count("robes have no error bar") == 1
     path = written(tmp_path, f'{BEAM}{asked}filter = "{widest}"\n')

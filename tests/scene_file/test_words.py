@@ -102,7 +102,14 @@ ADVICE = " ".join(
         ({"geometry": {"source": "a.step"}, "strike": {}}, "(a smaller tol in [strike])"),
         ({"deck": {"source": "a.inp"}}, "yield_strength, yield_range in [deck]"),
         ({"deck": {}, "impactor": {"material": "PA66"}}, "give yield_strength in [deck]."),
-        ({"deck": {}, "impactor": {"mass": 1.0}}, "in [deck], or a material of the striker."),
+        (
+            {"deck": {}, "impactor": {"mass": 1.0}},
+            "in [deck], and yield_strength or a material in [impactor].",
+        ),
+        (
+            {"geometry": {}, "material": {"name": "steel"}, "impactor": {"E": 2e7}},
+            "give yield_strength or a material in [impactor].",
+        ),
     ],
 )
 def test_advice_in_a_scene_names_its_own_sections_and_no_fields_of_the_page(sections, expected):
@@ -113,7 +120,7 @@ def test_advice_in_a_scene_names_its_own_sections_and_no_fields_of_the_page(sect
     for words in ("page", "field", "list of materials", "Finer mesh"):
         assert words not in told
     assert ("[extract]" in told) == ("strike" not in sections)
-    beside = {"extract"} | ({"material"} if "geometry" in sections else set())
+    beside = {"extract", "impactor"} | ({"material"} if "geometry" in sections else set())
     assert {*re.findall(r"\[(\w+)\]", told)} <= {*sections, *beside}
 
 
