@@ -1249,15 +1249,15 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
             browser.run(f"{NAME}.dispatchEvent(new Event(arguments[1]))", name, ends)
             assert browser.run(RED) == plain
         browser.run(f"{NAME}.click()", name)
-        held = reached(browser, "complete", 3)
+        held = reached(browser, "settled", 3)
         assert held["setup"]["held"] == [*first["setup"]["held"], name]
 
         browser.address(command, width)
-        again = reached(browser, "complete", 1)
+        again = reached(browser, "settled", 1)
         assert again["setup"] == held["setup"]
         assert "before the page was loaded again" in again["written"]
         browser.run("undo.click()")
-        undone = reached(browser, "complete", 2)
+        undone = reached(browser, "settled", 2)
         assert undone["setup"] == changed["setup"]
 
         names = browser.run(
@@ -1270,10 +1270,10 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert ordered == ["hole 5 mm (1)", "hole 12 mm (1)", "bolt", "face 2", "face 10"]
 
         browser.run(CHOOSE, "select[name=material]", set_up.OWN)
-        own = reached(browser, "complete", 3)
+        own = reached(browser, "settled", 3)
         assert own["setup"]["own"]["E"] == 210e9  # that of the material before
         browser.run(CHOOSE, "input[name=E]", "70")
-        softer = reached(browser, "complete", 4)
+        softer = reached(browser, "settled", 4)
         assert softer["setup"]["own"] == {**own["setup"]["own"], "E": 70e9}
         assert softer["peak"] < own["peak"]
         assert softer["width"] <= width
@@ -1285,7 +1285,7 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         rule = "return document.querySelector('input[name=nu]').closest('label').innerText"
         assert "between -1 and 0.5" in browser.run(rule)
         browser.run("undo.click()")
-        assert reached(browser, "complete", 5)["setup"] == own["setup"]
+        assert reached(browser, "settled", 5)["setup"] == own["setup"]
         assert browser.said() == []
 
 
@@ -1426,14 +1426,14 @@ ENTER = {"key": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"}
 def test_a_text_that_is_not_yet_confirmed_outlasts_the_answers_of_the_server(command):
     with Browser() as browser:
         browser.address(command, 1300)
-        reached(browser, "complete", 1)
+        reached(browser, "settled", 1)
         browser.run(CHOOSE, "select[name=material]", set_up.OWN)
-        asked = reached(browser, "complete", 2)["setup"]
+        asked = reached(browser, "settled", 2)["setup"]
         for turn, name in enumerate(TYPED_INTO, 3):
             before = browser.run(SELECT, name)
             browser.command("Input.insertText", text="1.250")
             browser.run("bench.change({duration: 1e-4 * bench.turn})")
-            answered = reached(browser, "complete", turn)["setup"]
+            answered = reached(browser, "settled" if turn > 3 else "complete", turn)["setup"]
             assert browser.run(FOCUSED) == [name, "1.250"]
             assert answered == {**asked, "duration": answered["duration"]}  # nor does it count
             browser.run("document.activeElement.value = arguments[0]", before)

@@ -197,6 +197,7 @@ def test_a_new_scene_runs(part, tmp_path, monkeypatch):
     assert antiosc("new", *([MESHES / part] if part else [])) == 0
     (scene,) = tmp_path.glob("*.toml")
     assert scene.name == (f"{part.partition('.')[0]}.toml" if part else "scene.toml")
+    scene.write_text(re.sub(r"(?m)^size = 0.01 ", "size = 0.03 ", scene.read_text()))  # a plate
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
     assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
-from math import exp, log
+from math import exp, log, trunc
 from typing import NamedTuple
 
 import numpy as np
@@ -36,8 +36,8 @@ STEP, CLOSE = log(1.5), 0.01
 BEYOND, SLOWEST = 1.05, 0.25
 #: Power of the speed with which the force of an elastic sphere grows.
 ELASTIC = 1.2
-#: Time that an impact at another speed is followed over that of the stress, or of the end of its
-#: touch: at a thirtieth of the speed an elastic contact takes twice as long.
+#: Time that an impact at another speed is followed, over that of the stress and of the largest
+#: force, or the end of their touch: at a thirtieth of the speed a contact takes twice as long.
 AS_LONG = 3.0
 #: Logarithm that stands for an exposure of 0.
 NOTHING = -50.0
@@ -137,7 +137,8 @@ def yield_speeds(
         return simulated(other, touching)
 
     contact = _speed_of_contact(hit, at_speed, speed)
-    speeds = _of_place(structure, hit, worst, force, contact)
+    error = _force_errors(hit, force, _as_long(hit, worst.time))
+    speeds = _of_place(structure, hit, worst, error, contact)
     for _ in range(MOST_PLACES):
         before = speeds.possible
         if before is None or before in speeds.extrapolated:
@@ -145,7 +146,7 @@ def yield_speeds(
         farther = beyond(zones_of(at_speed(before), PART).balls)
         if farther is None:
             break
-        found = _of_place(structure, hit, farther, force, contact)
+        found = _of_place(structure, hit, farther, error, contact)
         if found.possible is None or found.possible < SAME * before:
             break
         speeds = found
@@ -156,10 +157,12 @@ def _of_place(
     structure: Structure,
     hit: History,
     worst: Margin,
-    force: Callable[[History], float],
+    error: Callable[[float], float],
     contact: _Found,
 ) -> YieldSpeeds:
-    """The speeds from which one point yields, beside that of the `contact`."""
+    """The speeds from which one point yields, beside that of the `contact`; `error`: that of the
+    force at the speed exp(x).
+    """
     columns, simulated = worst.columns, hit.at_speed
     if columns is None or simulated is None:
         return YieldSpeeds(None, None, contact=contact.speed)
@@ -176,7 +179,7 @@ def _of_place(
         run = simulated(exp(x), until)
         zones = zones_on(structure, shapes, None, zones_of(run, PART), run, PART)
         factors = _largest(structure, run, columns) / here, run.peak_force / hit.peak_force
-        least, most = _scaled(worst, factors, zones, force(run)).bounds
+        least, most = _scaled(worst, factors, zones, error(x)).bounds
         return _log(least), _log(most)
 
     certain, possible = (_speed_of(partial(_end, bounds, end), speed) for end in (0, 1))
@@ -185,10 +188,43 @@ def _of_place(
     return YieldSpeeds(possible.speed, certain.speed, tuple(extrapolated), contact.speed, left_out)
 
 
+def _force_errors(
+    hit: History, force: Callable[[History], float], until: float
+) -> Callable[[float], float]:
+    """The relative error of the force at the speed exp(x), between those at steps of the speed from
+    that of an impact: each takes several runs, and changes slowly.
+    """
+    simulated, start = hit.at_speed, log(hit.impactor.velocity)
+    assert simulated is not None
+
+    @cache
+    def after(steps: int) -> float:
+        """The error that many steps away."""
+        return force(simulated(exp(start + steps * STEP), until) if steps else hit)
+
+    def error(x: float) -> float:
+        place = (x - start) / STEP
+        near = trunc(place)
+        share = abs(place - near)
+        if not share:
+            return after(near)
+        try:
+            beyond = after(near + (1 if place > 0 else -1))
+        except AntioscError:  # the patch is too small for a contact at that speed
+            return after(near)
+        return (1 - share) * after(near) + share * beyond
+
+    return error
+
+
 def _as_long(hit: History, time: float) -> float:
-    """How long impacts at other speeds are followed [s], for what happens at a time in this one."""
-    begun = (end for start, end in hit.contacts if start <= max(time, hit.contacts[0][0]))
-    return min(AS_LONG * max(time, *begun), float(hit.time[-1]))
+    """How long impacts at other speeds are followed [s], for what happens at a time in this one, or
+    at its largest force.
+    """
+    contact = hit.contact_histories[0]
+    time = max(time, float(contact.time[int(np.argmax(contact.force))]))
+    ends = [end for start, end in hit.contacts if start <= time]
+    return min(AS_LONG * max(time, *ends), float(hit.time[-1]))
 
 
 def _speed_of_contact(hit: History, at_speed: Callable[[float], History], speed: float) -> _Found:

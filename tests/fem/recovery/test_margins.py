@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -1038,6 +1039,28 @@ def test_a_place_without_stress_has_no_speed_of_yield():
     worst = ao.peak_field(part, hit).margin()
     still = dataclasses.replace(worst, columns=np.zeros_like(worst.columns))
     assert yield_speeds(part, hit, still, lambda _: 0.1) == YieldSpeeds(None, None)
+
+
+def test_errors_of_the_force_at_other_speeds_lie_between_those_at_steps():
+    """Each takes several runs; beyond the largest contact that the patch carries it is the last."""
+    asked = []
+
+    def at_speed(speed: float, until: float) -> float:
+        if speed > 5:
+            raise ao.AntioscError("the patch is too small")
+        asked.append((speed, until))
+        return speed
+
+    hit = SimpleNamespace(at_speed=at_speed, impactor=SimpleNamespace(velocity=2.0))
+    error = yield_speed._force_errors(hit, lambda run: 0.1 * (2.0 if run is hit else run), 1e-3)
+    assert error(np.log(2.0)) == pytest.approx(0.2)
+    assert asked == []
+    assert error(np.log(3.0)) == pytest.approx(0.3)
+    assert error(np.log(2.0 * 1.5**0.5)) == pytest.approx(0.25)
+    assert error(np.log(2.0 * 1.5**-1.5)) == pytest.approx(0.1 * (2 / 1.5 + 2 / 1.5**2) / 2)
+    assert len(asked) == 3
+    assert {until for _, until in asked} == {1e-3}
+    assert error(np.log(4.9)) == pytest.approx(0.45)
 
 
 def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
