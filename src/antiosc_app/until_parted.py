@@ -18,6 +18,7 @@ from antiosc.base.texts import engineering, percent, rounded_up
 from antiosc.extension import (
     enough_radius,
     hopeless_text,
+    is_far,
     may_stretch,
     out_of_reach,
     taken_as_linear,
@@ -102,7 +103,10 @@ def until_parted(
             continue
         hit = hit_of(result)
         if hopeless_text(hit):
-            break
+            if choice.keeps_duration or choice.duration >= longest or parted(hit):
+                break
+            choice = choice._replace(duration=min(2 * choice.duration, longest))
+            continue
         radius = None if choice.keeps_radius else enough_radius(hit)
         if radius is not None and number < MOST_RUNS - 1:
             choice = choice._replace(radius=rounded_up(radius))
@@ -116,11 +120,14 @@ def until_parted(
                 reason = why_more(choice.n, more, errors[worst], worst)
                 choice = choice._replace(n=more, expansion=expansion_of(hit))
                 continue
-        if linear and may_stretch(hit) and number < MOST_RUNS - 1:
+        enough = _enough(hit, is_sheet)
+        short = not choice.keeps_duration and choice.duration < min(enough, longest)
+        # one that is far off at the end of a short run may be hopeless at that of a longer one
+        waits = short and not parted(hit) and is_far(hit)
+        if linear and may_stretch(hit) and not waits and number < MOST_RUNS - 1:
             linear = False
             continue
-        enough = _enough(hit, is_sheet)
-        if choice.keeps_duration or choice.duration >= min(enough, longest):
+        if not short:
             break
         choice = choice._replace(duration=min(rounded_up(enough), longest))
     if reason:

@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 import antiosc as ao
 from antiosc.base.errors import InputError
 from antiosc.base.stresses import von_mises
+from antiosc.base.texts import engineering
 from antiosc.extension import Faces
 from antiosc.fem.assembly.assemble import assemble_checked
 from antiosc.fem.linalg.petsc_algebra import csr
@@ -731,6 +732,8 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(monkeypatch):
     assert hit.site_motion.largest > linear_theory.HOPELESS * 2e-3
     told = linear_theory.hopeless_text(hit)
     assert "times its thickness 2 mm, more than 20: neither linear theory nor" in told
+    slower = 3 * 2e-3 / linear_theory.deflection(hit, "structure") * 6.0
+    assert f"up to about {engineering(slower, 'm/s', 2)} its deflection is small enough" in told
     budget = hit.error_budget
     assert budget.no_bar
     assert budget["peak_force"].total is None

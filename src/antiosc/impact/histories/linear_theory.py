@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.base import errors
 from antiosc.base._types import Array
-from antiosc.base.texts import percent
+from antiosc.base.texts import engineering, percent
 from antiosc.impact.bodies import SceneBody
 from antiosc.impact.histories.motion import RunHistory
 from antiosc.impact.states import free_steps
@@ -50,8 +50,10 @@ REMEDY = (
 HOPELESS = 20.0
 
 
-def beyond_linear(name: str, deflection: float, thickness: float) -> str:
-    """Warning that the deflection [m] of a supported sheet exceeds linear theory; "" if not."""
+def beyond_linear(name: str, deflection: float, thickness: float, speed: float = 0.0) -> str:
+    """Warning that the deflection [m] of a supported sheet exceeds linear theory; "" if not.
+    `speed` of the striker [m/s], if it is one that strikes a part at rest.
+    """
     ratio = deflection / thickness
     if not ratio > SMALL_DEFLECTION:
         return ""
@@ -59,8 +61,10 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
         return (
             f"{name!r} deflects by {1e3 * deflection:.3g} mm in the linear run, {ratio:.3g} times"
             f" its thickness {1e3 * thickness:.3g} mm, more than {HOPELESS:g}: neither linear"
-            " theory nor second-order strain holds, and no number here does: analyse it by an"
-            " explicit finite element program."
+            " theory nor second-order strain holds, and no number here does. Where its edges are"
+            " held it is far stiffer: forces and stresses are larger, and the contact is shorter."
+            " Analyse it by an explicit finite element program"
+            f"{_slower(QUARTIC / ratio * speed)}."
         )
     return (
         f"{name!r} deflects by {1e3 * deflection:.3g} mm, {ratio:.3g} times its thickness"
@@ -75,6 +79,13 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
 QUARTIC = 3.0
 #: Share of that up to which the ends of steps tell enough: a body that stretches has no flights.
 FAR = 0.8
+
+
+def _slower(speed: float) -> str:
+    """End of a sentence: the speed [m/s] up to which the deflection is small enough; "" of 0."""
+    if not speed:
+        return ""
+    return f"; up to about {engineering(speed, 'm/s', 2)} its deflection is small enough here"
 
 
 def beyond_quartic(name: str, deflection: float, thickness: float) -> str:
@@ -106,7 +117,10 @@ def large_deflection_message(history: RunHistory) -> str:
         w = deflection(history, name)
         if w > worst * h:
             worst = w / h
-            message = (beyond_quartic if stretches else beyond_linear)(name, w, h)
+            limits = (name, w, h)
+            message = (
+                beyond_quartic(*limits) if stretches else beyond_linear(*limits, _speed(history))
+            )
     return message
 
 
@@ -230,7 +244,18 @@ def hopeless_text(history: RunHistory) -> str:
         return ""
     held = ((name, h) for name, body, h in _sheets(history) if body.omega.all())
     far = ((name, w, h) for name, h in held if (w := deflection(history, name)) > HOPELESS * h)
-    return next((beyond_linear(*one) for one in far), "")
+    return next((beyond_linear(*one, _speed(history)) for one in far), "")
+
+
+def _speed(history: RunHistory) -> float:
+    """Speed of the striker of an impact [m/s]; 0 where there is none."""
+    return float(getattr(getattr(history, "impactor", None), "velocity", None) or 0.0)
+
+
+def is_far(history: RunHistory) -> bool:
+    """Whether a linear run deflects beyond second-order theory, without its stretching."""
+    held = ((name, h) for name, body, h in _sheets(history) if body.omega.all())
+    return any(deflection(history, name) > QUARTIC * h for name, h in held)
 
 
 def stretch_estimate(history: RunHistory) -> float:
