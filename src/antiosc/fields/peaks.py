@@ -81,8 +81,6 @@ AT_ONCE = 1000
 WINDOW, INTERPOLATED = 100, 0.01
 #: Share by which a parabola may rise above the largest sample.
 PARABOLA = 0.1
-#: Replaces an infinite error: of a coordinate without stress its product is then 0.
-UNBOUNDED = 1e30
 #: Parts into which a step about a maximum is divided.
 PARTS = 8
 #: Bytes of the values of a block of nodes at these times.
@@ -204,8 +202,8 @@ def _reached(
     """
     selected = np.concatenate([window.factors[window.selected] for window in windows])
     starts = np.cumsum([0] + [len(window.selected) for window in windows])
-    bounds = np.minimum(np.stack([window.errors for window in windows]), UNBOUNDED)
-    unit = np.eye(columns.shape[2], dtype=columns.dtype)
+    bounds = np.stack([window.errors for window in windows])
+    unit = np.eye(columns.shape[2])  # double: stresses of pairs of motions are 1e20, and squared
     result = np.zeros((len(windows), len(columns)), dtype=bool)
     for block in _blocks(len(columns), columns.shape[1] * len(selected) // 6):  # one array, single
         of_block = columns[block]
