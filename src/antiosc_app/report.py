@@ -257,6 +257,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         for part_shown in parts:
             headline = headline.beside(*part_shown.asked)
     told = () if headline is None else (headline.caution, *headline.sentences)
+    cautions = [one.caution for one in parts if one.caution and headline is None]
     warnings = by_weight(results.warnings, " ".join(told))
     program = f"antiosc {info.version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
@@ -282,7 +283,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        first=[capitalised(one) for one in warnings if not weight(one)],
+        first=[*cautions, *(capitalised(one) for one in warnings if not weight(one))],
         warnings=[capitalised(one) for one in warnings if 0 < weight(one) < NOTE],
         choices=[capitalised(one) for one in warnings if weight(one) == NOTE],
         headline=headline,

@@ -19,7 +19,7 @@ import numpy as np
 
 from antiosc import AntiOscillators, History, SceneHistory, advise
 from antiosc.base import progress
-from antiosc.base._types import Array
+from antiosc.base._types import Array, IntArray
 from antiosc.base.cfc import CLASSES, PASSED, SHOCK_FILTER
 from antiosc.base.errors import AntioscError, InputError, by_weight, weight, without_warnings
 from antiosc.base.plausible import GRAVITY
@@ -76,6 +76,7 @@ from antiosc_app.live import (
     judgement,
     map_cautions,
     motion_rows,
+    of_elastic_part,
     remedy_of,
     stress_note,
     stresses_of_impacts,
@@ -1341,6 +1342,10 @@ BARS_OF_SWEEP = (
 )
 
 
+#: Before the verdicts of a sweep.
+OWN_IMPACT = "Stresses and verdicts are those of the scene's own impact, without the sweep:"
+
+
 def _sweep(results: SceneResults) -> Presentation:
     """A sweep: the varied values, and the results of each impact."""
     batch = results.batch
@@ -1359,25 +1364,60 @@ def _sweep(results: SceneResults) -> Presentation:
     table |= {name: getattr(batch, name) for name in ("restitution", "contacts", "status")}
 
     def draw(ax: Axes) -> None:
-        name, values = next(iter(varied_values.items()))
+        (name, values), *others = varied_values.items()
         numbers = all(isinstance(v, int | float) for v in values)
-        x = values if numbers else range(len(values))
+        x = np.asarray(values if numbers else range(len(values)))
         shares = [np.nan_to_num(bar) / 100 for bar in bars.values()]
-        errors = batch.peak_force * shares[0] if shares else None
-        ax.errorbar(x, batch.peak_force, errors, fmt="o-", ms=4, lw=1, capsize=3)
+        errors = batch.peak_force * shares[0] if shares else np.zeros(len(x))
+        for told, rows in _lines(others, len(x)).items():
+            rows = rows[np.argsort(x[rows], kind="stable")] if told else rows
+            ax.errorbar(
+                x[rows], batch.peak_force[rows], errors[rows], fmt="o-", ms=4, lw=1, capsize=3,
+                label=escaped(told) or None,
+            )  # fmt: skip
+            if told:
+                ax.legend(fontsize="small")
         ax.set_xlabel(escaped(with_unit(name)))
         ax.set_ylabel("peak force (N)")
 
-    caption = "Peak force (N) of each impact with its bar, over the first value that varies."
+    own = nominal_rows(results.nominal)
+    caution = ""
+    if results.nominal is not None:
+        drawn = {name: np.asarray(values) for name, values in varied_values.items()}
+        own += [("", shares)] if (shares := yielding_share(drawn, results.nominal)) else []
+        force = force_bar(error_budget(results.nominal.hit))
+        if yields := of_elastic_part(results.nominal.fields, force):
+            caution = f"{yields} That is of the scene's own impact; the sweep has no stresses."
+    verdict: list[Block] = [OWN_IMPACT, own] if own else []
+    caption = "Peak force (N) of each impact with its bar, over the first value that varies"
+    caption += ", a line for each combination of the others." if len(varied_values) > 1 else "."
     shown = {with_unit(name): values for name, values in varied_values.items()}
     shown |= {name: values for name, values in table.items() if name not in varied_values}
     return Presentation(
-        text=[format_columns(table), *_without_bars(budgets)],
+        text=[
+            format_columns(table),
+            *_without_bars(budgets),
+            *([OWN_IMPACT, format_rows(own)] if own else []),
+        ],
+        caution=caution,
         tables={"sweep.csv": table},
-        numbers={"sweep": table},
-        sections={"Sweep": [shown, *notes]},
+        numbers={"sweep": table, **_nominal_numbers(results.nominal)},
+        sections={"Sweep": [shown, *notes, *verdict]},
         pictures=[chart("Sweep", caption, draw)],
     )
+
+
+def _lines(others: Sequence[tuple[str, list[object]]], count: int) -> dict[str, IntArray]:
+    """Text of the other values of a sweep -> the rows that have them, at least two of each; one
+    line of all rows where the values are no grid.
+    """
+    lines: dict[str, list[int]] = {}
+    for row in range(count):
+        told = ", ".join(f"{with_unit(name)} {values[row]}" for name, values in others)
+        lines.setdefault(told, []).append(row)
+    if min(map(len, lines.values())) < 2:
+        lines = {"": list(range(count))}
+    return {told: np.array(rows) for told, rows in lines.items()}
 
 
 def with_unit(name: str) -> str:
@@ -1468,7 +1508,7 @@ def yielding_share(inputs: Mapping[str, Array], nominal: Nominal) -> str:
         told += [f"{_spaced(name)}: of the {speeds.size} blows {' and '.join(shares)}"] * bool(
             shares
         )
-    note = " (by their speeds alone: what else is drawn shifts these limits)"
+    note = " (by their speeds alone: what else varies shifts these limits)"
     return f"{'; '.join(told)}{note}" if told else ""
 
 

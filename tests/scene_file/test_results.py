@@ -409,6 +409,25 @@ def test_the_speed_from_which_a_part_yields_is_told_everywhere(struck_beam):
     assert f"Yield outside the contact {sentence}" in html.unescape(report)
 
 
+def test_a_sweep_has_the_verdict_of_the_scenes_own_impact(struck_beam, tmp_path):
+    """A clip had a table of forces up to ten times those at which it yields, without a word."""
+    (tmp_path / "line.geo").write_text(LINE)
+    possible = struck_beam[1]["stress"]["von_mises"]["yield_speeds"]["possible"]
+    sweep = f"[sweep]\nimpactor.velocity = [{possible / 2}, {possible * 2}]\n"
+    path = written(tmp_path, STRUCK_BEAM + sweep)
+    told = io.StringIO()
+    with contextlib.redirect_stdout(told):
+        assert antiosc("sweep", path, "--out", tmp_path, "--report", tmp_path / "r.html") == 0
+    page = html.unescape((tmp_path / "r.html").read_text())
+    (sentence,) = re.findall(r"may be reached from about .*? on", struck_beam[0])
+    for text in (told.getvalue(), page):
+        assert shown.OWN_IMPACT in text
+        assert f"yield outside the contact {sentence}" in text
+        assert "of the 2 blows 50 % are at or above" in text
+    stress = numbers(tmp_path)["nominal"]["stress"]
+    assert stress == struck_beam[1]["stress"]
+
+
 def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     struck_beam, tmp_path
 ):
@@ -495,3 +514,14 @@ def test_a_probe_tells_where_it_lies(struck_beam):
     assert off in struck_beam[0]
     assert off in struck_beam[2]
     np.testing.assert_allclose(struck_beam[1]["probes"]["p"]["point"], [0.3, 0, 0], atol=1e-12)
+
+
+def test_a_grid_of_a_sweep_has_a_line_for_each_of_the_other_values():
+    """One line zigzagged from the fastest light striker to the slowest heavy one."""
+    speeds, masses = np.tile([0.5, 1.0, 2.0], 2), np.repeat([0.1, 0.2], 3)
+    lines = shown._lines([("impactor.mass", masses.tolist())], len(speeds))
+    assert [name.split()[-1] for name in lines] == ["0.1", "0.2"]
+    assert [rows.tolist() for rows in lines.values()] == [[0, 1, 2], [3, 4, 5]]
+    (rows,) = shown._lines([("impactor.mass", [0.1, 0.2, 0.3])], 3).values()  # no grid
+    assert rows.tolist() == [0, 1, 2]
+    assert [*shown._lines([], 2)] == [""]

@@ -136,7 +136,8 @@ def compiled(document: Document) -> CompiledScene:
     scene.facts = run.facts_of_sweep(scene.batch)
     scene.map = run.surface(build, scene)
     scene.sample = run.monte_carlo(build, scene)
-    if scene.sample is not None:
+    sweeps = scene.batch is not None and scene.stresses is not None
+    if scene.sample is not None or sweeps:
         fields = Call(dict, {}) if scene.stresses is None else scene.stresses
         known = {"hit": scene.history, "structure": scene.structure, "fields": fields}
         scene.nominal = Call(run.Nominal, known)

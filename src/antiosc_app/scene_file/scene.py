@@ -71,7 +71,7 @@ class Objects(Generic[T]):
     spectra : name -> shock response spectra of those with `srs = true`.
     stresses : quantity -> largest values over the run.
     batch, map, sample : results of [sweep], [map] and [monte_carlo].
-    nominal : the run of [monte_carlo] without random values.
+    nominal : the scene's own impact, without the values of [monte_carlo] or [sweep].
     facts : the error budget of each impact of [sweep], and whether its contact yields.
     fall : result of [drop].
     peaks, worst : results of the fall: those of [accelerometers] by name, and of [worst].
@@ -152,7 +152,7 @@ STUDIES = {
     "sweep": Study(
         "batch",
         "no [sweep]; one is, for instance, [sweep] with impactor.velocity = [0.5, 1.0, 2.0]",
-        ("structure", "model", "impactor", "batch", "facts"),
+        ("structure", "model", "impactor", "nominal", "batch", "facts"),
     ),
     "map": Study(
         "map",
