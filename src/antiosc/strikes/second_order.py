@@ -11,12 +11,22 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from antiosc.base.errors import AntioscError, InputError, warn, warnings_to
+from antiosc.base.errors import (
+    AccuracyWarning,
+    AntioscError,
+    InputError,
+    Message,
+    warn,
+    warnings_to,
+)
 from antiosc.fem.assembly import with_parts
 from antiosc.fem.structure.structure import Structure
 from antiosc.impact.histories import History
 from antiosc.impact.histories.linear_theory import (
+    HOPELESS,
     asks_for_stretch,
+    hopeless_text,
+    is_far,
     large_deflection_message,
     stretch_estimate,
 )
@@ -49,8 +59,9 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
         linear = run(model)
     if model.stretch is None and asks_for_stretch(linear):
         energy = _energy_of_solid(structure, linear)
-        if energy <= SLIGHT_ENERGY:
-            linear, warnings = _taken_as_linear(linear, warnings, energy)
+        most = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
+        if energy <= SLIGHT_ENERGY or HOPELESS < most < inf:
+            linear, warnings = _left_out(linear, warnings, most)
         else:
             for most in _counts(linear, energy):
                 with _collected_warnings() as stretched_warnings:
@@ -65,16 +76,18 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     return linear
 
 
-def _taken_as_linear(linear: H, warnings: list[str], energy: float) -> tuple[H, list[str]]:
-    """(run, its warnings) of a solid with so little energy of second-order strain: none says that
-    it deflects beyond linear theory.
+def _left_out(linear: H, warnings: list[str], energy: float) -> tuple[H, list[str]]:
+    """(run, its warnings) without second-order strain, whose `energy` is so little that none says
+    that it deflects beyond linear theory; or so much that one says that nothing holds.
     """
     linear.assembly.stretch_left_out = energy
-    sentence = large_deflection_message(linear)
-    if not sentence:
-        return linear, warnings
-    message = linear.message.replace(f" {sentence}", "")
-    return replace(linear, message=message), [told for told in warnings if told != sentence]
+    sentence, hopeless = large_deflection_message(linear), hopeless_text(linear)
+    message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
+    told = [told for told in warnings if told != sentence]
+    if hopeless:
+        message = f"{message} {hopeless}"
+        told.append(Message(hopeless, AccuracyWarning))
+    return replace(linear, message=message), told
 
 
 def _counts(linear: History, energy: float) -> list[int]:
@@ -100,8 +113,13 @@ def _energy_of_solid(structure: Structure, linear: History) -> float:
     """Energy of second-order strain over the linear one in a solid, the larger one of the instants
     of the largest force and of the largest deflection of a linear run; inf for other parts.
     """
+    return _energy(structure, linear) if _is_solid(structure) else inf
+
+
+def _energy(structure: Structure, linear: History) -> float:
+    """Energy of second-order strain over the linear one as above; inf where it is not known."""
     body = linear.model.free_modes
-    if body.shape is None or not linear.contacts or not _is_solid(structure):
+    if body.shape is None or not linear.contacts:
         return inf
     contact = max(linear.contact_histories, key=lambda contact: contact.peak_force)
     times = np.append(

@@ -390,6 +390,7 @@ def corrected(
     soft = hit
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
         soft = run(model.corrected(), accuracy)
+        soft.assembly.stretch_left_out = hit.assembly.stretch_left_out
         budget = budget.of_corrected(soft)
     return Answer(structure, hit, soft, budget, n, clock() - start_time)
 
