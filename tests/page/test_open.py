@@ -867,7 +867,7 @@ def test_a_later_answer_is_foreseen_with_the_anti_oscillators_that_the_first_nee
     asked_set_up = asked(opened)
     growing = opened._foreseen(set_up.read(asked_set_up))
     assert len(growing.counts) == len(growing.told(growing.answer)) > 1
-    n = call(opened, "settle", asked_set_up, 900)["taken"]["n"]
+    n = call(opened, "settle", asked_set_up, tab="foreseen")["taken"]["n"]
     later = set_up.read(asked(opened, damping=0.02))
     (foreseen,) = opened._answering(later)
     models = sum(count <= n for count in growing.counts)

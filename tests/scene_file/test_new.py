@@ -197,7 +197,8 @@ def test_a_new_scene_runs(part, tmp_path, monkeypatch):
     assert antiosc("new", *([MESHES / part] if part else [])) == 0
     (scene,) = tmp_path.glob("*.toml")
     assert scene.name == (f"{part.partition('.')[0]}.toml" if part else "scene.toml")
-    scene.write_text(re.sub(r"(?m)^size = 0.01 ", "size = 0.03 ", scene.read_text()))  # a plate
+    text = re.sub(r"(?m)^size = 0.01 ", "size = 0.03 ", scene.read_text())  # of the plate
+    scene.write_text(re.sub(r"(?m)^duration = 0.08 ", "duration = 0.02 ", text))
     assert antiosc("run", scene, "--out", tmp_path / "out") == 0
     assert numbers(tmp_path / "out")["result"]["peak_force"] > 0
 

@@ -101,7 +101,7 @@ class Bench {
   async ask_progress() {
     const answer = await fetch("/progress", { method: "POST", body: "{}",
       headers: { "Content-Type": "application/json", "X-Antiosc-Token": this.token } }).catch(() => null);
-    if (answer && answer.ok) {
+    if (answer && answer.ok && this.pending) { // else it is of work that has ended, whose result is told
       const { answer: found } = await answer.json();
       this.tell_progress(found.doing || STAGES[this.called] || "computing", found);
     }
