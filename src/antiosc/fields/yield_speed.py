@@ -127,8 +127,9 @@ def yield_speeds(
     point: the place is then the worst one beyond. All ranks must call it.
     """
     speed, simulated = getattr(hit.impactor, "velocity", None), hit.at_speed
-    known = simulated is not None and worst.columns is not None and hit.contacts
-    if simulated is None or not known or not isinstance(speed, float) or speed <= 0:
+    if not (isinstance(speed, float) and speed > 0 and hit.contacts):
+        return YieldSpeeds(None, None)
+    if simulated is None or worst.columns is None:
         return YieldSpeeds(None, None)
     touching = _as_long(hit, 0.0)
 

@@ -59,9 +59,9 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
         linear = run(model)
     if model.stretch is None and asks_for_stretch(linear):
         energy = _energy_of_solid(structure, linear)
-        most = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
-        if energy <= SLIGHT_ENERGY or HOPELESS < most < inf:
-            linear, warnings = _left_out(linear, warnings, most)
+        of_any = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
+        if energy <= SLIGHT_ENERGY or HOPELESS < of_any < inf:
+            linear, warnings = _left_out(linear, warnings, of_any)
         else:
             for most in _counts(linear, energy):
                 with _collected_warnings() as stretched_warnings:

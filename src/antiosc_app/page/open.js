@@ -959,11 +959,10 @@ class Bench {
   }
 
   // A map that takes long is asked for, with fewer sites as the other way. What is left of the answer to the
-  // blow is given up for the question, and goes on after a No.
+  // blow is given up for the question, and goes on after a No; a map that is shown, or work that was stopped, stays.
   async ask_map(where) {
-    clearTimeout(this.later);
-    const whole = document.documentElement.dataset.complete === String(this.turn), no = () => whole || this.strike();
-    if (!whole) this.turn += 1;
+    const going = this.pending && STOPPED.includes(this.called) && !(this.page && this.page.sites), no = () => going && this.strike();
+    if (going) this.turn += 1;
     const { most } = this, cost = await this.map_cost(where), map = (count) => this.map(0, where, count);
     if (!cost || cost.known.includes(most)) return map(most);
     const [least, longest] = map_seconds(cost, most);

@@ -51,8 +51,6 @@ PATCHES = 40
 WHOLE = 1.2
 #: Angle [rad] beside an arc up to which vertices on the planes there belong to it.
 BESIDE = 0.2
-#: Replaces 0 in denominators.
-TINY = float(np.finfo(float).tiny)
 #: 2 (1 - ln 2): under a uniform line force the mean displacement is smaller than that in the middle
 #: by this times F/(pi E* L).
 MEAN = 2 * (1 - log(2))
@@ -283,8 +281,8 @@ def _cylinder(
         radius = radius + growth
         axis = axis / np.linalg.norm(axis)
     down, half_angle = _arc(radial[fit], axis)
-    directions = radial / np.maximum(np.linalg.norm(radial, axis=1, keepdims=True), TINY)
-    on_cylinder &= directions @ down >= np.cos(min(half_angle + BESIDE, pi))
+    cosine = np.cos(min(half_angle + BESIDE, pi))
+    on_cylinder &= radial @ down >= cosine * np.linalg.norm(radial, axis=1)
     fit &= on_cylinder
     if fit.sum() < LEAST:
         return None
