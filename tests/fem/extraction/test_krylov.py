@@ -12,6 +12,7 @@ import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models.driving_point import samples
 from antiosc.reduce.extraction import site_shapes
+from antiosc.reduce.extraction.eigenmodes import polish
 from antiosc.reduce.extraction.krylov import Lanczos
 from antiosc.reduce.extraction.oscillators import stiffness_at_sites
 from antiosc.reduce.site import functional
@@ -185,3 +186,20 @@ def test_unobservable_modes_never_appear(rng):
     assert model.n == 9  # of 18 constraint modes, half move the site's two sides against each other
     side = scipy.linalg.eigvalsh(K[:9, :9])
     np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4])
+def test_close_modes_of_a_wide_spectrum_are_polished(apart):
+    """Repeated and close eigenvalues at 1e-10 of the highest, where a dense solver mixes them."""
+    rng = np.random.default_rng(1)
+    Q = np.linalg.qr(rng.normal(size=(40, 40)))[0]
+    smallest = 1e-10 * (1 + apart * np.arange(10))
+    theta = np.concatenate([smallest, np.geomspace(1e-9, 1.0, 30)])
+    H = (Q * theta) @ Q.T
+    H = (H + H.T) / 2
+    found, x = np.linalg.eigh(H)
+    poles, x = polish(x / np.sqrt(found), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+    scale = np.sqrt(poles)
+    exact = (x.T.astype(np.longdouble) @ H @ x).astype(float)
+    assert np.abs(exact - np.eye(40)).max() < 1e-6
+    assert np.abs(x.T @ x / np.outer(scale, scale) - np.eye(40)).max() < 1e-6

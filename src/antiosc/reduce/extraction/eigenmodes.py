@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc.base._types import Array, IntArray, Matrix
@@ -219,8 +220,8 @@ EVEN = 1e-7
 FEWEST_MORE = 8
 #: A shape has no mass if φᵀMφ over the sum of the absolute values of its terms is below this.
 NO_MASS = 1e-12
-#: Modes are not orthogonalised further if their ω² differ by less than this, relative.
-CLOSE_MODES = 1e-8
+#: A step of `polish` leaves the square of what it mixes: modes that it would mix by more are close.
+CLOSE_MODES = 1e-4
 #: Relative residual of forces above which natural modes are searched again.
 LOST_NATURAL = 1e-6
 #: Relative residual of forces above which constraint modes are searched again.
@@ -451,23 +452,45 @@ def polish(
     The error of a dense eigensolver is ε times the highest ω² in all ω², or ε over the lowest ω² in
     all 1/ω²: too much if the spectrum spans many decades. For φ(1 + T) the products φᵀKφ and φᵀMφ,
     measured by `strains` and `masses`, are diagonal up to the square of their previous error (Japan
-    J. Indust. Appl. Math. 35 (2018) 1007).
+    J. Indust. Appl. Math. 35 (2018) 1007). Close modes, which this step does not separate, have ω²
+    of one size: a dense eigensolver separates them among themselves.
     """
-    identity = np.eye(phi.shape[1])
     poles = np.zeros(phi.shape[1])
     for _ in range(2):
-        mass_error = masses(phi) - identity
-        strain = strains(phi)
-        poles = np.diag(strain) / (1 + np.diag(mass_error))
-        gap = poles[:, None] - poles
-        separated = np.abs(gap) > CLOSE_MODES * np.maximum(poles[:, None], poles)
-        step = np.where(
-            separated,
-            (poles * mass_error - strain) / np.where(separated, gap, 1.0),
-            -mass_error / 2,
-        )
-        phi = phi + phi @ step
+        strain, mass = (_symmetric(products(phi)) for products in (strains, masses))
+        turned = _close_separated(strain, mass)
+        strain, mass = (_symmetric(turned.T @ one @ turned) for one in (strain, mass))
+        poles, mixing, _ = _mixing(strain, mass)
+        phi = phi @ (turned + turned @ mixing)
     return poles, phi
+
+
+def _symmetric(products: Array) -> Array:
+    """The symmetric part: rounding in the other part, over a small gap, would be a large step."""
+    return (products + products.T) / 2
+
+
+def _mixing(strain: Array, mass: Array) -> tuple[Array, Array, Array]:
+    """(ω², the step T of `polish`, which pairs of modes are close) of modes with these products."""
+    mass_error = mass - np.eye(len(mass))
+    poles = np.diag(strain) / np.diag(mass)
+    gap = poles[:, None] - poles
+    wanted = poles * mass_error - strain
+    close = np.abs(wanted) >= CLOSE_MODES * np.abs(gap)
+    close = close | close.T
+    return poles, np.where(close, -mass_error / 2, wanted / np.where(close, 1.0, gap)), close
+
+
+def _close_separated(strain: Array, mass: Array) -> Array:
+    """The combinations of modes with these products that separate groups of close ones."""
+    turned = np.eye(len(mass))
+    groups, group_of = connected_components(_mixing(strain, mass)[2], directed=False)
+    for group in range(groups):
+        members = np.flatnonzero(group_of == group)
+        if len(members) > 1:
+            block = np.ix_(members, members)
+            turned[block] = scipy.linalg.eigh(strain[block], mass[block])[1]
+    return turned
 
 
 def _normalised(structure: Structure, phi: Array) -> Array:
