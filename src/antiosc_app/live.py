@@ -53,6 +53,7 @@ from antiosc.engine.contact.base import Compiled, is_compiled
 from antiosc.engine.contact.cracking import SMALL, name_of
 from antiosc.engine.contact.dent import RIM
 from antiosc.engine.contact.laws import Hysteretic
+from antiosc.engine.contact.peak_error import by_strain, elastic_strain
 from antiosc.engine.contact.surfaces import Matter
 from antiosc.extension import (
     DEFLECTION,
@@ -430,6 +431,11 @@ REMEDIES = {
 }
 #: What is asked for where no yield strength is known.
 ASKED_STRENGTH = "give the yield strength or a material"
+#: The end of a sentence on an elastic law with large strains.
+OF_STRAIN = (
+    "the contact is pressed in by {:.2g} of its radius, where Hertz's law, which holds for small"
+    " strains, is off by what is behind a tip and by how it stiffens: a blunter tip narrows it"
+)
 #: The end of a sentence on a law whose yield strength has no range, one that is not the table's, or
 #: is that of the striker.
 NO_RANGE = (
@@ -1235,7 +1241,12 @@ def _end_of_law(hit: History) -> str:
     choice = choice_of(hit.law, hit.model, hit.impactor)
     if isinstance(hit.law, YangSun):
         return OF_LAMINATE
-    if choice is None or choice.soft is None:
+    if choice is None:
+        return ""
+    strain = elastic_strain(choice, hit.peak_force, hit.deepest)
+    if by_strain(choice, strain):
+        return OF_STRAIN.format(strain)
+    if choice.soft is None:
         return ""
     if weaker_side(hit).startswith("the striker"):
         return OF_STRIKER

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.base import materials
 from antiosc.base.texts import percent
-from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.choice import choose, lacks_strength
 from antiosc.engine.contact.geometry import effective_modulus
 from antiosc.engine.contact.laws import yield_factor
 from antiosc.engine.contact.peak_error import TABOR, error_of_peak
@@ -282,11 +282,11 @@ def test_the_row_of_the_law_is_what_other_strengths_change():
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.1])
-@pytest.mark.parametrize(("speed", "share"), [(3e-3, 0.0), (0.1, 0.38), (3.0, None)])
+@pytest.mark.parametrize(("speed", "share"), [(3e-3, 0.0), (0.1, 0.49), (20.0, None)])
 def test_large_strains_are_in_the_row_of_an_elastic_law(
     speed: float, share: float | None, loss: float
 ) -> None:
-    """Rubber: none below a hundredth of the radius, not known from a tenth of it on."""
+    """Rubber: none below a hundredth of the radius, not known from 0.4 of it on."""
     struck = model(Surface(ALLOY), strain_error=np.diag([1e3, 1e3, 1e3]))
     rubber = replace(matter_of("rubber NR 50"), loss=loss)
     tip = ao.Sphere(0.02, material=rubber, rho=1100.0, velocity=speed)
@@ -294,13 +294,13 @@ def test_large_strains_are_in_the_row_of_an_elastic_law(
     assert isinstance(hit.law, ao.Gonthier if loss else ao.ElasticPlastic)
     bar, strain = hit.error_budget["peak_force"], hit.indentation.max() / 0.02
     if share is None:
-        assert strain > 0.1
+        assert strain > 0.4
         assert bar.total is None
         assert "pressed in by" in str(hit.error_budget)
     elif share:
         assert 0.01 < strain < 0.1
-        largest = share * sqrt(strain)  # of the force at a depth: the peak changes by less
-        assert 0.2 * largest < bar.law < largest
+        largest = share * sqrt(strain)
+        assert 0.8 * largest < bar.law < largest * 1.05
     else:
         assert strain < 0.01
         assert bar.law < 1e-9
@@ -470,3 +470,25 @@ def test_a_strength_that_may_be_lower_counts_before_the_usual_one_yields():
     exact = replace(weak, yield_range=None)
     alone = choose(Surface(exact), ball.surface())
     assert error_of_peak(alone, hit.peak_force, hit.contact_time) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("E", "nu", "known"), [(20e6, 0.48, True), (20e6, 0.3, False), (200e6, 0.48, False)]
+)
+def test_a_rubber_by_its_constants_does_not_yield(E: float, nu: float, known: bool) -> None:
+    tip = Surface(Matter(E, nu), curvatures=(100.0, 100.0))
+    choice = choose(tip, Surface(ALLOY))
+    assert lacks_strength(choice) != known
+    assert ("with a rubber" in choice.kind) == known
+    assert choice.soft_ball
+    assert not choose(Surface(Matter(E, nu)), Surface(ALLOY, curvatures=(100.0, 100.0))).soft_ball
+
+
+def test_a_soft_ball_has_more_force_by_its_shape() -> None:
+    """The largest of soft_ball.py (a hemisphere on a rigid mass) lies in the bar."""
+    tip = choose(Surface(Matter(20e6, 0.48), curvatures=(100.0, 100.0)), Surface(RIGID))
+    measured = {0.01: 0.033, 0.05: 0.094, 0.1: 0.152, 0.2: 0.274, 0.3: 0.408, 0.39: 0.55}
+    for strain, more in measured.items():
+        peak = tip.law.stiffness * (0.01 * strain) ** 1.5
+        assert more <= error_of_peak(tip, peak, 1e-3) < 2 * more
+    assert error_of_peak(tip, tip.law.stiffness * 0.0045**1.5, 1e-3) is None

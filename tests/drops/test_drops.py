@@ -214,22 +214,24 @@ def test_a_floor_that_is_rigid_because_none_was_given_is_told() -> None:
         assert any("taken as rigid" in note for note in notes) == rigid
 
 
-@pytest.mark.parametrize(("name", "height"), [("alumina", 0.1), (RUBBER, 5e-3), (RUBBER, 1.0)])
+@pytest.mark.parametrize(
+    ("name", "height"), [("alumina", 0.1), (RUBBER, 5e-3), (RUBBER, 0.3), (RUBBER, 20.0)]
+)
 def test_large_strains_of_a_falling_elastic_ball(name: str, height: float) -> None:
-    """Nothing to a hundredth of the radius; k^0.4 of 0.38 sqrt(strain); not known from 0.1 on."""
+    """Nothing to a hundredth of the radius; 0.49 sqrt, 1.5 of the strain; unknown from 0.4 on."""
     ball = ao.Sphere(0.02, material=name)
     fall = ao.drop(ball, height, floor=ao.Floor("alumina"), until=1)
     (depth,) = fall.episodes[0].sunk()
     strain = depth / 0.02
     assert fall.contact_verdict == ""
-    if height == 1.0:
-        assert strain > 0.1
+    if height == 20.0:
+        assert strain > 0.4
         assert fall.law_error is None
         assert "a soft layer on the floor" in fall.summary()
     else:
         assert (strain > 0.01) == (name == RUBBER)
-        share = 0.38 * np.sqrt(strain) if strain > 0.01 else 0.0
-        assert fall.law_error == pytest.approx(1 - (1 - share) ** 0.4, rel=0.01)
+        share = max(0.49 * np.sqrt(strain), 1.5 * strain) if strain > 0.01 else 0.0
+        assert fall.law_error == pytest.approx(share, rel=0.01)
         assert (f"off by {percent(fall.law_error)}" in fall.summary()) == (share > 0)
 
 

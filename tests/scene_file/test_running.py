@@ -135,7 +135,7 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
 
 def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_path, capsys):
     """Oscillators on a base that has the displacement of the point, integrated by lsim."""
-    text = f'{BEAM.replace("2e-3", "3e-3")}{PROBE}quantity = "acceleration"\nsrs = true\n'
+    text = f'{BEAM.replace("2e-3", "3e-3")}{PROBE}quantity = "acceleration"\nsrs = [345, 1e6]\n'
     path = written(tmp_path, text + '[output]\nplot = "svg"\n')
     page = tmp_path / "a.html"
     assert antiosc("run", path, "--out", tmp_path / "out", "--report", page) == 0
@@ -151,16 +151,25 @@ def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_p
     after = t[1] * np.arange(1, 4 * t.size)  # in which the point moves on at its last speed
     base = np.append(moved, moved[-1] + speeds[-1] * after)
     inputs = np.column_stack([base, np.append(speeds, np.full(after.size, speeds[-1]))])
-    for k in np.searchsorted(frequencies, [100.0, 300.0, 700.0]):
-        w = 2 * np.pi * frequencies[k]
+
+    def largest(frequency):
+        w = 2 * np.pi * frequency
         spring = np.array([[w * w, w / 10]])
         mass = StateSpace([[0, 1], *-spring], [[0, 0], *spring], -spring, spring)
         _, accelerations, _ = lsim(mass, inputs, np.append(t, t[-1] + after))
-        assert found[k] == pytest.approx(np.abs(accelerations).max(), rel=0.01)
+        return np.abs(accelerations).max()
+
+    for k in np.searchsorted(frequencies, [100.0, 300.0, 700.0]):
+        assert found[k] == pytest.approx(largest(frequencies[k]), rel=0.01)
     k = int(np.argmax(found))
     numbers_told = numbers(tmp_path / "out")["probes"]["quarter"]["srs"]
     assert (numbers_told["value"], numbers_told["frequency"]) == (found[k], frequencies[k])
     assert (numbers_told["component"], numbers_told["resolved"]) == ("z", known)
+    (at,) = numbers_told["at"]
+    assert (at["component"], at["frequency"], at["bar"]) == ("z", 345, None)
+    assert at["value"] == pytest.approx(largest(345.0), rel=0.01)
+    assert f"; at 345 Hz {engineering(at['value'], 'm/s²', 4)} (no error bar), z; at 1.00 M" in told
+    assert "Hz not known: the shock response spectrum has" in told
     shares = f"{NO_BAR}; anti-oscillators {percent(numbers_told['truncation'])})"
     value = f"largest {engineering(found[k], 'm/s²', 4)}{shares}"
     value += f" at {engineering(frequencies[k], 'Hz')}"
@@ -176,6 +185,9 @@ def test_a_shock_spectrum_of_what_is_no_motion_is_refused(tmp_path, capsys, quan
     path = written(tmp_path, f"{BEAM}{PROBE}{quantity}srs = true\n")
     assert antiosc("check", path) != 0
     assert "is that of an acceleration: give quantity" in capsys.readouterr().err
+    wrong = written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = [500, -1]\n')
+    assert antiosc("check", wrong) != 0
+    assert "give frequencies above 0 Hz" in capsys.readouterr().err
     assert (
         antiosc("check", written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = true\n'))
         == 0

@@ -13,6 +13,7 @@ import antiosc
 from antiosc.base import materials
 from antiosc.base.errors import warn
 from antiosc.base.texts import SMALLER_CELLS
+from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.surfaces import Matter
 from antiosc_app import cli, live, results
 from antiosc_app.scene_file import run
@@ -130,11 +131,12 @@ def test_advice_on_the_law_does_not_ask_for_what_is_given(monkeypatch):
     constants = {"E": 210e9, "yield_strength": 235e6}
     ranged = {**constants, "yield_range": (235e6, 300e6)}
     table = {**constants, "yield_range": of_table.yield_range, "name": of_table.name}
-    hit = SimpleNamespace(law=None, model=None, impactor=None)
+    hit = SimpleNamespace(law=None, model=None, impactor=None, peak_force=1.0, deepest=1e-3)
 
-    def ending(side="", **matter):
+    def ending(side="", curvature=0.0, **matter):
         soft = Matter(**matter) if matter else None
-        monkeypatch.setattr(live, "choice_of", lambda *_: SimpleNamespace(soft=soft))
+        choice = Choice(antiosc.Hertz(1e9), "", soft, curvature=curvature)
+        monkeypatch.setattr(live, "choice_of", lambda *_: choice)
         monkeypatch.setattr(live, "weaker_side", lambda _: side)
         return live._end_of_law(hit)
 
@@ -147,3 +149,4 @@ def test_advice_on_the_law_does_not_ask_for_what_is_given(monkeypatch):
     assert "striker" in ending("the striker's POM", **table)
     assert live.OWN_STRENGTH not in ending("the striker", **constants)
     assert ending() == ""  # none yields: there is no strength to give
+    assert "pressed in by 0.1 of its radius" in ending(curvature=100.0, **table)

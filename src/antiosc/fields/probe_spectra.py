@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.cfc import CLASSES, PASSED
 from antiosc.base.errors import AccuracyWarning, InputError, warn, warnings_to, without_warnings
-from antiosc.base.texts import ReprMixin, engineering
+from antiosc.base.texts import ReprMixin, engineering, percent, range_text
 from antiosc.fem.platform import on_root
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields.probe import probe
@@ -67,6 +68,7 @@ class ProbeSpectra(ReprMixin):
     resolved : frequency in Hz up to which the model has the natural modes of its mesh or matrices;
         None if it is not known.
     error : relative error of the largest value that the filter passes; None if not estimated.
+    asked : frequencies in Hz whose values are told besides.
     """
 
     spectra: Mapping[str, ShockSpectrum]
@@ -74,6 +76,7 @@ class ProbeSpectra(ReprMixin):
     filter: str | None = None
     resolved: float | None = None
     error: ProbeError | None = None
+    asked: tuple[float, ...] = ()
 
     @property
     def component(self) -> str:
@@ -112,7 +115,57 @@ class ProbeSpectra(ReprMixin):
         error = "" if self.error is None else f" {self.error}"
         value, frequency = engineering(n["value"], "m/s²", 4), engineering(n["frequency"], "Hz")
         largest = f"{self._seen}: largest {value}{error} at {frequency}{self._limits()}"
-        return f"shock response spectrum (Q = {n['Q']:g}) {largest}"
+        told = "".join(f"; {self._told_at(frequency)}" for frequency in self.asked)
+        return f"shock response spectrum (Q = {n['Q']:g}) {largest}{told}"
+
+    def at(self, frequency: float) -> dict[str, Any]:
+        """The value at a frequency in Hz, of the component with the largest one there.
+
+        Returns
+        -------
+        dict
+            `frequency`, `component`, `value` and its absolute `bar` in m/s² (None without one),
+            interpolated between the frequencies of the spectrum.
+
+        Raises
+        ------
+        InputError
+            A frequency outside of the spectrum.
+        """
+        frequency = checks.positive("frequency", frequency)
+        known = self.largest.frequency
+        if not known[0] <= frequency <= known[-1]:
+            ends = range_text(known[0], known[-1], "Hz")
+            asked = engineering(frequency, "Hz")
+            raise InputError(f"the shock response spectrum has {ends}: {asked} is outside.")
+
+        def there(values: Array) -> float:
+            return float(np.interp(np.log(frequency), np.log(known), values))
+
+        values = {name: there(one.maximax) for name, one in self.spectra.items()}
+        component = max(values, key=lambda name: values[name])
+        bar = self.spectra[component].bar
+        return {
+            **{"frequency": frequency, "component": component, "value": values[component]},
+            **{"unit": "m/s²", "bar": None if bar is None else there(bar)},
+        }
+
+    def _told_at(self, frequency: float) -> str:
+        """The value at a frequency, in words."""
+        of = f"at {engineering(frequency, 'Hz')}"
+        try:
+            known = self.at(frequency)
+        except InputError as error:
+            return f"{of} not known: {str(error).rstrip('.')}"
+        share = (
+            "no error bar"
+            if known["bar"] is None
+            else f"± {percent(known['bar'] / known['value'])}"
+        )
+        above = ", above what the model has" * (frequency > (self.resolved or np.inf))
+        return (
+            f"{of} {engineering(known['value'], 'm/s²', 4)} ({share}){above}, {known['component']}"
+        )
 
     @property
     def _seen(self) -> str:
@@ -149,11 +202,14 @@ class ProbeSpectra(ReprMixin):
         if error is not None:
             shares |= {"truncation": error.truncation, "mesh": error.mesh, "force": error.force}
             shares["error"] = None if error.force is None else float(error)
+        inside = spectrum.frequency[[0, -1]]
+        asked = [self.at(one) for one in self.asked if inside[0] <= one <= inside[1]]
         return {
             **{"component": self.component, "value": float(spectrum.maximax[k]), "unit": "m/s²"},
             **{"frequency": float(spectrum.frequency[k]), "Q": spectrum.Q},
             **{"resolved": self.resolved, "filter": self.filter, "passed": self.passed},
             **shares,
+            **({"at": asked} if self.asked else {}),
         }
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:

@@ -15,11 +15,11 @@ from antiosc.engine.contact import ContactLaw
 from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.engine.contact.peak_error import (
-    LARGEST_STRAIN,
+    by_strain,
     elastic_strain,
+    largest_strain,
     mean_strain_rate,
     other_strengths,
-    strain_share,
 )
 from antiosc.engine.contact.surfaces import Surface
 from antiosc.impact.histories import History
@@ -57,14 +57,9 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     choice = choice_of(raw.law, raw.model, raw.impactor)
     if choice is None:
         return NO_ERROR, GIVEN
-    if choice.unknown and not isinstance(choice.law, YangSun):
-        return None, f"{NOT_KNOWN}{choice.unknown}."
-    strain = elastic_strain(choice, raw.peak_force, raw.deepest)
-    if strain > LARGEST_STRAIN:
-        return None, (
-            f"{NOT_KNOWN}the contact is pressed in by {strain:.2g} of its radius, and "
-            f"the error of its elastic law is known up to {LARGEST_STRAIN:g} (a blunter striker)."
-        )
+    reasons = _reasons(raw, choice)
+    if reasons:
+        return None, f"{NOT_KNOWN}{'; '.join(reasons)}."
     total = dict(NO_ERROR)
     try:
         changed_laws = [list(cause) for cause in causes(raw, choice)]
@@ -77,11 +72,26 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     return with_floor(total), ""
 
 
+def _reasons(raw: History, choice: Choice) -> list[str]:
+    """Why the error of the law is not known; [] where it is."""
+    reasons = []
+    if choice.unknown and not isinstance(choice.law, YangSun):
+        reasons.append(choice.unknown)
+    strain = elastic_strain(choice, raw.peak_force, raw.deepest)
+    largest = largest_strain(choice)
+    if strain > largest:
+        reasons.append(
+            f"the contact is pressed in by {strain:.2g} of its radius, and the error of its elastic"
+            f" law is known up to {largest:g} (a blunter striker)"
+        )
+    return reasons
+
+
 def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     """Yield the changed laws for each cause of an error of the law."""
     yield list(_by_curvature(raw, choice.law))
     strain = elastic_strain(choice, raw.peak_force, raw.deepest)
-    yield _by_strain(choice.law, strain)
+    yield _scaled(choice.law, by_strain(choice, strain))
     law = choice.law
     soft = choice.soft
     if isinstance(law, YangSun):
@@ -138,24 +148,16 @@ def _by_damage(law: YangSun, deepest: float) -> list[ContactLaw]:
     return [replace(law, critical=share * deepest) for share in (LEAST_CRITICAL, 1.0)]
 
 
-def _by_strain(law: ContactLaw, strain: float) -> list[ContactLaw]:
-    """The elastic law with forces changed by the effect of large strains."""
-    share = strain_share(strain)
-    if share:
-        return _scaled(law, share)
-    return []
-
-
 def _by_error(law: ElasticPlastic, depth: float, elliptic: float) -> list[ContactLaw]:
     """The law with all forces changed by its error at a depth [m] plus the error of an elliptic
     contact.
     """
-    return _scaled(law, min(GROWS * law.error_at(depth)[0] + elliptic, MOST))
+    share = min(GROWS * law.error_at(depth)[0] + elliptic, MOST)
+    return _scaled(law, (1 - share, 1 + share))
 
 
-def _scaled(law: ContactLaw, share: float) -> list[ContactLaw]:
-    """The law with all forces smaller and larger by `share`; none if a law cannot be scaled."""
-    factors = 1 - share, 1 + share
+def _scaled(law: ContactLaw, factors: Sequence[float]) -> list[ContactLaw]:
+    """The law with all forces changed by each factor; none if a law cannot be scaled."""
     if isinstance(law, ElasticPlastic):
         return [
             replace(law, modulus=factor * law.modulus, yield_strength=factor * law.yield_strength)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
@@ -519,17 +519,26 @@ def probe_times(history: History) -> Array:
 OF_PLACE = ("point", "node", "part", "snap")
 
 
+#: The key srs of a probe: whether its spectrum is made, or at which frequencies in Hz it is told.
+SpectrumKey: TypeAlias = bool | float | Sequence[float]
+
+
 def place_of(probe: Call) -> dict[str, Any]:
     """The arguments of a probe that are its place."""
     return {key: probe.arguments[key] for key in OF_PLACE if key in probe.arguments}
 
 
 def shock(
-    structure: Structure, history: History, name: str, quantity: str, **asked: Any
+    structure: Structure,
+    history: History,
+    name: str,
+    quantity: str,
+    told_at: SpectrumKey,
+    **asked: Any,
 ) -> ProbeSpectra:
     """The shock response spectra of a probe, from its velocity also if it is an acceleration.
 
-    `name`, `quantity`: those of the probe. Times of a scene are taken as they are.
+    `name`, `quantity`, `told_at`: those of the probe. Times of a scene are taken as they are.
     """
     with finite_element_packages():
         from antiosc.extension import spectra_at
@@ -538,7 +547,14 @@ def shock(
         found = spectra_at(structure, history, **asked)
     for message in messages:
         warn(Message(f"probe {name}: {message}", AccuracyWarning))
-    return found
+    return replace(found, asked=_told_at(told_at))
+
+
+def _told_at(wanted: SpectrumKey) -> tuple[float, ...]:
+    """The frequencies [Hz] of the key srs, which is true, one of them, or several."""
+    if isinstance(wanted, bool):
+        return ()
+    return tuple(np.ravel(wanted).tolist())
 
 
 def set_requested(build: Builder, compiled: CompiledScene) -> None:
@@ -552,9 +568,11 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
     spectra: dict[str, Call] = {}
     for name, probe in build.named("probes", arguments).items():
         keys = dict(probe.arguments)
-        if keys.pop("srs", False):
-            _check_quantity(build, name, keys.get("quantity", "displacement"))
-            spectra[name] = replace(probe, make=shock, arguments={"name": name, **keys})
+        wanted = keys.pop("srs", False)
+        if wanted is not False:
+            _check_srs(build, name, keys.get("quantity", "displacement"), wanted)
+            keys_of_shock = {"name": name, "told_at": wanted, **keys}
+            spectra[name] = replace(probe, make=shock, arguments=keys_of_shock)
         probes[name] = replace(probe, arguments={"times": times, **keys})
     compiled.probes, compiled.spectra = probes, spectra
     meshed = compiled.history is not None and source(build) in MESHED.split()
@@ -566,8 +584,13 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
         compiled.stresses = Call(by_strengths, arguments)
 
 
-def _check_quantity(build: Builder, name: str, quantity: object) -> None:
-    """Note a shock response spectrum of a quantity that has none."""
+def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
+    """Note a shock response spectrum of a quantity that has none, and wrong frequencies."""
+    if any(frequency <= 0 for frequency in _told_at(wanted)):
+        build.note(
+            ("probes", name, "srs"),
+            f"[probes.{name}] srs = {wanted}: give frequencies above 0 Hz, or true.",
+        )
     if quantity not in ("acceleration", "velocity"):
         build.note(
             ("probes", name, "srs"),

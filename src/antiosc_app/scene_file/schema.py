@@ -212,8 +212,9 @@ class Parameter:
 FURTHER = {
     "probe": (
         Parameter(
-            "srs", (FLAG,), False, False,
-            "whether the shock response spectrum (Q = 10) of an acceleration or velocity is added",
+            "srs", (FLAG, NUMBER, NUMBERS), False, False,
+            "whether the shock response spectrum (Q = 10) of an acceleration or velocity is added; "
+            "a frequency in Hz, or several: with its values there",
         ),
     ),
 }  # fmt: skip

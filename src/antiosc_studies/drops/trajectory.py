@@ -20,9 +20,9 @@ from antiosc.engine.contact.choice import Choice
 from antiosc.engine.contact.dent import rim_radius
 from antiosc.engine.contact.geometry import effective_modulus, hertz_stiffness, relative_curvatures
 from antiosc.engine.contact.peak_error import (
-    LARGEST_STRAIN,
     LEAST_STRAIN,
     error_of_peak,
+    largest_strain,
     mean_strain_rate,
 )
 from antiosc.engine.contact.surfaces import Matter
@@ -573,14 +573,18 @@ class PointContact(NamedTuple):
         """Relative error of the force by its law; None if unknown."""
         if self.blunt is not None:
             return hypot(*self.shares(floor).values())
-        choice = Choice(
+        return error_of_peak(self.choice(body, floor), self.force, self.contact_time)
+
+    def choice(self, body: FreeBody, floor: Floor) -> Choice:
+        """The law with what its error depends on."""
+        return Choice(
             self.law,
             "",
             self._soft(floor),
             _unknown(body, floor, self.which),
             curvature=self.curvature,
+            soft_ball=bool(body.materials[self.which][0] <= floor.face.matter.E),
         )
-        return error_of_peak(choice, self.force, self.contact_time)
 
     def shares(self, floor: Floor) -> dict[str, float]:
         """Relative errors of the force of a sharp vertex by their causes; {} of other contacts."""
@@ -773,9 +777,10 @@ def _law_error(
         return "the error of that force is not known: give part and floor a yield strength"
     error = contact.error(body, floor) if bar is None else bar
     if error is None:
+        largest = largest_strain(contact.choice(body, floor))
         return (
-            f"the force's error is known up to {LARGEST_STRAIN:g} of it: take a larger corner "
-            "radius, or a soft layer on the floor"
+            f"the force's error is known up to {largest:g} of it: take a larger corner radius, or a"
+            " soft layer on the floor"
         )
     if contact.blunt is not None:
         return f"that force may be off by {percent(error)}"

@@ -19,7 +19,7 @@ a corner is an assumption, whose error no error bar covers.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import acos, degrees, exp, inf, pi, sqrt
 
 from antiosc.base import checks
@@ -35,7 +35,7 @@ from antiosc.engine.contact.geometry import (
 )
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, Linear, YangSun
 from antiosc.engine.contact.line import line_law
-from antiosc.engine.contact.surfaces import RIGID, Matter, Surface
+from antiosc.engine.contact.surfaces import RIGID, RUBBER_E, RUBBER_NU, Matter, Surface
 
 #: Loss factor from which a contact of a material that does not yield is damped: below it the
 #: restitution exp(-pi loss/2) is above 0.97.
@@ -71,6 +71,7 @@ class Choice:
     shares : smallest and largest possible `elastic_share`; None if it is exact.
     error : relative error of the force, due to the circle in place of an elliptic contact.
     curvature : the larger relative curvature of both surfaces [1/m], for a contact at a point.
+    soft_ball : whether the rounder side is the softer one, as a rubber tip on steel.
     """
 
     law: ContactLaw
@@ -80,6 +81,7 @@ class Choice:
     shares: tuple[float, float] | None = None
     error: float = 0.0
     curvature: float = 0.0
+    soft_ball: bool = False
 
     @property
     def reason(self) -> str:
@@ -125,6 +127,12 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if A <= NO_CURVATURE * B:
         return _line(one, other, modulus, B)
     shape = "" if A == B else ", elliptic"
+    if any(m.rubbery and not m.brittle for m in materials):
+        softest = engineering(RUBBER_E, "Pa")
+        shape += f", with a rubber (E up to {softest}, nu from {RUBBER_NU:g}), which does not yield"
+    rounder, flatter = sorted((one, other), key=lambda surface: -surface.curvatures[1])
+    is_soft = rounder.matter.E <= flatter.matter.E
+    at_point = partial(Choice, curvature=2 * B, soft_ball=is_soft)
     soft = min(materials, key=_strength)
     laminate = next((m for m in materials if m.critical is not None), None)
     if laminate is not None and laminate.critical is not None:
@@ -135,14 +143,14 @@ def choose(one: Surface, other: Surface, restitution: float | None = None) -> Ch
     if restitution is not None and restitution < 1:
         kind = f"elastic{shape}, with the restitution {restitution:.3g}"
         damped = Gonthier(hertz_stiffness(modulus, A, B), restitution)
-        return Choice(damped, kind, None, doubt, curvature=2 * B)
+        return at_point(damped, kind, None, doubt)
     if soft.yield_strength is None:
         hertz = Hertz(hertz_stiffness(modulus, A, B))
-        return Choice(hertz, f"elastic{shape}", None, doubt, curvature=2 * B)
+        return at_point(hertz, f"elastic{shape}", None, doubt)
     circle = equivalent_circle(modulus, A, B)
     share, shares = _elastic_share(soft, materials[soft is materials[0]], modulus)
     law = ElasticPlastic(circle.modulus, circle.radius, soft.yield_strength, soft.nu, share)
-    return Choice(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error, 2 * B)
+    return at_point(law, f"elastoplastic{shape}", soft, doubt, shares, circle.error)
 
 
 def _in_a_hollow(one: Surface, other: Surface) -> str:

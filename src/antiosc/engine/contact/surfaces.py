@@ -12,6 +12,10 @@ from antiosc.base import checks, materials
 from antiosc.base.errors import InputError
 from antiosc.engine.contact.curvature import CURVED, PLANE
 
+#: Largest Young's modulus [Pa] and least Poisson's ratio of a rubber; the softest plastics that
+#: yield, polyethylenes of low density, have 100 MPa and more.
+RUBBER_E, RUBBER_NU = 60e6, 0.45
+
 
 @dataclass(frozen=True)
 class Matter:
@@ -50,7 +54,12 @@ class Matter:
     @property
     def known(self) -> bool:
         """Whether the onset of yield is known, or known not to occur."""
-        return self.rigid or self.brittle or self.yield_strength is not None
+        return self.rigid or self.brittle or self.rubbery or self.yield_strength is not None
+
+    @property
+    def rubbery(self) -> bool:
+        """Whether its elastic constants are those of rubber, which does not yield."""
+        return self.E <= RUBBER_E and self.nu >= RUBBER_NU and self.yield_strength is None
 
     def strengths_at(self, strain_rate: float) -> tuple[float, float]:
         """Lower and upper bound of the yield strength [Pa] at a strain rate [1/s].
