@@ -91,7 +91,7 @@ def tried(kind: str, rng: np.random.Generator, folder: Path) -> tuple[float, flo
     duration = 1.2 * np.pi * np.sqrt(mass / model.k0)
     striker, law = ao.RigidMass(mass, velocity=speed), ao.Power(k, 1.5)
     run = partial(ao.simulate, impactor=striker, contact=law, duration=duration)
-    energy = second_order._energy_of_solid(part, run(model))
+    energy = second_order.energy_of_solid(part, run(model))
     full = Full(part, site)
     _, force, moved = full.impact(mass, speed, k, duration, STEPS)
     nothing = scipy.sparse.csr_matrix(full.K.shape)

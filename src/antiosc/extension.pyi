@@ -141,7 +141,6 @@ from antiosc.impact.histories.energy import (
     impulses as impulses,
 )
 from antiosc.impact.histories.linear_theory import (
-    hopeless_text as hopeless_text,
     is_far as is_far,
     may_stretch as may_stretch,
     taken_as_linear as taken_as_linear,

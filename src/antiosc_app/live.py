@@ -64,7 +64,6 @@ from antiosc.extension import (
     by_hertz,
     contact_time_note,
     hardest,
-    hopeless_text,
     left_out_text,
     low_band,
     out_of_reach,
@@ -523,7 +522,7 @@ def cautions_of(
     """What must be read before the numbers of an impact, on the page, in a report and of a run."""
     several = isinstance(hit, SceneHistory)
     cautions = [
-        "" if several else capitalised(hopeless_text(hit).replace("'structure'", "the part")),
+        "" if several else capitalised(hit.assembly.hopeless.replace("'structure'", "the part")),
         "" if several else piercing(hit.model, hit.impactor),
         "" if several else rough(hit, budget),
         "" if several else hit.unfinished,

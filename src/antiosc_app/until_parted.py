@@ -17,7 +17,6 @@ from antiosc.base.errors import ChoiceWarning, RangeError, warn, warnings_to
 from antiosc.base.texts import engineering, percent, rounded_up
 from antiosc.extension import (
     enough_radius,
-    hopeless_text,
     is_far,
     may_stretch,
     out_of_reach,
@@ -102,7 +101,7 @@ def until_parted(
             choice = choice._replace(radius=rounded_up(error.radius))
             continue
         hit = hit_of(result)
-        if hopeless_text(hit):
+        if hit.assembly.hopeless:
             if choice.keeps_duration or choice.duration >= longest or parted(hit):
                 break
             choice = choice._replace(duration=min(2 * choice.duration, longest))

@@ -219,6 +219,8 @@ class Assembly:
     stretch_settled : whether more of them would change the results by no more than the tolerance.
     stretch_left_out : energy of second-order strain at the largest force over the linear energy, of
         a solid that is taken as linear because it is small; 0.0 for others.
+    hopeless : sentence on a linear run whose second-order strain has so much energy that neither
+        theory holds; "" for others.
     """
 
     parts: Callable[[], Parts]
@@ -234,6 +236,7 @@ class Assembly:
     stretch_effect: float = field(default=0.0, kw_only=True)
     stretch_settled: bool = field(default=True, kw_only=True)
     stretch_left_out: float = field(default=0.0, kw_only=True)
+    hopeless: str = field(default="", kw_only=True)
 
     @cached_property
     def _parts(self) -> Parts:

@@ -51,7 +51,6 @@ from antiosc.impact.histories.bars import (
     ErrorBudget,
     Rebound,
 )
-from antiosc.impact.histories.linear_theory import hopeless_text
 from antiosc.impact.law_error import ByLaw, law_errors
 from antiosc.impact.shell_error import SAFETY_SHELL, inexact_shell
 from antiosc.impact.stretching import (
@@ -297,7 +296,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     if not hit.contacts:
         by_quantity = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
         return ErrorBudget(by_quantity, 0.0, ("The bodies did not touch: nothing has a bar.",))
-    if hopeless := hopeless_text(hit):
+    if hopeless := hit.assembly.hopeless:
         bars_without = {name: _no_bar(getattr(hit, name)) for name in QUANTITIES}
         no_mesh = capitalised(hopeless.replace("'structure'", "the part"))
         return ErrorBudget(bars_without, 0.0, unknown=("mesh",), no_mesh=no_mesh)

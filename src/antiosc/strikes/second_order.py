@@ -58,7 +58,7 @@ def simulated(structure: Structure, model: AntiOscillators, run: Run[H]) -> H:
     with _collected_warnings() as warnings:
         linear = run(model)
     if model.stretch is None and asks_for_stretch(linear):
-        energy = _energy_of_solid(structure, linear)
+        energy = energy_of_solid(structure, linear)
         of_any = energy if energy < inf or not is_far(linear) else _energy(structure, linear)
         if energy <= SLIGHT_ENERGY or HOPELESS < of_any < inf:
             linear, warnings = _left_out(linear, warnings, of_any)
@@ -80,11 +80,13 @@ def _left_out(linear: H, warnings: list[str], energy: float) -> tuple[H, list[st
     """(run, its warnings) without second-order strain, whose `energy` is so little that none says
     that it deflects beyond linear theory; or so much that one says that nothing holds.
     """
-    linear.assembly.stretch_left_out = energy
-    sentence, hopeless = large_deflection_message(linear), hopeless_text(linear)
+    sentence = large_deflection_message(linear)
     message = linear.message.replace(f" {sentence}", "") if sentence else linear.message
     told = [told for told in warnings if told != sentence]
-    if hopeless:
+    if energy <= HOPELESS:
+        linear.assembly.stretch_left_out = energy
+    else:
+        hopeless = linear.assembly.hopeless = hopeless_text(linear, energy)
         message = f"{message} {hopeless}"
         told.append(Message(hopeless, AccuracyWarning))
     return replace(linear, message=message), told
@@ -109,7 +111,7 @@ def stretching(structure: Structure, model: AntiOscillators) -> AntiOscillators:
         return model
 
 
-def _energy_of_solid(structure: Structure, linear: History) -> float:
+def energy_of_solid(structure: Structure, linear: History) -> float:
     """Energy of second-order strain over the linear one in a solid, the larger one of the instants
     of the largest force and of the largest deflection of a linear run; inf for other parts.
     """

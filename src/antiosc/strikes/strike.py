@@ -391,6 +391,7 @@ def corrected(
     if model.strain_misfit is None:  # a shell's corrected model is not always nearer
         soft = run(model.corrected(), accuracy)
         soft.assembly.stretch_left_out = hit.assembly.stretch_left_out
+        soft.assembly.hopeless = hit.assembly.hopeless
         budget = budget.of_corrected(soft)
     return Answer(structure, hit, soft, budget, n, clock() - start_time)
 

@@ -605,8 +605,8 @@ def by_strengths(structure: Structure, history: History) -> dict[str, PeakField]
     an impact whose numbers do not hold.
     """
     with finite_element_packages():
-        from antiosc.extension import criteria_of, hopeless_text
-    if hopeless_text(history):
+        from antiosc.extension import criteria_of
+    if history.assembly.hopeless:
         return {}
 
     def field(name: str) -> PeakField:

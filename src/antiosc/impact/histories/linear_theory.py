@@ -124,7 +124,7 @@ def linear_texts(history: RunHistory) -> Iterator[str]:
     """Sentences on sheets and thin solids whose linear model stands, though not far below its
     limit.
     """
-    if hopeless_text(history):
+    if history.assembly.hopeless:
         return
     if left_out := history.assembly.stretch_left_out:
         yield (
@@ -224,13 +224,10 @@ def may_stretch(history: RunHistory) -> bool:
     return stretch_estimate(history) > SLIGHT_CHANGE
 
 
-def hopeless_text(history: RunHistory) -> str:
-    """Sentence on a linear run whose second-order strain has so much energy that a few modes do not
-    hold it; "" of others.
+def hopeless_text(history: RunHistory, energy: float) -> str:
+    """Sentence on a linear run whose second-order strain has this energy, over that of linear
+    strain: so much that a few modes do not hold it.
     """
-    energy = history.assembly.stretch_left_out
-    if not energy > HOPELESS:
-        return ""
     name, w, h = max(
         ((name, deflection(history, name), h) for name, _, h in _sheets(history)),
         key=lambda found: found[1] / found[2],
