@@ -91,7 +91,7 @@ from antiosc_app.words import of_scenes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from antiosc import Drops, Fall, PeakField, ProbeSpectra, Sample, Structure
+    from antiosc import Drops, Fall, Peak, PeakField, ProbeSpectra, Sample, Structure
     from antiosc_studies.drops.fall import WorstField
 
 
@@ -1196,7 +1196,7 @@ def _fall(results: SceneResults) -> Presentation:
         (
             f"accelerometer {name}",
             f"at most {plain(peak.g, 4)} g ({accelerometers[name].get('filter', 'unfiltered')}),"
-            f" in impact {peak.impact + 1}",
+            f" in impact {peak.impact + 1}{_bar_of_reading(fall, peak) if is_single else ''}",
         )
         for name, peak in peaks.items()
     ]
@@ -1253,16 +1253,32 @@ def _fall_text(fall: Fall, worst: WorstField | None) -> list[str]:
 
 #: Name of the column of the largest accelerations of the centre of mass.
 SHOCKS = f"centre of mass in g, {SHOCK_FILTER}"
+BARE_SHOCKS = "in g, unfiltered"
+
+
+def _bar_of_reading(fall: Fall, peak: Peak) -> str:
+    """The bar of the largest reading of an accelerometer in a fall, as the end of a sentence."""
+    by_force = fall.impacts[peak.impact].law_error
+    if by_force is None:
+        return " (no error bar: that of the force is not known)"
+    return f" (± {percent(by_force)} by the force; that by the part's motions is not known)"
 
 
 def _dents_and_shocks(fall: Fall) -> Columns:
     """The deepest dent of each impact, and the acceleration of the centre of mass."""
-    return {"dent (m)": fall.dents, SHOCKS: np.array([peak.g for peak in fall.shocks])}
+    shocks = _shocks(fall).items()
+    return {"dent (m)": fall.dents} | {name: np.array([one.g for one in p]) for name, p in shocks}
+
+
+def _shocks(fall: Fall) -> dict[str, tuple[Peak, ...]]:
+    """Heading -> accelerations of the centre of mass; without a filter only where that cuts one."""
+    return {SHOCKS: fall.shocks} | ({BARE_SHOCKS: fall.bare_shocks} if fall.is_cut else {})
 
 
 def _dents_and_shocks_told(fall: Fall) -> Columns:
-    """The same for a reader: the acceleration with the digits that its force has."""
-    return _dents_and_shocks(fall) | {SHOCKS: [plain(peak.g, 3) for peak in fall.shocks]}
+    """The same for a reader: the accelerations with the digits that their force has."""
+    told = {name: [plain(one.g, 3) for one in peaks] for name, peaks in _shocks(fall).items()}
+    return _dents_and_shocks(fall) | told
 
 
 def narrow_table(fall: Fall, worst: WorstField | None = None) -> Columns:

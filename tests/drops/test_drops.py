@@ -181,6 +181,10 @@ def test_the_acceleration_of_the_centre_of_mass_is_told() -> None:
         whole = fall.peak_force / BALL.mass / 9.80665
         assert (abs(in_g / whole - 1) < 0.02) == passed
         assert (f"({plain(whole, 3)} g unfiltered" in told) != passed
+        columns = results.narrow_table(fall)
+        assert (columns.get("in g, unfiltered") == [plain(whole, 3)]) != passed
+        time = np.pi * fall.impacts[0].impulse / BALL.mass / (2 * whole * 9.80665)
+        assert f"is a half-sine pulse of {plain(whole, 3)} g and {engineering(time, 's')}" in told
         assert in_g < 1.02 * whole
         assert "through CFC1000, in impact 1" in told
 

@@ -347,6 +347,7 @@ def test_a_yield_strength_has_its_verdict(
     assert page.index("The contact yields: a dent") < page.index("which itself yields")
     (by_law,) = set(re.findall(r"that force may be off by ([\d.]+) %", page))
     (bar,) = set(re.findall(r"<dd[^>]*>[\d.]+ k?N ± ([\d.]+) %", page))
+    assert f"in impact 1 (± {bar} % by the force; that by" in page
     assert bar == by_law
     margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
     assert "outside 3 radii of the contact" in margin["sentence"]

@@ -284,6 +284,17 @@ class Fall(Trajectory, Result):
         return tuple(self._strongest(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
 
     @cached_property
+    def bare_shocks(self) -> tuple[Peak, ...]:
+        """The same without a filter."""
+        return tuple(self._strongest(k, None, None) for k in range(len(self.impacts)))
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether an impact is shorter than the filter passes, which takes a share of its peak."""
+        pairs = zip(self.shocks, self.bare_shocks, strict=True)
+        return any(bare.g > CUT * peak.g for peak, bare in pairs)
+
+    @cached_property
     def dents(self) -> Array:
         """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
         known: along lines, on soft layers, without a yield strength.
@@ -429,13 +440,15 @@ class Fall(Trajectory, Result):
         bar = " (no error bar: that of the force is not known)"
         if by_force is not None:
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
-        bare = max(self._strongest(k, None, None).g for k in range(len(self.groups)))
-        cut = f" ({plain(bare, 3)} g unfiltered: the blow is shorter than the filter passes)"
+        bare = max(self.bare_shocks, key=float)
+        cut = f" ({plain(bare.g, 3)} g unfiltered: the blow is shorter than the filter passes)"
+        _, duration = self.half_sine(impact=bare.impact)
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
-            f" impact {peak.impact + 1}{cut * (bare > CUT * peak.g)}: all forces over the mass, as"
-            " of a rigid part; the g of a"
-            " point of the part are those of an accelerometer there (in a scene:"
+            f" impact {peak.impact + 1}{cut * self.is_cut}: all forces over the mass,"
+            f" as of a rigid part; impact {bare.impact + 1} is a half-sine pulse of"
+            f" {plain(bare.g, 3)} g and {engineering(duration, 's')}; the g"
+            " of a point of the part are those of an accelerometer there (in a scene:"
             " [accelerometers.NAME])"
         )
 
