@@ -17,7 +17,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial, reduce
 from itertools import count
@@ -426,7 +426,10 @@ class Opened:
             return told | {"warnings": texts}
 
         self._count(1)
-        return self._work.submit(run_work).result()
+        try:
+            return self._work.submit(run_work).result()
+        except CancelledError:  # the program ends
+            return {"stale": True}
 
     def _count(self, change: int) -> None:
         """Change the number of calls that wait for the computing thread."""

@@ -579,11 +579,15 @@ def test_work_ends_at_its_next_step_when_the_page_is_closed(step):
                 begun.set()
                 time.sleep(0.01)
 
-    with ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(2) as pool:
         answer = pool.submit(one._computed, endless)
         assert begun.wait(10)
+        waits = pool.submit(one._computed, endless)
+        while one._work._work_queue.empty():
+            time.sleep(0.01)
         one.close()
-        assert answer.result(timeout=10) == {"stale": True}
+        for answered in (answer, waits):
+            assert answered.result(timeout=10) == {"stale": True}
 
 
 @pytest.mark.slow

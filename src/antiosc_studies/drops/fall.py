@@ -67,6 +67,11 @@ FLAT = 0.1
 CUT = 1.1
 #: Rotation of the start [rad] by which the predictability is tested.
 NUDGE = 1e-4
+#: Is told where the hardest impact is not the first.
+LATER = (
+    "the hardest impact is not the first: its numbers and bars are those of this attitude alone,"
+    " and a degree of tilt may change them by more (by how much, falls of drawn tilts tell: ensemble)"
+)
 #: Largest relative change of a peak force that counts as predictable.
 SPREAD = 0.05
 
@@ -421,6 +426,7 @@ class Fall(Trajectory, Result):
             rigid,
             f"the floor has a coefficient of friction of {friction} (friction)",
             self._shock,
+            LATER * bool(self.hardest),
             self.contact_verdict,
             self._strained,
             self._cracks,
