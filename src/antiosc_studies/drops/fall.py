@@ -70,7 +70,7 @@ NUDGE = 1e-4
 #: Is told where the hardest impact is not the first.
 LATER = (
     "the hardest impact is not the first: its numbers and bars are those of this attitude alone,"
-    " and a degree of tilt may change them by more (falls of drawn tilts tell by how much: ensemble)"
+    " and a degree of tilt may change them by more (falls of drawn tilts tell how much: ensemble)"
 )
 #: Largest relative change of a peak force that counts as predictable.
 SPREAD = 0.05
