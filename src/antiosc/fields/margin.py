@@ -86,6 +86,14 @@ NO_STRENGTH = "the material has no yield strength to compare it with"
 EXACT = " (taken as exact: no range was given)"
 
 
+class Largest(NamedTuple):
+    """The largest value of a field, its point [m] and time [s]."""
+
+    value: float
+    point: Array
+    time: float
+
+
 class Away(NamedTuple):
     """Least and largest distance [m] from sharp edges and supports, and which of both there are."""
 
@@ -141,6 +149,8 @@ class Margin(ReprMixin):
     asked : number of balls that were asked for.
     sharp : the worst point at sharp inner edges and rigid supports, if these are left out and have
         points outside the balls; `away` : least and largest distance from them, m, and their names.
+    largest : the largest value where `value` with its `spread` is that of another place, which has
+        less; None where it is `value`.
     spread : error of the value (in its unit) since a patch of another radius than the contact
         spreads its force; it is added to the value in the exposure and in the margin.
     edge_stress : largest stress on the surfaces of the balls by Hertz's pressure on a half-space,
@@ -178,6 +188,7 @@ class Margin(ReprMixin):
     contact: bool = False
     beyond: Array = field(default_factory=lambda: np.zeros((0, 4)))
     nearer: Margin | None = None
+    largest: Largest | None = None
     spread: float = 0.0
     edge_stress: float = 0.0
     thin_stress: float = 0.0
@@ -373,7 +384,7 @@ class Margin(ReprMixin):
     @property
     def _place(self) -> str:
         """Place and time of the worst point: "at (1, 2, 3) mm, 809 µs"."""
-        place = f"at {point_text(self.point)}, {engineering(self.time, 's')}"
+        place = _at(self.point, self.time)
         if len(self.spans) > 1:
             place += f", by impact {self.impact}"
         if self.layer is None:
@@ -398,11 +409,10 @@ class Margin(ReprMixin):
             exposure = f"{self.exposure:.3g}, {self._place}; margin of safety {self.margin:.3g}"
             return f"the largest exposure{there} by {name} is {exposure}"
         strength = engineering(self.strength, "Pa")
-        if self.strength_range is not None:
-            low, high = (engineering(bound, "Pa") for bound in self.strength_range)
-            strength += f" ({low} to {high})"
-        else:
+        if self.strength_range is None:
             strength += EXACT
+        elif self.strength_range[0] < self.strength_range[1]:
+            strength += f" ({_range_of(*self.strength_range)})"
         name, of_strength = STRESSES[self.criterion]
         return (
             f"the largest {name}{there}, {self._stress}, is {self.exposure:.3g} of the"
@@ -423,7 +433,11 @@ class Margin(ReprMixin):
         stress, of_model = (engineering(stress, "Pa") for stress in (self.stress, self.value))
         if self.at_edge:
             distance = f"{CONTACT_RADII:g} radii of the contact"
-            by_mesh = f"farther away, by the mesh, up to {of_model} {self._place}"
+            place = self._place
+            if self.largest is not None:
+                of_model = engineering(self.largest.value, "Pa")
+                place = _at(self.largest.point, self.largest.time)
+            by_mesh = f"farther away, by the mesh, up to {of_model} {place}"
             return f"{stress} at {distance} by Hertz's pressure on a half-space ({by_mesh})"
         if stress == of_model:
             return f"{stress} {self._place}"
@@ -454,6 +468,11 @@ class Margin(ReprMixin):
 
     def _facts(self) -> list[tuple[str, str]]:
         return [(self.criterion, self.sentence)]
+
+
+def _at(point: Array, time: float) -> str:
+    """Place and time of a stress: "at (1, 2, 3) mm, 809 µs"."""
+    return f"at {point_text(point)}, {engineering(time, 's')}"
 
 
 def _range_of(*ends: float) -> str:
@@ -617,7 +636,14 @@ def margin_of(
     side = str(places[k].surface) if places[k].layer is not None else None
     stress_and_strength = float(values[k]), float(strengths[k])
     at = points[k], float(times[k])
-    return Margin(criterion, *stress_and_strength, *at, layer, side, spread=float(spread[k]), row=k)
+    worst = Margin(
+        criterion, *stress_and_strength, *at, layer, side, spread=float(spread[k]), row=k
+    )
+    most = int(np.nanargmax(values / strengths))
+    if values[most] > values[k]:
+        largest = Largest(float(values[most]), points[most], float(times[most]))
+        worst = replace(worst, largest=largest)
+    return worst
 
 
 def is_within(points: Array, balls: Array) -> NDArray[np.bool_]:

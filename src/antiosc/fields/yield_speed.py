@@ -50,6 +50,9 @@ EXTRAPOLATED = 3.0
 MOST_PLACES, SAME = 5, 1.05
 #: Times at which a stress is evaluated besides those of the history.
 TIMES = 2000
+#: Times at which it is evaluated at once: a rattling run of 536 000 steps with 152 motions took
+#: 15 GB in one piece.
+AT_ONCE = 8192
 #: Name of the struck part of an impact of two bodies.
 PART = "structure"
 
@@ -279,12 +282,15 @@ def _extrapolated(before: float, here: float, speed: float) -> float | None:
 def _largest(structure: Structure, hit: History, columns: Array) -> float:
     """Largest stress over a run from the stress of each coordinate, with that of a prestress."""
     times = np.union1d(hit.time, np.linspace(0.0, hit.time[-1], TIMES))
-    factors = stress_amplitudes(structure, hit, times, PART)
     static = int(structure.matrices.preload is not None)
-    factors = np.pad(factors, ((0, 0), (0, static)), constant_values=1.0)
-    if factors.shape[1] != columns.shape[1]:
-        raise InputError("the part stretches in other motions at this speed.")
-    return float(length(factors @ columns.T).max())
+    largest = 0.0
+    for at_once in np.array_split(times, -(-times.size // AT_ONCE)):
+        factors = stress_amplitudes(structure, hit, at_once, PART)
+        factors = np.pad(factors, ((0, 0), (0, static)), constant_values=1.0)
+        if factors.shape[1] != columns.shape[1]:
+            raise InputError("the part stretches in other motions at this speed.")
+        largest = max(largest, float(length(factors @ columns.T).max()))
+    return largest
 
 
 def _scaled(worst: Margin, factors: tuple[float, float], zones: Zones, force: float) -> Margin:

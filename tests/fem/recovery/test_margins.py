@@ -23,7 +23,7 @@ from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.fields import yield_speed
 from antiosc.fields.deformed import deformed
-from antiosc.fields.margin import Margin, Zones, on_part
+from antiosc.fields.margin import Margin, Zones, margin_of, on_part
 from antiosc.fields.yield_speed import CLOSE, YieldSpeeds, yield_speeds
 from antiosc.impact.histories.verdict import CONTACT_RADII, YieldingZone, yielding_zones
 from antiosc.recovery import mesh_fields
@@ -296,9 +296,24 @@ def test_a_coarse_mesh_has_hertz_s_stress_at_the_edge_of_what_is_left_out():
     assert margin.exposure == pytest.approx(zone.edge_stress / alu.yield_strength)
     assert peak.largest_mesh_error is None
     assert "at 3 radii of the contact by Hertz's pressure" in margin.sentence
-    of_mesh = f"farther away, by the mesh, up to {engineering(margin.value, 'Pa')} at"
+    away = np.linalg.norm(peak.points - site, axis=1) > CONTACT_RADII * zone.radii[0]
+    of_mesh = f"farther away, by the mesh, up to {engineering(peak.values[away].max(), 'Pa')} at"
     assert of_mesh in margin.sentence
     assert "too coarse" not in margin.sentence  # the mesh's own may be anywhere
+
+
+def test_the_largest_stress_by_the_mesh_is_told_where_another_place_decides():
+    """A node under the patch, whose stress a smaller one raises, has less than one far away."""
+    points = np.array([[0.01, 0.0, 0.0], [0.05, 0.0, 0.0]])
+    zones = SimpleNamespace(
+        away=None, balls=[], spread_error=lambda at: np.where(at[:, 0] < 0.02, 8e7, 0.0)
+    )
+    stresses, strengths = np.array([2e7, 7.8e7]), np.full(2, 2.35e8)
+    times, places = np.array([1e-4, 2e-4]), [Place()] * 2
+    margin = margin_of("yield", stresses, strengths, points, times, places, zones)
+    assert (margin.value, margin.stress) == (2e7, 1e8)
+    margin = dataclasses.replace(margin, edge_stress=1.16e8)
+    assert "farther away, by the mesh, up to 78.0 MPa at (50, 0, 0) mm, 200 µs)" in margin.sentence
 
 
 @pytest.mark.parametrize("radii", [3.0, 12.0])
