@@ -101,7 +101,10 @@ from antiosc.fields.probe import (
 )
 from antiosc.fields.probe_error import (
     ProbeError as ProbeError,
+    by_laws as by_laws,
     error_of_largest as error_of_largest,
+    linear_run as linear_run,
+    share_by_law as share_by_law,
     with_force as with_force,
 )
 from antiosc.fields.probe_spectra import (

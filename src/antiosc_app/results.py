@@ -43,11 +43,14 @@ from antiosc.extension import (
     QUANTITIES,
     ErrorBudget,
     ProbeError,
+    by_laws,
     compared,
     doubts_text,
     error_of_largest,
     error_scope,
     hardest,
+    linear_run,
+    share_by_law,
     trusted,
     with_force,
 )
@@ -623,8 +626,9 @@ def _errors(hit: History) -> list[Block]:
 
 #: What the bars of probes leave out: the mesh's error of a strain at a point is not estimated.
 PROBE_BARS = (
-    "the bars of probes are the error by the anti-oscillators, and that of the force{}, which the"
-    " values follow; the mesh's error at their points is not in them"
+    "the bars of probes are the error by the anti-oscillators, and that of the force{}, or of the"
+    " value itself by the contact's law where that is more; the mesh's error at their points is not"
+    " in them"
 )
 OF_SPECTRA = "; those of shock response spectra have it in the motion too"
 WITHOUT_FORCE = (
@@ -804,12 +808,28 @@ def _compare_with_fewer(results: SceneResults, probes: Sequence[Probe]) -> None:
         for probe in probes:
             if "filtered" in probe.peak():
                 probe.settled = _settled((own, of_fewer), results, probe)
+        changed = [[_with(results, hit) for hit in cause] for cause in by_laws(results.history)]
+        reference = own if model.stretch is None else _with(results, linear_run(results.history))
+        for probe in probes if changed else ():
+            values = [
+                [_evaluated(one, results, probe, probe.filter).values for one in cause]
+                for cause in changed
+            ]
+            linear = _evaluated(reference, results, probe, probe.filter).values
+            probe.by_law = share_by_law(linear, values, probe.is_vector)
         corrected = None
         if model.strain_error is not None and any(probe.shock for probe in probes):
             corrected = _on(results, model.corrected())
         for probe in probes:
             if probe.shock:
-                _compare_spectra(results, probe, of_fewer, corrected)
+                _compare_spectra(results, probe, of_fewer, corrected, changed)
+
+
+def _with(results: SceneResults, hit: History) -> Evaluation:
+    """The scene of the results with another history, in which its probes are evaluated."""
+    evaluate = _on(results, hit.model)
+    evaluate.register(results.compiled.history, hit)
+    return evaluate
 
 
 def _on(results: SceneResults, model: AntiOscillators) -> Evaluation:
@@ -822,7 +842,11 @@ def _on(results: SceneResults, model: AntiOscillators) -> Evaluation:
 
 
 def _compare_spectra(
-    results: SceneResults, probe: Probe, fewer: Evaluation, corrected: Evaluation | None
+    results: SceneResults,
+    probe: Probe,
+    fewer: Evaluation,
+    corrected: Evaluation | None,
+    changed: Sequence[Sequence[Evaluation]],
 ) -> None:
     """Give the shock response spectra of a probe their bars."""
     call = results.compiled.spectra[probe.name]
@@ -833,7 +857,8 @@ def _compare_spectra(
 
     assert probe.shock is not None
     of_corrected = None if corrected is None else partial(on, corrected)
-    probe.shock = compared(probe.shock, partial(on, fewer), of_corrected, probe.budget)
+    by_law = [[partial(on, one) for one in cause] for cause in changed]
+    probe.shock = compared(probe.shock, partial(on, fewer), of_corrected, probe.budget, by_law)
 
 
 def _evaluated(
@@ -1019,6 +1044,7 @@ class Probe:
     `filter` : the channel frequency class of its filter, or None.
     `fewer` : the same probe with half the anti-oscillators; None if it is not known.
     `budget` : the errors of the force, which its values follow; None if they are not known.
+    `by_law` : relative change of its largest value by the error of the contact's law.
     `place` : where it lies; None if it is not known.
     `shock` : its shock response spectra, if the scene asks for them.
     `settled` : the probe through the widest filter through which it has converged, if it has not
@@ -1027,6 +1053,7 @@ class Probe:
 
     fewer: Probe | None = None
     budget: ErrorBudget | None = None
+    by_law: float = 0.0
     settled: Probe | None = None
     place: ProbePlace | None = None
 
@@ -1094,7 +1121,7 @@ class Probe:
         if self.fewer is None:
             return None
         share = error_of_largest(self.values, self.fewer.values, self.is_vector)
-        return None if share is None else with_force(share, self.budget)
+        return None if share is None else with_force(share, self.budget, by_law=self.by_law)
 
     def peak(self) -> Columns:
         """The largest value: for a vector its magnitude, for other quantities that of one

@@ -20,6 +20,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fields.probe import MOTIONS, probe
 from antiosc.impact.histories import History
 from antiosc.impact.histories.factors import times_of
+from antiosc.impact.law_error import by_other_laws
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.parameters import has_bars
 
@@ -95,9 +96,10 @@ def probe_error(
     component. From 0.1 on the peak has not converged, and the number is no bound, which a warning
     tells: extract more (n), see an acceleration through a `filter`, or judge it by its shock
     spectrum (`probe_srs`). `.force` is that of `hit.error_budget["peak_force"]` beside its
-    truncation. Where the force has no bar, or the model none, it is None, and the error infinite:
-    the probe has no bar either; extract with `error="estimate"`. The mesh's error at the point is
-    not in it. Of a part that stretches linear runs are compared.
+    truncation, with the change of the value itself by the error of the law where that is larger: a
+    blow of another length excites other motions. Where the force has no bar, or the model none, it
+    is None, and the error infinite: the probe has no bar either; extract with `error="estimate"`.
+    The mesh's error at the point is not in it. Of a part that stretches linear runs are compared.
 
     Parameters
     ----------
@@ -119,21 +121,60 @@ def probe_error(
         _by_component(probe(structure, hit, point, quantity, at_times, **options))
         for hit in (own, with_fewer(history))
     )
-    error = error_of_largest(values, of_fewer, quantity in MOTIONS) or 0.0
+    is_motion = quantity in MOTIONS
+    error = error_of_largest(values, of_fewer, is_motion) or 0.0
+    by_law = [
+        [
+            _by_component(probe(structure, hit, point, quantity, at_times, **options))
+            for hit in cause
+        ]
+        for cause in by_laws(history)
+    ]
     if error >= NOT_CONVERGED:
         filtered = options.get("filter") is not None
         message = _not_converged(quantity, error, filtered)
         on_root(structure.comm, partial(warn, message, AccuracyWarning))
-    return with_force(error, budget_of(history))
+    share_of_law = share_by_law(values, by_law, is_motion)
+    return with_force(error, budget_of(history), by_law=share_of_law)
 
 
 def with_force(
-    truncation: float, budget: ErrorBudget | None, mesh: float | None = None
+    truncation: float,
+    budget: ErrorBudget | None,
+    mesh: float | None = None,
+    by_law: float = 0.0,
 ) -> ProbeError:
-    """The error of a value that follows the force of an impact, which has this budget or none."""
-    if budget is None:
+    """The error of a value that follows the force of an impact, which has this budget or none.
+
+    `by_law`: how much the value itself changes by the error of the law, where that is more: a
+    shorter or longer blow excites other motions.
+    """
+    if budget is None or budget.rest_of_force is None:
         return ProbeError(truncation, None, mesh)
-    return ProbeError(truncation, budget.rest_of_force, mesh, bool(budget.law))
+    more = max(by_law - (budget["peak_force"].law or 0.0), 0.0)
+    return ProbeError(truncation, budget.rest_of_force + more, mesh, bool(budget.law))
+
+
+def by_laws(history: History) -> list[list[History]]:
+    """The same impact by the changed laws of each cause of the law's error; [] without a bar."""
+    return by_other_laws(history, DEFAULT_ERROR) if has_bars(history.model) else []
+
+
+def share_by_law(values: Array, changed: Sequence[Sequence[Array]], magnitude: bool) -> float:
+    """Relative change of the largest value (n, c) by the changed laws: the largest of each cause,
+    added.
+    """
+    own = _largest(values, magnitude)
+    if not own:
+        return 0.0
+    shares = ([abs(_largest(one, magnitude) / own - 1) for one in cause] for cause in changed)
+    return sum(max(cause, default=0.0) for cause in shares)
+
+
+def _largest(values: Array, magnitude: bool) -> float:
+    """The largest magnitude, or component, of a signal (n, c)."""
+    sizes = np.linalg.norm(values, axis=1) if magnitude else np.abs(values)
+    return float(sizes.max(initial=0.0))
 
 
 def linear_run(history: History) -> History:

@@ -25,6 +25,7 @@ from antiosc.fields.probe_error import (
     NOT_CONVERGED,
     ProbeError,
     budget_of,
+    by_laws,
     linear,
     linear_run,
     repeated,
@@ -289,12 +290,14 @@ def compared(
     fewer: Callable[..., ProbeSpectra],
     corrected: Callable[..., ProbeSpectra] | None,
     budget: ErrorBudget | None,
+    by_law: Sequence[Sequence[Callable[..., ProbeSpectra]]] = (),
 ) -> ProbeSpectra:
     """Spectra with their bars.
 
     `fewer`, `corrected`: make those of the same impact with half the anti-oscillators, and on the
     model that is corrected for its mesh (None: without such a model), at given `times` and
-    `frequencies`. `budget`: the error budget of the impact; None if it has none.
+    `frequencies`. `budget`: the error budget of the impact; None if it has none. `by_law`: make
+    those of the same impact by the changed laws of each cause of the law's error.
     """
     asked = {"times": own.times, "frequencies": own.largest.frequency}
     mesh: dict[str, Array] = {}
@@ -303,20 +306,36 @@ def compared(
         if corrected is not None:
             safety = 1.0 if budget is None else budget.safety
             mesh = _apart(own, corrected(**asked), safety)
+        law = _by_causes(own, [[_apart(own, one(**asked)) for one in cause] for cause in by_law])
     peak = own.peak
     size = own.largest.maximax[peak] or 1.0
 
     def share(apart: dict[str, Array]) -> float:
         return float(apart[own.component][peak] / size)
 
-    error = with_force(share(truncation), budget, share(mesh) if mesh else None)
-    if error.force is None:
+    of_mesh = share(mesh) if mesh else None
+    error = with_force(share(truncation), budget, of_mesh, share(law))
+    if error.force is None or budget is None or budget.rest_of_force is None:
         return replace(own, error=error)
-    spectra = {
-        name: replace(one, bar=truncation[name] + mesh.get(name, 0.0) + error.force * one.maximax)
-        for name, one in own.spectra.items()
-    }
+    of_law = budget["peak_force"].law or 0.0
+    spectra = {}
+    for name, one in own.spectra.items():
+        by_force = (budget.rest_of_force - of_law) * one.maximax
+        by_force = by_force + np.maximum(law[name], of_law * one.maximax)
+        bar = truncation[name] + mesh.get(name, 0.0) + by_force
+        spectra[name] = replace(one, bar=bar)
     return replace(own, spectra=spectra, error=error)
+
+
+def _by_causes(own: ProbeSpectra, apart: Sequence[Sequence[dict[str, Array]]]) -> dict[str, Array]:
+    """Component -> (m,) sum over the causes of the largest difference by each."""
+    return {
+        name: sum(
+            (np.max([one[name] for one in cause], axis=0) for cause in apart if cause),
+            np.zeros_like(spectrum.maximax),
+        )
+        for name, spectrum in own.spectra.items()
+    }
 
 
 def _apart(own: ProbeSpectra, other: ProbeSpectra, factor: float = 1.0) -> dict[str, Array]:
@@ -354,7 +373,7 @@ def probe_srs(
     ----------
     structure, history, point, **options
         As for `probe`; the history is that of `simulate` or `strike`, whose impact is simulated
-        twice more. With `filter` the spectra are those of the filtered signal.
+        twice more, and by other laws. With `filter` the spectra are those of the filtered signal.
     times : array_like (n,), optional
         Times of the velocity in s; default: even ones, 20 in a period of the highest frequency that
         the model resolves, and 5 in one of its highest.
@@ -384,7 +403,8 @@ def probe_srs(
     if history.model.strain_error is not None:
         corrected = partial(at, history=repeated(history, linear(history).corrected()))
     budget = budget_of(history)
-    found = compared(own, partial(at, history=with_fewer(history)), corrected, budget)
+    changed = [[partial(at, history=hit) for hit in cause] for cause in by_laws(history)]
+    found = compared(own, partial(at, history=with_fewer(history)), corrected, budget, changed)
     if not found.has_converged:
         on_root(structure.comm, partial(warn, NOT_SETTLED, AccuracyWarning))
     return found

@@ -104,6 +104,16 @@ def causes(raw: History, choice: Choice) -> Iterator[Sequence[ContactLaw]]:
     yield other_strengths(law, soft, raw.peak_force, strain_rate(law, raw))
 
 
+def by_other_laws(hit: History, tol: float) -> list[list[History]]:
+    """The impact by the changed laws of each cause, without second-order forces; [] of a law that
+    was given, and where its error is not known.
+    """
+    choice = choice_of(hit.law, hit.model, hit.impactor)
+    if choice is None or hit.by_law is None or not hit.contacts or _reasons(hit, choice):
+        return []
+    return [[hit.by_law(law, tol) for law in cause] for cause in causes(hit, choice)]
+
+
 def enough_radius(hit: History) -> float | None:
     """Radius [m] of a patch that carries the peak force by the lowest yield strength of its range
     too; None if the present one does, or there is no range.

@@ -444,7 +444,7 @@ def simulate(
     options |= {"max_contacts": max_contacts, "max_steps": max_steps, "method": method}
     options |= {"initial_velocity": initial_velocity, "contact": contact, "duration": duration}
     at_speed = partial(_at_speed, _in_same_motions(model, history), impactor, options)
-    history = replace(history, rerun=reruns[0], at_speed=at_speed)
+    history = replace(history, rerun=reruns[0], by_law=reruns[1], at_speed=at_speed)
     check.warn()
     if n != "auto" and history.run.touches:
         sentence = truncation_warning(model if n is None else history.model, history.assembly)

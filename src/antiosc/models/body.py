@@ -522,12 +522,29 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
     if cell is None or (is_estimated and not info.divided):  # its budget tells it
         return None
     limit = LARGE_DIVIDED_CELL if is_estimated else LARGE_CELL
-    size, bending, speed = cell
-    omega = pi / contact_time
-    wave = min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
-    if size > limit * wave:
-        return Coarse(size, wave)
+    wave = _wave(cell, contact_time)
+    if cell[0] > limit * wave:
+        return Coarse(cell[0], wave)
     return None
+
+
+def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
+    """The patch at a site if it is too wide for the bending waves of a contact at a point, whose
+    inertia there it lumps; otherwise None. A patch of cells as large has all its nodes in one.
+    """
+    cell = (info_of(model).cells or {}).get(site)
+    radius = getattr(model, "patch_radius", None)
+    if cell is None or radius is None or not cell[1]:
+        return None
+    wave = _wave(cell, contact_time)
+    return Coarse(2 * radius, wave) if 2 * radius > LARGE_CELL * wave else None
+
+
+def _wave(cell: Sequence[float], contact_time: float) -> float:
+    """Length [m] of the waves that a contact sends out from a cell (`info.cells`)."""
+    _, bending, speed = cell
+    omega = pi / contact_time
+    return min(2 * pi * sqrt(bending / omega) if bending else inf, 2 * pi * speed / omega)
 
 
 def coarse_cell(model: object, site: str, contact_time: float) -> str:

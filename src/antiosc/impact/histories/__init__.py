@@ -31,6 +31,7 @@ from antiosc.plot.charts import plot_history
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from antiosc.engine.contact import ContactLaw
     from antiosc.models.anti_oscillators import AntiOscillators
 
 
@@ -60,6 +61,7 @@ class History(RunHistory, Results):
     message : explanation of the status, and changes made to contact laws.
     budget : computes the `error_budget` of a run of `simulate`.
     rerun : simulates the same impact on another model to a tolerance; of `simulate` and `strike`.
+    by_law : simulates it with another contact law to a tolerance, without second-order forces.
     at_speed : simulates the same impact by a striker of another speed [m/s] up to a time [s]; of
         `simulate`.
     given : the step [s] that was given, or None.
@@ -69,6 +71,7 @@ class History(RunHistory, Results):
 
     budget: Callable[[History], ErrorBudget] | None = None
     rerun: Callable[[AntiOscillators, float], History] | None = None
+    by_law: Callable[[ContactLaw, float], History] | None = None
     at_speed: Callable[[float, float], History] | None = None
 
     @cached_property
