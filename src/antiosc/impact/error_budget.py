@@ -41,7 +41,7 @@ import numpy as np
 
 from antiosc.base._types import Array
 from antiosc.base.errors import AccuracyWarning, InputError, warn
-from antiosc.base.texts import capitalised, engineering, percent
+from antiosc.base.texts import SMALLER_CELLS, capitalised, engineering, percent
 from antiosc.engine.contact.laws import ElasticPlastic, Gonthier, Hertz, YangSun
 from antiosc.impact.histories import History, bars
 from antiosc.impact.histories.bars import (
@@ -359,7 +359,8 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         without_mesh = BOTH_COARSE.format(*(engineering(length, "m") for length in cell))
     elif patch_of_point := _wide_patch(hit, model):
         unknown = ("mesh",)
-        without_mesh = WIDE_PATCH.format(*(engineering(one, "m") for one in patch_of_point))
+        sizes = (*patch_of_point, patch_of_point.allowed)
+        without_mesh = WIDE_PATCH.format(*(engineering(one, "m") for one in sizes))
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if patch_notes:
@@ -439,7 +440,8 @@ BOTH_COARSE = (
 #: of 1.6 mm: 276 mN with a bar of 3 %, where cells of 0.4 mm have 83 mN.
 WIDE_PATCH = (
     "The patch at the site, {} across, is too wide for the wave of this contact, {}: the mass that"
-    " moves at once, and the force, come out too large."
+    " moves at once, and the force, come out too large. Take cells, and a patch, of at most {}"
+    f" there ({SMALLER_CELLS})."
 )
 #: The laws of contacts at a point, whose patch is that of no flat face.
 AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)

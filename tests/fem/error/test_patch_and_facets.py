@@ -336,3 +336,24 @@ def test_products_of_small_errors_are_those_of_sums():
     assert E[0, 1] == pytest.approx(product, abs=1e-2 * size)
     assert E[2, 0] == pytest.approx(E[0, 0] + E[0, 1], abs=1e-2 * size)
     assert E[0, 2] == E[2, 0]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_patch_wider_than_half_a_wave_leaves_no_bar():
+    """An infinite plate gives a striker no more force than Z v, Z = 8 √(m″ D); a thin solid."""
+    E, nu, rho, thickness, speed = 1.1e9, 0.4, 1300.0, 0.2e-3, 0.63
+    bending = E * thickness**3 / 12 / (1 - nu**2)
+    exact = 8 * np.sqrt(rho * thickness * bending) * speed
+    sheet = parts.box((14, 14, 1), (0.03, 0.03, thickness))
+    part = ao.Structure(sheet, ao.Solid(E, nu, rho, yield_strength=1e8), [ao.Support("-x")])
+    tip = ao.RigidMass(2e-4, velocity=speed, tip_radius=1e-3, material="steel S235")
+    for radius, wide in ((1.6e-3, True), (4e-4, False)):
+        site = ao.Site((0.015, 0.015, thickness), (0, 0, -1), radius=radius, snap=0.05)
+        model = ao.extract(part, site, n=60, error="estimate", stretch=False)
+        hit = ao.simulate(model, tip, duration=80e-6)
+        bar = hit.error_budget["peak_force"]
+        assert hit.peak_force > exact
+        assert (bar.total is None) == wide
+        assert ("too wide for the wave of this contact" in hit.error_budget.no_mesh) == wide
+        assert wide or hit.peak_force / exact - 1 < bar.total

@@ -16,7 +16,7 @@ import parts
 import sheets
 from antiosc.base.errors import RangeError
 from antiosc.base.stresses import extreme_principal
-from antiosc.base.texts import engineering
+from antiosc.base.texts import engineering, plain
 from antiosc.engine.contact.half_space import hertz_stresses, spread_difference
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
@@ -1054,6 +1054,24 @@ def test_a_place_without_stress_has_no_speed_of_yield():
     worst = ao.peak_field(part, hit).margin()
     still = dataclasses.replace(worst, columns=np.zeros_like(worst.columns))
     assert yield_speeds(part, hit, still, lambda _: 0.1) == YieldSpeeds(None, None)
+    assert YieldSpeeds(None, None).sentence == ""
+    assert YieldSpeeds(None, None, sought=True).sentence == (
+        "no speed was found from which yield outside the contact may be reached"
+    )
+
+
+def test_speeds_of_yield_are_not_sought_of_long_runs_and_long_runs_go_in_pieces(monkeypatch):
+    steel = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02), yield_strength=250e6)
+    part = ao.Structure(parts.line(0.5, 20, (1.0, 0.0, 0.0)), steel, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.5, 0, 0), (0, 0, -1)), n=8)
+    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Linear(1e6), duration=0.03)
+    worst = ao.peak_field(part, hit).margin()
+    found = yield_speeds(part, hit, worst, lambda _: 0.1)
+    monkeypatch.setattr(yield_speed, "AT_ONCE", 100)
+    np.testing.assert_allclose(yield_speeds(part, hit, worst, lambda _: 0.1)[:2], found[:2])
+    monkeypatch.setattr(yield_speed, "MOST_STEPS", hit.time.size - 1)
+    found = yield_speeds(part, hit, worst, lambda _: 0.1)
+    assert f"are not sought, as the run has {plain(hit.time.size)} steps" in found.sentence
 
 
 def test_errors_of_the_force_at_other_speeds_lie_between_those_at_steps():
