@@ -1249,7 +1249,8 @@ def _end_of_law(hit: History) -> str:
         return ""
     if weaker_side(hit).startswith("the striker"):
         return OF_STRIKER
-    if choice.soft.yield_range is None:
+    low, high = choice.soft.yield_range or (0.0, 0.0)
+    if low == high:
         return NO_RANGE
     if not _of_table(choice.soft):
         return GIVEN_RANGE

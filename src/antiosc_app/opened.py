@@ -96,6 +96,8 @@ from antiosc_app.set_up import (
     MOST_STRESSED,
     NO_LAYER,
     OWN,
+    SENSOR,
+    SENSOR_OF_FALL,
     STRIKERS,
     InspectedFile,
     SetUp,
@@ -1110,7 +1112,7 @@ class Opened:
         scene, page = (self._path.with_name(name) for name in names)
         try:
             with scene.open("x", encoding="utf-8") as stream:
-                stream.write(toml(result.sections))
+                stream.write(toml(result.sections) + (SENSOR_OF_FALL if is_fall else SENSOR))
         except OSError as error:
             raise InputError(f"cannot write {scene.name}: {error.strerror}.") from None
         self._written = scene.name

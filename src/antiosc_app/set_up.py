@@ -448,6 +448,24 @@ def _layer(striker: Striker) -> Table:
     return {**layer, "E": striker.layer_modulus}
 
 
+#: Below a written scene: what scenes have and the page has not.
+SENSOR = """
+# The motion of a point, its signal through a filter, and its shock response spectrum:
+# [probes.sensor]
+# point = [0.0, 0.0, 0.0]           # m
+# quantity = "acceleration"
+# filter = "CFC1000"                # of SAE J211 and ISO 6487; without it the peak is unfiltered
+# srs = true                        # the spectrum; or the frequency in Hz of the value to be told
+"""
+#: The same below a fall.
+SENSOR_OF_FALL = """
+# The acceleration of a point of the part:
+# [accelerometers.board]
+# at = [0.0, 0.0, 0.0]              # m
+# filter = "CFC1000"                # of SAE J211 and ISO 6487; without it the peak is unfiltered
+"""
+
+
 def toml(sections: Mapping[str, Any]) -> str:
     """Sections as TOML: top-level keys first, then [x], [x.NAME] and [[x]]."""
     lines = [f"{name} = {_value(value)}" for name, value in sections.items() if _plain(value)]

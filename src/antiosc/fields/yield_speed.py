@@ -60,6 +60,8 @@ MOST_STEPS = 200_000
 PART = "structure"
 
 
+#: Speed [m/s] up to which that of the contact is told: that of a rubber tip is thousands.
+FASTEST = 300.0
 #: What is told of the speed that was not found beside the other one.
 NOT_FOUND = {
     "may be reached": "; from which lower speed on it may be reached was not found",
@@ -94,7 +96,7 @@ class YieldSpeeds(NamedTuple):
     @property
     def _of_contact(self) -> str:
         """The speed of the contact itself as text; "" where it is not known."""
-        if self.contact is None:
+        if self.contact is None or self.contact > FASTEST:
             return ""
         speed = engineering(self.contact, "m/s", 2)
         told = f"the contact itself yields, and a dent remains, from about {speed} on"
