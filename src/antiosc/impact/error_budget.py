@@ -436,8 +436,7 @@ BOTH_COARSE = (
     "The cell at the site, {}, is too long for the wave of this contact, {}: the mesh and that of"
     " half its cells, by which the error would be estimated, are too stiff alike."
 )
-#: The same of a patch that moves the part in one piece. A screw on a plastic sheet of 0.2 mm, cells
-#: of 1.6 mm: 276 mN with a bar of 3 %, where cells of 0.4 mm have 83 mN.
+#: The same of a patch that moves the part in one piece.
 WIDE_PATCH = (
     "The patch at the site, {} across, is too wide for the wave of this contact, {}: the mass that"
     " moves at once, and the force, come out too large. Take cells, and a patch, of at most {}"

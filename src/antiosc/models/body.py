@@ -501,6 +501,11 @@ LARGE_CELL = 0.5
 #: 20, 4, 1 and 0.1 % (`tests/fem/error/test_quadrilaterals.py`).
 LARGE_DIVIDED_CELL = 1.0
 
+#: The same of the width of a patch. At 0.6 of a wave, on a sheet of 0.2 mm of plastic, the mesh's
+#: error held the force; at 0.86, on a tongue of such a clip, 276 mN had a bar of 3 %, and cells of
+#: 0.4 mm have 83 mN.
+WIDE_PATCH = 0.75
+
 
 class Coarse(NamedTuple):
     """A cell at a site [m], the wavelength to be resolved, and the edge length that suffices."""
@@ -537,7 +542,7 @@ def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
     if cell is None or radius is None or not cell[1]:
         return None
     wave = _wave(cell, contact_time)
-    return Coarse(2 * radius, wave) if 2 * radius > LARGE_CELL * wave else None
+    return Coarse(2 * radius, wave) if 2 * radius > WIDE_PATCH * wave else None
 
 
 def _wave(cell: Sequence[float], contact_time: float) -> float:

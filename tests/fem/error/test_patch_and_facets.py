@@ -340,7 +340,7 @@ def test_products_of_small_errors_are_those_of_sums():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_a_patch_wider_than_half_a_wave_leaves_no_bar():
+def test_a_patch_wider_than_most_of_a_wave_leaves_no_bar():
     """An infinite plate gives a striker no more force than Z v, Z = 8 √(m″ D); a thin solid."""
     E, nu, rho, thickness, speed = 1.1e9, 0.4, 1300.0, 0.2e-3, 0.63
     bending = E * thickness**3 / 12 / (1 - nu**2)
@@ -348,7 +348,7 @@ def test_a_patch_wider_than_half_a_wave_leaves_no_bar():
     sheet = parts.box((14, 14, 1), (0.03, 0.03, thickness))
     part = ao.Structure(sheet, ao.Solid(E, nu, rho, yield_strength=1e8), [ao.Support("-x")])
     tip = ao.RigidMass(2e-4, velocity=speed, tip_radius=1e-3, material="steel S235")
-    for radius, wide in ((1.6e-3, True), (4e-4, False)):
+    for radius, wide in ((2.2e-3, True), (4e-4, False)):
         site = ao.Site((0.015, 0.015, thickness), (0, 0, -1), radius=radius, snap=0.05)
         model = ao.extract(part, site, n=60, error="estimate", stretch=False)
         hit = ao.simulate(model, tip, duration=80e-6)
