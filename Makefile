@@ -51,7 +51,7 @@ WORKERS ?= 2
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest -n $(WORKERS)
 
-check: $(READY) ## the quick tests on one rank (under 2 minutes); CORE=HASWELL: rounded as there
+check: $(READY) ## the quick tests on one rank, a case of each; CORE=HASWELL: rounded as there
 	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow and not mpi"
 
 page: ## the engine of live reports for WebAssembly, which the repository keeps (clang and lld, or ziglang)

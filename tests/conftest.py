@@ -51,14 +51,14 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Make the further cases of a sample slow; skip what needs packages that are not installed."""
-    samples: dict[str, list[pytest.Item]] = {}
+    """Make all but one case of each test slow; skip what needs packages that are not installed."""
+    tests: dict[str, list[pytest.Item]] = {}
     for item in items:
-        if item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
-            name = item.nodeid.partition("[")[0]
-            samples.setdefault(name, []).append(item)
-    for cases in samples.values():
-        (chosen,) = cases[0].get_closest_marker("sample").args or (0,)
+        if not item.get_closest_marker("slow"):
+            tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for cases in tests.values():
+        sample = cases[0].get_closest_marker("sample")
+        chosen = sample.args[0] if sample and sample.args else 0
         for item in cases:
             if item is not cases[chosen]:
                 item.add_marker(pytest.mark.slow)

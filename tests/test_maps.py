@@ -99,7 +99,6 @@ def test_bound_against_direct_extraction(steel, mapped):
     assert np.median(mapped.error) < 0.05
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_loads_of_a_surface_are_those_of_single_sites(cell):
     structure = block(cell=cell)
@@ -501,6 +500,7 @@ def finely(supports=True, where="top", radius="facets", **options):
 BALL = ao.Sphere(radius=0.01, material="bearing steel 100Cr6", velocity=1.0)
 
 
+@pytest.mark.slow
 def test_the_facets_at_a_site_give_its_radius_and_sharp_edges_are_no_sites():
     part, found, told = finely()
     inner = [(i, j) for i in range(1, 12) for j in range(1, 8)]
@@ -526,6 +526,7 @@ def test_the_facets_at_a_site_give_its_radius_and_sharp_edges_are_no_sites():
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # edges cut large patches
+@pytest.mark.slow
 def test_the_radii_that_a_map_chooses_are_resolved_as_those_of_a_single_blow():
     """Small facets touch a point whose patch reaches larger ones."""
     groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "top": (2, top)}
@@ -626,6 +627,7 @@ def test_stresses_of_a_map_leave_out_held_faces_as_those_of_an_impact_do():
 
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # many modes of few cells
 @pytest.mark.parametrize(("modes", "duration"), [(50, 5e-3), (12, 4e-4)])
+@pytest.mark.slow
 def test_the_seconds_of_stresses_are_forecast_within_a_factor_of_2(modes, duration, monkeypatch):
     """With 50 modes over 5 ms they took four times what was promised."""
     monkeypatch.setattr(time, "perf_counter", time.process_time)  # whatever else the machine does
@@ -875,6 +877,7 @@ def test_the_sites_of_a_map_are_counted_before_it(steel):
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.slow
 def test_the_seconds_of_a_map_are_between_the_ends_of_its_forecast(monkeypatch):
     """Within a factor of 2, by the clock of this process."""
     monkeypatch.setattr(time, "perf_counter", time.process_time)  # whatever else the machine does

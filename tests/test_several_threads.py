@@ -33,7 +33,6 @@ def peaks(seed: int, backend: str) -> np.ndarray:
     return ao.simulate_many(model, balls, ao.Linear(1e5), 5e-3, tol=1e-2).peak_force
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("backend", ["scipy", pytest.param("petsc", marks=pytest.mark.fem)])
 def test_eight_threads_give_what_one_gives(backend):
     if backend == "petsc":

@@ -36,7 +36,6 @@ def integrated(t, a, f: float, Q: float) -> tuple[float, float]:
     return every.max(), -every.min()
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("Q", [3.0, 50.0])
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
@@ -178,7 +177,6 @@ def test_the_transform_of_a_signal_that_begins_and_ends_with_jumps():
 
 
 @pytest.mark.filterwarnings("ignore:the velocity still rings")  # both signals end so
-@pytest.mark.sample
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
     """Against integrations with the acceleration that is constant in each step."""

@@ -356,6 +356,7 @@ def test_later_meshes_aim_lower_and_none_grows_more_than_eightfold(step: Any) ->
         np.testing.assert_allclose(ratio**2, goal, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_numbers_whose_force_exceeds_the_law_are_passed_by(monkeypatch):
     """Too few anti-oscillators move too little, so that their force is larger."""
     simulated = striking.simulated

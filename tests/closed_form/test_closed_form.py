@@ -52,7 +52,6 @@ def test_static_stiffness_formulae(beam):
         assert 1 / case.static_stiffness == pytest.approx(compliance, rel=1e-12)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_dynamic_stiffness_is_the_models(supports):
     """All of Z from k0, m_st, m_i, omega_i; the error left falls as the fourth power of omega."""
@@ -67,7 +66,6 @@ def test_dynamic_stiffness_is_the_models(supports):
     assert error[0] < 1e-3
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", [cantilever, free_free])
 def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
     """Weight and momenta by Simpson's rule over a beam of 0.8 m without rotary inertia."""
@@ -161,7 +159,6 @@ def test_pinned_free_timoshenko_masses_of_both_spectra():
     assert model.m_st == pytest.approx(beam.mass / 3 + beam.rhoI / L, rel=1e-12)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("supports", SOME, ids=str)
 def test_masses_are_residues_of_the_dynamic_stiffness(supports):
     """Z near a pole x_i is m_i x_i²/(x - x_i): no integral of any shape enters."""
@@ -269,7 +266,6 @@ def test_a_pinned_beam_turns_even_struck_at_its_centre_of_percussion(site):
     assert hit.energy.kinetic[0] == pytest.approx(tensor * spin**2 / 2, rel=1e-9)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("kind", "site"), [("anti-oscillators", 0.3), ("modes", 1.0), ("corrected", 0.5)]
 )

@@ -15,7 +15,6 @@ from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("ends", "equation"),
     [
@@ -61,7 +60,6 @@ def test_slender_limit_is_euler_bernoulli_with_order_two():
     np.testing.assert_allclose(order, 2, atol=0.1)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("supports", SUPPORTS, ids=str)
 def test_frequencies_against_the_spectral_beam(supports):
     exact = struck(THICK, supports)

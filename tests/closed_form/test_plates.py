@@ -16,7 +16,6 @@ SQUARE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=1.0
 POINTS = [(0.5, 0.4), (0.35, 0.3)]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("point", POINTS)
 def test_anti_oscillators_give_the_receptance_back(point):
     model = PLATE.anti_oscillators(*point, 60)
@@ -190,7 +189,6 @@ def lifted(k: float, nu: float) -> float:
     return abs(moved) - (1 - nu) / k
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("nu", [0.02, 0.3, 0.45])
 def test_the_compliance_is_what_the_plate_moves_more_than_the_layer(nu):
     """The integral of both over all wave numbers, by Airy's function for the layer."""

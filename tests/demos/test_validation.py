@@ -34,7 +34,6 @@ def validation(monkeypatch):
 
 
 @pytest.mark.fem
-@pytest.mark.sample
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ALL]
 )

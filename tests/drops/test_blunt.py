@@ -67,6 +67,7 @@ def _depth(law: ao.ElasticPlastic, work: float) -> float:
     return high
 
 
+@pytest.mark.slow
 def test_the_bar_holds_half_and_double_the_assumed_radius() -> None:
     """It has a share of the radius, which it has not if the radius is given."""
     part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), PLASTIC)
@@ -174,6 +175,7 @@ def test_the_half_space_of_the_tests_has_the_force_of_hertz_and_a_limit() -> Non
 
 @pytest.mark.filterwarnings("ignore:in 1 of 1 impacts")
 @pytest.mark.parametrize("tilt", [0.3, 1, 3, 10])
+@pytest.mark.slow
 def test_the_bar_of_an_edge_that_lies_almost_flat_holds_a_half_space(rounded, tilt) -> None:
     """The shape of the edge on an elastic half-space that yields at 2.4 times the strength, at
     equal work; with 3° the division among the vertices alone is worth 20 %. Where the facets were
@@ -211,6 +213,7 @@ def test_the_modes_of_a_material_with_the_same_poissons_ratio_scale() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_spin_of_the_warning_is_one_of_the_table() -> None:
     part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.004), size=0.01), PLASTIC)
     fall = ao.drop(part, 0.8, (10, 5, 0), ao.Floor("concrete C30/37"), 3, modes=6)

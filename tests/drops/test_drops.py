@@ -112,6 +112,7 @@ def test_the_dent_of_one_of_several_places_has_its_own_force() -> None:
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_a_crushed_corner_is_compared_with_the_radius_that_was_given() -> None:
     """The ball that stands for the flattened corner has another one."""
     plastic = ao.material("PLA printed")
@@ -212,6 +213,7 @@ def test_the_g_of_the_centre_of_mass_have_the_bar_of_their_force() -> None:
     assert "Fall.peak" not in told
 
 
+@pytest.mark.slow
 def test_a_floor_that_is_rigid_because_none_was_given_is_told() -> None:
     for floor, rigid in ((None, True), (ao.Floor(SOFT), False), (ao.Floor(law=ao.Hertz(1e10)), 0)):
         notes = ao.drop(HARD if floor else ao.Sphere(0.015, material=SOFT), 0.1, floor=floor).notes
@@ -376,6 +378,7 @@ def test_a_filter_has_the_flight_after_the_last_impact() -> None:
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
     with pytest.warns(ao.AccuracyWarning) as told:  # and perhaps that it does not come to rest
@@ -383,6 +386,7 @@ def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.M
     assert any("do not reach tol = 0.0001" in str(one.message) for one in told)
 
 
+@pytest.mark.slow
 def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
     body = free_body(block(), 0, None, None)

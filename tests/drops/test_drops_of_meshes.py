@@ -197,6 +197,7 @@ def landing(material: ao.Solid, R: float, L: float, mass: float, height: float) 
 
 
 @pytest.mark.parametrize("size", [0.01, 0.004])
+@pytest.mark.slow
 def test_a_cylinder_lands_along_its_line(tmp_path: Path, size: float) -> None:
     """Its force is that of a disc in plane strain, whatever the mesh, the modes and the roll."""
     R, L, height = 0.01, 0.05, 0.02
@@ -243,6 +244,7 @@ def test_a_cylinder_whose_arc_a_plane_cuts_in_the_middle_falls(tmp_path: Path) -
     assert all(one.radius == pytest.approx(0.01, rel=0.05) for one in body.cylinders)
 
 
+@pytest.mark.slow
 def test_bars_along_a_line_hold_the_force_of_a_disc(tmp_path: Path) -> None:
     """With the law of the line, and at vertices in its place, which carry far less."""
     R, L, height = 0.01, 0.05, 0.02
@@ -258,6 +260,7 @@ def test_bars_along_a_line_hold_the_force_of_a_disc(tmp_path: Path) -> None:
         assert rough.no_bar() == ""
 
 
+@pytest.mark.slow
 def test_a_line_with_gaps_is_taken_at_its_vertices_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -278,6 +281,7 @@ def test_a_line_with_gaps_is_taken_at_its_vertices_and_told(
 
 @pytest.mark.parametrize("size", [0.01, 0.004])
 @pytest.mark.parametrize("roll", [0, 37])
+@pytest.mark.slow
 def test_the_bar_of_a_cylinder_without_a_line_holds_the_force_of_a_disc(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: float, roll: float
 ) -> None:
@@ -297,6 +301,7 @@ def test_the_bar_of_a_cylinder_without_a_line_holds_the_force_of_a_disc(
     assert "the contact is taken at vertices" in fall.summary()
 
 
+@pytest.mark.slow
 def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
     """Inclined, with a loss of its own, or yielding; not on an end and on a layer."""
     mesh = meshed(tmp_path, "Cylinder(1) = {0, 0, 0, 0.05, 0, 0, 0.01}", 0.01)
@@ -316,6 +321,7 @@ def test_lines_without_a_sure_force_are_told(tmp_path: Path) -> None:
         assert "line" not in ao.drop(flat.body, 0.1, tilt, under, until=1).summary()
 
 
+@pytest.mark.slow
 def test_a_chamfered_block_lands_on_a_corner_and_its_bar_holds_its_flat_sides(
     tmp_path: Path,
 ) -> None:
@@ -363,6 +369,7 @@ def test_lines_are_told_of_an_ensemble(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_corner_with_a_radius_has_a_limit_in_the_mesh(tmp_path: Path) -> None:
     """Cells of 12 and 2 mm, straight, of second order, hexahedra; two tied halves are one part."""
     plastic, size = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0), (0.12, 0.06, 0.02)
@@ -522,6 +529,7 @@ def test_a_contact_that_yields_is_told(radius: float | None) -> None:
     assert not soft.worst("von_mises").margin().contact
 
 
+@pytest.mark.slow
 def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None:
     """Each impact's stress with the error of its own force; the one that may yield is told."""
     solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
@@ -550,6 +558,7 @@ def test_the_verdict_of_a_fall_takes_the_bar_of_each_impact(monkeypatch) -> None
     assert "impact" not in fall_on_one.worst().margin().sentence
 
 
+@pytest.mark.slow
 def test_the_stress_of_a_fall_has_one_interval_that_of_its_verdict(monkeypatch) -> None:
     """Also where it occurs after the touch of the next impact, whose force has another error."""
     solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
@@ -573,6 +582,7 @@ def test_the_stress_of_a_fall_has_one_interval_that_of_its_verdict(monkeypatch) 
     assert plus_minus((below, above)) in note
 
 
+@pytest.mark.slow
 def test_before_the_numbers_stands_the_bar_of_the_hardest_impact_alone(monkeypatch) -> None:
     """A fall had two bars side by side, that of impact 2 and that of impact 1."""
     part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), ALUMINIUM)
@@ -601,6 +611,7 @@ def test_before_the_numbers_stands_the_bar_of_the_hardest_impact_alone(monkeypat
     assert sentence in caution_with()
 
 
+@pytest.mark.slow
 def test_stresses_in_another_order_than_the_forces_are_told(monkeypatch) -> None:
     solid = ao.Solid(E=70e9, nu=0.33, rho=2700.0, yield_strength=2e9)
     part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), solid)
@@ -614,6 +625,7 @@ def test_stresses_in_another_order_than_the_forces_are_told(monkeypatch) -> None
         assert ("order of their forces" in told) == is_told
 
 
+@pytest.mark.slow
 def test_a_dent_that_stays_is_not_a_part_that_sinks() -> None:
     """A corner parts in its dent, deeper than the next corner presses."""
     part = ao.Structure(ao.box_mesh((0.12, 0.06, 0.012), size=0.03), ALUMINIUM)

@@ -31,6 +31,7 @@ def block():
     return dropped
 
 
+@pytest.mark.slow
 def test_the_range_holds_the_flat_landing_and_those_a_degree_beside(block):
     """Each force by a fall of its own: flat, and turned about one axis as the range turns it."""
     inclined = block((0.4, 0.0, 0.0))
@@ -49,6 +50,7 @@ def test_a_landing_on_a_corner_is_not_flat(block):
     assert "tilt the force lies" not in caution_of_fall(fall)
 
 
+@pytest.mark.slow
 def test_a_flat_landing_tells_the_range_before_the_bar_also_on_the_terminal(block):
     fall = block((0.0, 0.0, 0.0))
     ends = [engineering(force, "N") for force in range_over_tilt(fall)]

@@ -101,7 +101,6 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]
 
 
-@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])
 def test_series_for_paraview(tmp_path, kind):
@@ -198,7 +197,6 @@ def test_names_that_make_no_series(tmp_path, hit):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", [*MODELS, "plain"])
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
@@ -229,7 +227,6 @@ def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
     np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", MODELS)
 def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
@@ -328,7 +325,6 @@ def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
     assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("scale", [1.0, 10.0])
 def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
     """It is a quarter as long as the part, along the direction, in mm or in m."""

@@ -352,6 +352,7 @@ def on_infinite_plate(mass: float, stiffness: float, end: float) -> float:
     return float(found.y[1].max())
 
 
+@pytest.mark.slow
 def test_a_blow_on_a_halved_deck_is_that_on_an_infinite_plate(tmp_path):
     """A mass and a spring on the impedance 8 √(m″ D), while no wave has come back from the edge."""
     path = deck(tmp_path / "a.inp", 2)
@@ -369,6 +370,7 @@ def test_a_blow_on_a_halved_deck_is_that_on_an_infinite_plate(tmp_path):
     assert errors[2] < 6e-4
 
 
+@pytest.mark.slow
 def test_a_blow_on_a_deck_with_smaller_cells_at_the_site_is_that_on_an_infinite_plate(tmp_path):
     """As above, with a fourth of the cells that halving all of them takes; and with a bar."""
     path = deck(tmp_path / "a.inp", 4)
@@ -413,6 +415,7 @@ def test_a_deck_divided_everywhere_is_the_deck_of_thirds(tmp_path, beam):
     assert a.omega == pytest.approx(b.omega, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     forces, texts = [], []
@@ -435,6 +438,7 @@ def test_a_new_scene_with_a_size_is_that_of_the_deck_of_halved_elements(tmp_path
 
 
 @pytest.mark.filterwarnings("ignore:.*the area of the offset surface")
+@pytest.mark.slow
 def test_fibres_and_offsets_of_divided_elements_are_those_of_their_elements(tmp_path):
     """Around the fold, where neighbours have other fibres, against a deck of finer elements."""
     site = ao.Site((0.03, 0.12, 0.04), (0.0, 0.0, -1.0))

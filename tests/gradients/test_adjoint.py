@@ -80,7 +80,6 @@ def rattling(law: ao.ContactLaw, rng, make=system) -> tuple[System, march.Run]:
     raise AssertionError("too few touches")
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 def test_complex_steps(law: ao.ContactLaw) -> None:
     """A goal of all that a run wrote down, through many touches, by every number of the system."""
@@ -134,7 +133,6 @@ def agrees(s: System, run: march.Run, rng) -> None:
     assert abs(sum(parts) - expected) <= 1e-8 * max(map(abs, parts))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", ["linear", "hertz", "hunt-crossley", "thornton", "flores"])
 def test_complex_steps_with_coupled_modes(name: str) -> None:
     """The same of modes whose rate counts too, one of them two real poles."""

@@ -417,7 +417,6 @@ def random_row(seed, count):
     return run, along, ends[0]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("first", range(0, 200, 10))
 @pytest.mark.filterwarnings("ignore")

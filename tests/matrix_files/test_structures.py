@@ -34,7 +34,6 @@ def unit(row):
     return np.eye(len(K))[row]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("form", ["array", "text", "ansys", "five", "columns", "names"])
 def test_a_site_is_a_node_and_its_dof(form, tmp_path):
     files = frame_files(tmp_path)

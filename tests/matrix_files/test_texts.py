@@ -143,7 +143,6 @@ WRONG = {
 }  # fmt: skip
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("case", WRONG)
 def test_what_is_wrong_is_told_with_its_line(case, tmp_path):
     text, line, word = WRONG[case]

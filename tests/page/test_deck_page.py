@@ -77,6 +77,7 @@ def test_a_finer_mesh_of_a_deck_is_asked_for_with_its_price(opened, deck):
     assert finer.dofs == pytest.approx(made.dofs, rel=0.2)
 
 
+@pytest.mark.slow
 def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_report(
     opened, deck, monkeypatch
 ):
@@ -121,6 +122,7 @@ def test_long_work_tells_its_time_and_the_scene_that_is_written_before_its_repor
             deck.with_name(name).unlink(missing_ok=True)
 
 
+@pytest.mark.slow
 def test_the_clock_of_an_answer_is_that_of_the_server_over_all_its_steps(opened, monkeypatch):
     """Each blow lasts 10 s by a clock of the test; one that begins anew has a clock of its own."""
     setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-4}
@@ -241,6 +243,7 @@ def test_doubts_of_the_number_come_first_with_remedies_that_the_page_has(opened,
     assert judged["stress_note"].endswith("by mesh and patch, force not estimated")
 
 
+@pytest.mark.slow
 def test_a_yield_strength_with_its_range_is_typed_for_a_deck_of_plies_of_one_material(
     deck, tmp_path
 ):
@@ -262,6 +265,7 @@ def test_a_yield_strength_with_its_range_is_typed_for_a_deck_of_plies_of_one_mat
     assert "yield strength 2.00 MPa (1.50 MPa to 3.00 MPa)" in " ".join(told[0])
 
 
+@pytest.mark.slow
 def test_a_yield_strength_is_named_by_a_material_like_that_of_the_deck(opened):
     """The plate has 3 GPa and 1200 kg/m³; its answer is that of the numbers of the name."""
     look = json.loads(json.dumps(opened.calls["look"]({}), default=str))
@@ -493,6 +497,7 @@ def test_fields_held_edges_and_the_blow_before_on_the_page_of_a_deck(tmp_path):
         page.close()
 
 
+@pytest.mark.slow
 def test_a_page_that_is_loaded_again_waits_for_no_computation():
     opened = Opened(MESHES / "bracket.msh")
     first = opened.calls["look"]({})
@@ -513,6 +518,7 @@ def test_a_part_of_fibres_is_asked_for_no_yield_strength():
     assert page._may_yield(ao.Structure(mesh, steel))
 
 
+@pytest.mark.slow
 def test_finer_cells_around_the_site_of_a_deck_are_those_that_the_contact_needs(opened, deck):
     """The page takes the size of its caution; the force is that of the scene with `refine`."""
     setup = json.loads(json.dumps(opened.calls["look"]({})["setup"])) | {"duration": 2e-3, "n": 20}

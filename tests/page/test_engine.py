@@ -67,7 +67,6 @@ def same(found, hit, rel=1e-9):
     assert found["contacts"] == len(hit.contacts)
 
 
-@pytest.mark.sample
 @node
 @pytest.mark.parametrize(
     ("model", "striker", "law", "options"),

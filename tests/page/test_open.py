@@ -302,6 +302,7 @@ def test_a_saved_scene_reruns_to_the_numbers_of_the_page(opened, step):
         path.unlink()
 
 
+@pytest.mark.slow
 def test_warnings_stay_with_the_set_up_that_they_concern(opened):
     setup = asked(opened, point=[0.03, 0.001, 0.015], direction=[0, 0, -1], radius=4e-3)
     for step in ("blow", "settle", "fields", "verdict"):  # later steps take the model of the first
@@ -402,6 +403,7 @@ def test_a_run_that_the_page_makes_longer_leaves_no_warning(opened):
     assert told["place"]["radius"] == setup["striker"]["radius"]  # the tip, not a ball of its mass
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_until_the_bodies_part_or_says_that_they_approach(tmp_path):
     from antiosc_app.opened import Opened
 
@@ -527,6 +529,7 @@ def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
     assert settled["blow"]["bars"]["shares"]["peak_force"]["mesh"] > 0
 
 
+@pytest.mark.slow
 def test_free_modes_are_searched_once_an_answer_is_whole(opened, monkeypatch):
     """Between its steps a round of the search would delay the next one."""
     rounds = []
@@ -710,6 +713,7 @@ def test_finer_mesh_of_a_fall_is_where_its_impacts_strike(opened):
     assert "refine" not in struck["geometry"]
 
 
+@pytest.mark.slow
 def test_a_fall_tells_where_its_stress_is_largest_for_a_finer_mesh_there(block):
     from antiosc_app.opened import Opened
 
@@ -726,6 +730,7 @@ def test_a_fall_tells_where_its_stress_is_largest_for_a_finer_mesh_there(block):
     opened.close()
 
 
+@pytest.mark.slow
 def test_a_wide_bar_takes_more_anti_oscillators_and_finer_cells(step, monkeypatch):
     """Once, where the page leaves both open; what is asked for stays."""
     from antiosc_app import opened as page
@@ -905,6 +910,7 @@ def test_a_warning_that_is_among_the_sentences_is_shown_once():
     assert by_weight([warning, "another", "another"], sentence) == ["another"]
 
 
+@pytest.mark.slow
 def test_page_and_new_scene_begin_with_the_same_striker_and_the_same_fall(opened, step):
     path = step.with_name("written.toml")
     setup = asked(opened)

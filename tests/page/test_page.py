@@ -88,6 +88,7 @@ def test_a_title_breaks_at_the_separators_of_a_file_and_nothing_in_it_is_markup(
     assert told in page.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_page_marks_the_main_impact_as_the_program_finds_it(browser, tmp_path):
     model = ao.AntiOscillators(m0=0.02, k0=1e5, m=[0.05], omega=[3000.0])
     for mass in (0.5, 0.1, 0.02):
@@ -483,6 +484,7 @@ def test_the_computed_case_has_its_numbers_where_the_page_cannot_repeat_it(brows
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_the_deflection_at_the_site_has_its_bar_and_tells_until_when_it_is_known(
     plate, browser, tmp_path
 ):

@@ -92,6 +92,7 @@ def box_of(look):
     return np.ptp(skin["points"].reshape(-1, 3).astype(float), axis=0) * skin["half"] / 32767 * 1e3
 
 
+@pytest.mark.slow
 def test_each_piece_is_opened_by_its_rank_with_its_own_scene(apart):
     first = apart.calls["look"]({})
     assert [rank for rank, _ in first["pieces"]] == [1, 2]
@@ -124,6 +125,7 @@ def test_a_piece_that_there_is_not_leaves_the_one_that_is_open(apart):
         assert (after["piece"], after["opening"]) == (1, first["opening"])
 
 
+@pytest.mark.slow
 def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
     as_step(tmp_path / "two.step", 0.0)
     one = Opened(tmp_path / "two.step")
@@ -142,6 +144,7 @@ def test_pieces_that_are_joined_are_opened_alone_and_joined_again(tmp_path):
     assert sides[0] == pytest.approx((LARGE[0] + SMALL[0], *LARGE[1:]), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_deck_is_opened_with_its_contact_tied_or_left_out(tmp_path):
     one = Opened(cut_block(tmp_path / "two.inp", (4, 2, 1), (3, 1, 1)))
     try:
@@ -199,6 +202,7 @@ def test_cell_sizes_that_are_offered_halve_a_deck_once_and_twice(tmp_path):
         one.close()
 
 
+@pytest.mark.slow
 def test_cell_sizes_that_are_offered_for_a_geometry_are_smaller_by_steps(tmp_path):
     as_step(tmp_path / "two.step", APART)
     one = Opened(tmp_path / "two.step")

@@ -228,6 +228,7 @@ def test_who_does_not_finish_is_cut_off(served, cut):
     assert status(sent(served, request(served))) == OK
 
 
+@pytest.mark.slow
 def test_more_connections_than_it_serves_are_closed(served, monkeypatch):
     address = ("127.0.0.1", served.server_port)
     idle = [socket.create_connection(address, timeout=10) for _ in range(server.MOST_REQUESTS)]
@@ -244,6 +245,7 @@ def test_it_listens_on_this_machine_alone(served):
     assert len(served.token) >= 32
 
 
+@pytest.mark.slow
 def test_a_request_waits_while_a_solver_holds_the_interpreter(served, monkeypatch):
     """SLEPc keeps Python's lock for many seconds on a busy machine: nobody is late meanwhile."""
     monkeypatch.setattr(server._Request, "timeout", 10.0)
@@ -270,6 +272,7 @@ def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
     assert parted(run(0.21), least=0.2)
 
 
+@pytest.mark.slow
 def test_remedies_on_the_page_begin_with_names_of_its_fields_and_buttons():
     """Each alternative of `where_to_change`, by the strings of the page's program and its tags."""
     page = "".join((SOURCE / "antiosc_app/page" / name).read_text() for name in PAGE_FILES)

@@ -65,6 +65,7 @@ def test_contacts_that_are_not_of_the_main_impact_are_counted_apart(mass, apart)
     assert told.split()[1].rstrip(",") == str(len(hit.contacts))
 
 
+@pytest.mark.slow
 def test_a_force_with_a_wide_bar_says_so_first_and_what_narrows_it_once():
     part = sheets.plate(16, 0.02)
     heads = []

@@ -64,6 +64,7 @@ def rows_of(tmp_path, capsys, text: str) -> dict[str, str]:
     ("supports", "held"),
     [(SIDE, "-x: "), (PLANES, "plane z = 0 m along z, within 1.00 mm of (100, 0, 0) mm: ")],
 )
+@pytest.mark.slow
 def test_a_run_tells_the_striker_and_the_supports(tmp_path, capsys, supports, held):
     text = BOX.format(supports=supports, direction="[0, 0, -1]", striker=BALL)
     rows = rows_of(tmp_path, capsys, text)

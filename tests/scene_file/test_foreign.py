@@ -274,6 +274,7 @@ def test_what_was_guessed_is_a_table_and_what_cannot_be_read_writes_nothing(tmp_
     assert not (tmp_path / "b.toml").exists()
 
 
+@pytest.mark.slow
 def test_contact_between_the_pieces_of_a_deck_leaves_the_largest(tmp_path, capsys):
     path = deck(tmp_path / "a.inp", "mm", pieces=2)
     sets = "*ELSET, ELSET=LEFT\n1, 2\n*ELSET, ELSET=RIGHT\n3, 4\n*ELSET, ELSET=A1\n1\n"
@@ -512,6 +513,7 @@ def test_a_surface_of_which_nothing_is_known_is_struck_as_a_flat_face(tmp_path):
         ao.simulate(model, ao.Sphere(0.01, material="steel S235", velocity=1.0), "auto", 1e-4)
 
 
+@pytest.mark.slow
 def test_a_deck_falls_without_its_supports(tmp_path):
     path = deck(tmp_path / "a.inp", "mm")
     part = ao.read_model(path, unit="mm", free=True)
@@ -624,6 +626,7 @@ def test_no_file_is_read_twice_in_the_same_way(tmp_path, monkeypatch, name):
     assert ways[-1] == found.read
 
 
+@pytest.mark.slow
 def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
     path = deck(tmp_path / "a.inp", "mm", model=False)
     assert inspect_part(path, unit="in").length == pytest.approx(25.4 * SIDES[0])
@@ -645,6 +648,7 @@ def test_a_unit_that_is_given_is_that_of_the_file(tmp_path):
         inspect_part(path, unit="ell")
 
 
+@pytest.mark.slow
 def test_a_timeout_is_that_of_every_reading_and_of_the_scene(tmp_path):
     bar, cube = deck(tmp_path / "bar.inp", "mm"), tmp_path / "cube.geo"
     cube.write_text('SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 2, 2, 2};')

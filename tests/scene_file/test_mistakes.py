@@ -357,7 +357,6 @@ WRONG = {
 
 
 @pytest.mark.fem
-@pytest.mark.sample
 @pytest.mark.parametrize("case", WRONG)
 def test_every_mistake_is_told_with_its_line(scene, case):
     text, told = WRONG[case]

@@ -90,6 +90,7 @@ def test_the_ball_has_at_most_ten_times_the_mass_of_the_part():
     assert block.heaviest_striker(0.5) == 0.5
 
 
+@pytest.mark.slow
 def test_a_size_of_the_cells_changes_neither_site_nor_striker_or_says_so(tmp_path):
     """Cells that are larger than the usual ones say so: to make those may take too long."""
     path = tmp_path / "block.geo"
@@ -204,6 +205,7 @@ def test_a_new_scene_runs(part, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("part", "size"), [("block.vtu", 6e-2), ("block.geo", 1e-2)])
+@pytest.mark.slow
 def test_a_size_is_that_of_the_cells_and_of_the_scene(part, size, tmp_path):
     path = tmp_path / part
     if part == "block.vtu":
@@ -271,6 +273,7 @@ def test_nothing_is_overwritten_and_a_part_that_cannot_be_read_is_told(tmp_path,
     assert not scene.exists()
 
 
+@pytest.mark.slow
 def test_a_picture_that_exists_is_kept_and_told(tmp_path, capsys):
     picture = tmp_path / "a.png"
     picture.write_text("mine")
@@ -423,6 +426,7 @@ def test_a_sheet_whose_model_does_not_fit_is_refused_before_it_is_made(
     assert ("a factor of" in said, "0.001 GB are free" in said) == (True, True)
 
 
+@pytest.mark.slow
 def test_the_patch_of_a_new_scene_is_one_that_its_mesh_resolves():
     """Facets next to the struck one are larger: the radius is that of all under the patch."""
     look = inspect_part(MESHES / "bracket.msh")
@@ -449,6 +453,7 @@ def _sheet_with_a_tied_cell(path: Path) -> None:
     path.write_text("\n".join([*lines, "*BOUNDARY", "FOOT, 1, 6", ""]))
 
 
+@pytest.mark.slow
 def test_a_deck_of_a_sheet_with_ties_tells_why_it_has_no_bar_of_the_mesh(tmp_path, capsys):
     deck = tmp_path / "sheet.inp"
     _sheet_with_a_tied_cell(deck)
@@ -491,6 +496,7 @@ def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path,
     assert cli.main(["run", str(scene), "--out", str(tmp_path / "out")]) == 0
 
 
+@pytest.mark.slow
 def test_the_cells_of_a_finer_mesh_are_forecast_within_two_thirds():
     look = inspect_part(MESHES / "bracket.step")
     size = look.size / 2

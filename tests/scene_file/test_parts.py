@@ -327,6 +327,7 @@ def test_soil_as_a_floor_under_a_part_and_as_a_body(box_folder: Path) -> None:
     assert scene.arguments["bodies"]["b"].made == cone
 
 
+@pytest.mark.slow
 def test_a_yield_strength_has_its_verdict(
     box_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

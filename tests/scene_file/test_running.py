@@ -133,6 +133,7 @@ def test_an_acceleration_that_has_not_converged_is_told_through_the_widest_filte
     assert "filtered" not in own
 
 
+@pytest.mark.slow
 def test_the_shock_spectrum_of_a_probe_is_that_of_oscillators_on_its_point(tmp_path, capsys):
     """Oscillators on a base that has the displacement of the point, integrated by lsim."""
     text = f'{BEAM.replace("2e-3", "3e-3")}{PROBE}quantity = "acceleration"\nsrs = [345, 1e6]\n'
@@ -205,6 +206,7 @@ def test_an_acceleration_that_converges_through_no_filter_is_told(tmp_path, caps
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
     """A deflection that follows the force is not known better than the force."""
     probe = '[probes.quarter]\npoint = [0.02, 0.04, 0.075]\nquantity = "von_mises"\nsnap = 0.1\n'
@@ -228,6 +230,7 @@ def test_the_bar_of_a_probe_holds_that_of_the_force(tmp_path, capsys):
 
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore:the velocity still rings")
+@pytest.mark.slow
 def test_a_shock_spectrum_of_a_scene_has_the_bar_of_probe_srs(tmp_path, capsys):
     """With the mesh's share, in the result, the table and on the terminal."""
     asked = '[probes.{}]\npoint = [0.02, 0.04, 0.06]\nquantity = "velocity"\nsnap = 0.02\n'
@@ -283,6 +286,7 @@ def test_a_sweep_is_many_runs(tmp_path, capsys):
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_a_sweep_has_the_bars_of_its_runs_and_fails_with_one_of_them(tmp_path, capsys):
     """Each row has the bar of its run; a row without a result is told by the exit code."""
     ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nmaterial = "steel S235"\nvelocity = 1.0\n'
@@ -396,6 +400,7 @@ spin = { axis = [0, 0, 1], omega = 20.0, about = [0.1, 0, 0] }
 """
 
 
+@pytest.mark.slow
 def test_a_scene_has_the_prestress_of_its_part(tmp_path):
     found = objects(written(tmp_path, BRACKET + LOADED + HIT))
     state = found.structure.prestress
@@ -408,6 +413,7 @@ def test_a_scene_has_the_prestress_of_its_part(tmp_path):
         objects(written(tmp_path, BRACKET + LOADED + "[drop]\nheight = 1.0\n"))
 
 
+@pytest.mark.slow
 def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):
     target = tmp_path / "first.toml"
     assert antiosc("new", target) == 0
@@ -442,9 +448,9 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
 
 
-@pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])
+@pytest.mark.slow
 def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, capsys):
     path = tmp_path / "new.toml"
     box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m; groups: "
@@ -484,6 +490,7 @@ def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):
     assert "peak force" not in told
 
 
+@pytest.mark.slow
 def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
     """In the words of the dry run; a short run does not."""
     path = written(tmp_path, f"{BRACKET}[extract]\nn = 4\n{HIT}")
@@ -879,6 +886,7 @@ duration = 1e-2
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_a_scene_chooses_second_order_forces_itself(tmp_path):
     """Its answer is that of a program that asks for them, with one body and with several."""
     (tmp_path / "sheet.geo").write_text(RECTANGLE)

@@ -93,6 +93,7 @@ def test_the_warnings_of_the_hardest_blow_of_a_sweep_are_not_those_of_the_scene(
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_a_patch_that_nobody_gave_carries_the_lowest_yield_strength_too(tmp_path):
     """Else the error of the law is that of a patch that does not carry it."""
     steel = "yield_strength = 400e6\nyield_range = [200e6, 450e6]"
@@ -153,6 +154,7 @@ def test_the_probes_of_a_scene_choose_its_anti_oscillators_too(tmp_path):
     assert settled(alone).scene.document.data["extract"]["n"] < n
 
 
+@pytest.mark.slow
 def test_a_patch_of_strike_that_nobody_gave_carries_the_force(tmp_path):
     path = scene(tmp_path, duration="4e-4")
     text = path.read_text().replace("[extract]\nn = 12\n", "")

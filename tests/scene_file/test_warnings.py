@@ -86,6 +86,7 @@ def test_what_questions_the_numbers_comes_first_and_nothing_twice():
 
 @pytest.mark.fem
 @pytest.mark.parametrize("strength", ["", STRENGTH])
+@pytest.mark.slow
 def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, capsys, strength):
     written(tmp_path, plate_deck(6), "plate.inp")
     scene = written(tmp_path, SCENE.format(strength=strength))
@@ -110,6 +111,7 @@ def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, ca
 
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.slow
 def test_a_deck_that_keeps_its_elements_is_not_told_to_compare_two_cell_sizes(tmp_path, capsys):
     tied = tied_cell({49: (1.0, 1.0), 42: (1.0, 5 / 6)}, (0.2, 0.0), "all")
     written(tmp_path, plate_deck(6).replace("*STEP", f"{tied}\n*STEP"), "plate.inp")
@@ -172,6 +174,7 @@ def test_a_force_without_the_mesh_s_error_has_that_of_the_law_where_it_is_known(
 
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.slow
 def test_the_force_is_off_by_no_more_than_is_told_for_too_few_second_order_modes(monkeypatch):
     part = sheets.plate(12, 0.001)
     model = ao.extract(part, ao.Site((0.5, 0.45, 0.0), (0, 0, -1)), n=30, stretch="auto")
@@ -222,6 +225,7 @@ def test_of_second_order_forces_that_is_doubted_which_is_not_settled():
 
 @pytest.mark.fem
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
+@pytest.mark.slow
 def test_a_peak_before_the_sheet_stretches_has_no_share_of_its_later_deflection():
     """A plate's force peaked after 11 µs of 60 ms; the later change of its deflection by motions
     stood in the bar of the peak, 30 %, beside a change of the peak of 0.01 %.

@@ -51,6 +51,7 @@ def messages() -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_no_message_of_the_library_keeps_a_call():
     assert len(messages()) > 5
     for text in messages():

@@ -44,7 +44,6 @@ def test_a_batch_of_several_places_names_them():
         ao.simulate_many(models, balls, ao.Hertz(1e9), 1e-2)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_executors_keep_the_order_and_tell_a_scene_that_fails(pool):
     model = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
@@ -91,7 +90,6 @@ def closed_pool() -> ThreadPoolExecutor:
     return pool
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("law", "says"), [(Deadly, "BrokenProcess"), (Unpicklable, "holds a file")]
 )

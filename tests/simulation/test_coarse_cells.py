@@ -53,6 +53,7 @@ def sentences(run):
         ("solid", 0.1, 0.03, 0.01),
     ],
 )
+@pytest.mark.slow
 def test_a_cell_larger_than_half_a_wave_is_told(family, coarse, fine, thickness):
     ball = ao.RigidMass(0.01, velocity=1.0)
     model = struck(family, coarse)[0]

@@ -225,7 +225,6 @@ def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("m0", [0.02, 0.0], ids=["mass", "massless"])
 def test_contacts_of_one_site_share_their_coupling(m0):
     """Balls of unlike speeds on one site, by sums over the group and by another integrator."""

@@ -118,7 +118,6 @@ def test_a_patch_that_gives_way_more_than_was_asked_is_told() -> None:
     assert "less than a tenth of the compliance of tangential_stiffness" in " ".join(hit.details)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog", "DOP853"])
 @pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
 def test_other_methods_rub_alike(psi: float, method: str) -> None:

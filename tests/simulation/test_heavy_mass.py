@@ -72,6 +72,7 @@ def test_without_damping_the_beam_goes_on_to_vibrate() -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
+@pytest.mark.slow
 def test_the_force_is_that_of_an_integrator_that_resolves_all(name: str) -> None:
     """DOP853, which shares neither steps nor their errors with the march."""
     model, law = beam(3, 0.05), LAWS[name]

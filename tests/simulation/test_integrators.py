@@ -88,7 +88,6 @@ def test_momentum_is_exact_whatever_the_step(method):
     assert lost == pytest.approx(run.impulse, rel=1e-12)
 
 
-@pytest.mark.sample
 @methods
 @pytest.mark.parametrize("law", [LAWS["hertz"], LAWS["thornton"]], ids=["hertz", "thornton"])
 def test_massless_contact_point(law, method):
@@ -141,7 +140,6 @@ def test_a_rate_on_a_massless_point_has_order_three() -> None:
     assert hit.error["force"] < 1e-3
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", "BDF", "LSODA"])
 def test_every_solve_ivp_method_agrees(method):
     exact = strike(LAWS["hertz"], "exact", 2e-7)

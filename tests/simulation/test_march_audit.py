@@ -28,7 +28,6 @@ def test_steps_keep_motion_and_law(name: str) -> None:
 SOLVED = ["HuntCrossley4", "YangSun9", "sticks", "loaded"]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", SOLVED)
 def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
     """Which shares the bodies with the march, and neither its laws nor its events."""

@@ -18,7 +18,6 @@ Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("tilt", [0.0, 1e-3])
 @pytest.mark.parametrize(("k", "n"), [(1e6, 1.0), (1e8, 1.5)])
 def test_plate_on_four_corners(tilt: float, k: float, n: float) -> None:

@@ -35,7 +35,6 @@ def several(law: ao.ContactLaw) -> ao.Scene:
     return ao.Scene(bodies, contacts)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("law", "method"),
     [
@@ -80,7 +79,6 @@ def test_a_step_beyond_the_limit_of_stability_is_told() -> None:
     assert hit.status == 2
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", [*STEPS, "DOP853"])
 def test_hertz_in_closed_form(method: str) -> None:
     bodies = {"m": ao.RigidMass(0.5, 1.0), "w": ao.Obstacle()}
@@ -93,7 +91,6 @@ def test_hertz_in_closed_form(method: str) -> None:
     assert hit.bodies["m"].velocity()[-1] == pytest.approx(-1.0, abs=1e-3)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", ["newmark", "leapfrog", "DOP853"])
 def test_coupling_without_mass_and_a_preload(method: str) -> None:
     """A site without inertia under a load that is released: the exact method's forces."""

@@ -223,7 +223,6 @@ def resting(p: int, stiffness: float) -> ao.Scene:
     return ao.Scene(bodies, contacts, gravity=100.0, preload=True)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("p", [1, 2, 4])
 def test_contacts_that_excite_the_modes_together_are_told(p: int) -> None:
     """k h^2/m = 10.6 lies in the window from 9.6 to 12; each of two springs alone is stable.

@@ -175,7 +175,6 @@ def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing
         assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("needed", "tried"), [(1, [1]), (3, [1, 2, 4, 3]), (8, [1, 2, 4, 8, 6, 7])]
 )
@@ -231,7 +230,6 @@ def test_the_hung_model_keeps_the_dampers():
         assert chosen.peak_force == pytest.approx(truth.peak_force, rel=1e-2)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("apart", [(0.5, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
 def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
     """Impacts of the two extremes that differ by given shares: twice that, at least."""
@@ -315,6 +313,7 @@ def test_a_model_is_exact_at_its_expansion_point_and_at_rest():
         assert model.info.expansion == POINT
 
 
+@pytest.mark.slow
 def test_a_blow_that_is_over_before_its_waves_return_needs_fewer_about_its_contact_time():
     """Against all anti-oscillators that the site sees; the static ones are far off."""
     part = thin_plate(47)

@@ -83,7 +83,6 @@ def test_no_contact_is_said(scene, says):
     assert (hit.peak_force, hit.impulse, hit.contact_time, hit.restitution) == (0, 0, 0, None)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("duration", "speed", "status"), [(12e-3, 0.01, 0), (1e-3, 0.01, 3), (1e-3, -0.01, 0)]
 )

@@ -72,7 +72,6 @@ def receptance(part: ao.Structure, site: ao.Site, c: float, omega: np.ndarray) -
     return np.array([b @ np.linalg.solve(K + 1j * w * C - w**2 * M, b) for w in omega])
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("c", [1.0, 4000.0])
 def test_the_receptance_is_that_with_the_damper(c):
     """At a site that sees the other beam by the damper alone, weak or strong."""
@@ -160,7 +159,6 @@ def test_a_column_on_soil_is_the_rod_of_closed_form():
         replace(foot, up="w")
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("c", [20.0, 2.0, 5.0, 11.0, 100.0])
 def test_an_impact_on_a_cantilever_with_a_tip_damper(c):
     """The impulse against a solution in all states, to 0.1 %."""

@@ -184,7 +184,6 @@ def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
         assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
 def test_springs_between_nodes_are_in_series(tmp_path, kind):
     """From the top of the column to a node that is held: both carry."""

@@ -121,7 +121,6 @@ def check(found, C, fixed):
     return T, free
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("seed", range(12))
 def test_the_span_of_T_is_the_null_space_of_the_constraints(seed):
     rows, C, fixed, scale = random_rows(seed)

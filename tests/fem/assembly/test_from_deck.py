@@ -90,7 +90,6 @@ def test_wrong_arguments_are_named_before_a_deck_is_looked_for(tmp_path, option,
         ao.read_model(tmp_path / "part.inp", **{option: value})
 
 
-@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
 @pytest.mark.parametrize(
     "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]

@@ -87,7 +87,6 @@ def test_a_weld_at_a_distance_is_a_rigid_arm():
     assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
 def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     """Longitudinal, ν = 0: κ tan κ = (mass of the rod) / (mass on it)."""

@@ -43,7 +43,6 @@ CLAMPED = "SPC1,1,123456,1,3\n"
 TIP = L**3 / (3 * E * I) + L / GA  # of a cantilever
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("pins", ["56,", ",56"])
 def test_a_hinge_between_two_bars(tmp_path, pins):
     """Moments are released at one end in the middle: two cantilevers beside each other."""
@@ -57,7 +56,6 @@ def test_a_hinge_between_two_bars(tmp_path, pins):
     assert k0(part, (L, 0, 0), (1, 0, 0)) == pytest.approx(2 * E * A / L, rel=1e-8)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", ["CBAR", "CBEAM"])
 def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
     """Offsets askew to the orientation; a spring k at the node, e beside the end that is struck."""
@@ -82,7 +80,6 @@ def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
     assert part.mass == pytest.approx(RHO * A * 0.75 * L, rel=1e-9)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("system", ["5", "-1"])
 def test_a_mass_in_a_system_of_its_own(tmp_path, system):
     """Turned by 90° about z: x of the system is y, y is −x; −1 gives the place itself."""
@@ -117,7 +114,6 @@ def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
             )
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("orientation", [",,,", "0.,1.,0.,", ",,,5"])
 def test_a_bushing_between_nodes_apart_has_rigid_arms(tmp_path, orientation):
     """CBUSH at a third of its line, against one between coincident nodes on arms by RBE2."""

@@ -18,7 +18,6 @@ HEX, TET, TRI, QUAD = "hexahedron", "tetrahedron", "triangle", "quadrilateral"
 STRAIN = 1e-3
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize(
     ("first", "second", "n", "m"),
@@ -132,7 +131,6 @@ def test_shell_edges_are_tied_with_their_rotations(second):
     assert ours.omega[:4] == pytest.approx(theirs.omega[:4], rel=3e-3)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_tie_keeps_mass_and_rigid_motions(turned):
     """A free bar of two parts, the second one made elsewhere and brought to its place."""
@@ -197,7 +195,6 @@ def test_a_shell_edge_on_a_solid_against_the_solid_throughout(cell):
         assert np.abs(whole.omega / omega - 1).min() < 5e-3
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("angle", [0.0, np.pi / 6])
 def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
     """A free block with a fin: six motions without strain, whatever way the fin stands."""

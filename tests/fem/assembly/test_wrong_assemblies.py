@@ -156,7 +156,6 @@ TOLD = [
 ]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(("make", "words"), TOLD)
 def test_it_is_told_in_one_sentence(make, words):
     with pytest.warns(ao.AntioscWarning, match=words):

@@ -150,7 +150,6 @@ def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
     )
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (2, -1, 2)])
 @pytest.mark.parametrize("order", [1, 2])
 def test_orientation_in_space(direction, order):

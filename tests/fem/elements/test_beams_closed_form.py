@@ -161,7 +161,6 @@ def compare(model: ao.AntiOscillators, exact: ao.AntiOscillators, tol: float) ->
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize(("slenderness", "elements", "method"), SLENDER)
 def test_however_slender_and_fine(slenderness, elements, held, method):
@@ -180,7 +179,6 @@ def test_however_slender_and_fine(slenderness, elements, held, method):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 def test_far_beyond_sixteen_digits_is_refused(held):
     structure = ao.Structure(
@@ -193,7 +191,6 @@ def test_far_beyond_sixteen_digits_is_refused(held):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (1.0, 2.0, 2.0)], ids=["plane", "space"])
 @pytest.mark.parametrize("side", [0.2, 1e-4], ids=["stocky", "slender"])

@@ -252,7 +252,6 @@ def two_layers(ratio=5.0):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
     """Pushed up at the tip: w = F L³/3D* + F L/S, and the middle stretches, u = (B/A) F L²/2D*."""
@@ -271,7 +270,6 @@ def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_free_unsymmetric_laminate_is_struck(cell):
     """Exact rigid motions, the mass ρtA, and what momentum the sphere loses the sheet has."""

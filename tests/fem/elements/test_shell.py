@@ -123,7 +123,6 @@ def test_dropped_rotations_have_no_moment():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize(("cell", "t"), [(c, t) for c in CELLS for t in (1e-1, 1e-3)])
 def test_frequencies_converge_with_the_fourth_order(cell, t):
     coarse, fine = plate_error(4, t, cell), plate_error(8, t, cell)
@@ -165,7 +164,6 @@ SHELLS = [(cell, order) for cell in CELLS for order in (1, 2)]
 
 
 # The benchmark has units of its own.
-@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:.*units are SI")
 @pytest.mark.parametrize(("cell", "order"), SHELLS)
 def test_scordelis_lo_roof(cell, order):
@@ -324,7 +322,6 @@ def test_patch(cell, case):
     assert np.abs(force[inner]).max() < 1e-11 * scale
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(("cell", "order"), SHELLS)
 @pytest.mark.parametrize("t", [1e-1, 2e-3])
 def test_a_free_shell_has_six_zero_modes_and_its_mass(cell, order, t):
@@ -360,7 +357,6 @@ def test_a_fold_carries_bending_across():
     assert y[dof(structure, (1, 0, 1), "x")] == pytest.approx(bending, rel=2e-3)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("n", [10, 16])
 @pytest.mark.parametrize("radius", [0.1, 0.05])
 def test_patch_compliance_is_mindlins(n, radius):

@@ -86,7 +86,6 @@ def shaken(cell: str, size, amount: float = 0.15) -> ao.Mesh:
     return mesh
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(("geometry", "order"), [(1, 1), (1, 2), (2, 2)])
 def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
@@ -110,7 +109,6 @@ def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
         assert shift @ (M @ shift) == pytest.approx(mass, rel=1e-13)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_patch_of_constant_strain(cell, order):

@@ -180,6 +180,7 @@ def test_an_impact_is_that_of_all_degrees_of_freedom(case, blow):
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_an_impact_on_a_disc_is_that_of_von_karman():
     """Ritz and DOP853 without a mesh; the disc deflects by 0.9 thicknesses."""
     mass, speed, k, duration = 0.2, 1.75, 2e5, 6e-3
@@ -276,6 +277,7 @@ def test_a_plate_of_solids_is_told_of_its_stretching_as_one_of_shells():
     assert float(told[True][1]) == pytest.approx(float(told[False][1]), rel=0.1)
 
 
+@pytest.mark.slow
 def test_strike_lets_a_thin_solid_stretch_by_itself():
     part, site = thin(solid=True)
     ball = ao.RigidMass(0.2, 3.0)

@@ -74,7 +74,6 @@ REASONS = {
 }
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("reason", list(REASONS))
 def test_there_is_no_figure_where_none_was_measured(reason):
     found = REASONS[reason]()
@@ -238,7 +237,6 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", list(CASES))
 def test_frequencies_of_the_corrected_model(name, order):
@@ -253,7 +251,6 @@ def test_frequencies_of_the_corrected_model(name, order):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_bars_of_an_impact_hold(order):
     part, site = CASES["portal"]
@@ -302,7 +299,6 @@ def test_a_node_at_the_site_keeps_groups():
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_interpolated_rigid_motions_have_no_strain(order):
     part = on_mesh(ao.Structure(frame(*IN_SPACE, 3), BEAM, order=order))

@@ -113,7 +113,6 @@ def test_every_common_side_of_two_facets_has_its_angle(name):
     assert found == pytest.approx(np.full(count, angle))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False])
 def test_a_budget_is_told_of_the_layers_outside_of_facets(held):
     """The energies of the shapes in them, and their mass; of a rigid motion there is none."""
@@ -223,7 +222,6 @@ def test_a_bar_in_closed_form():
     assert estimator(bar).of_cells(u).sum() == pytest.approx(E * area * error, rel=1e-6)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_k0_of_nested_meshes(cell, order):
@@ -251,7 +249,6 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_linear_elements_that_lock_have_no_bar(cell):
     """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""
@@ -277,7 +274,6 @@ def test_linear_elements_that_lock_have_no_bar(cell):
         extracted(0.499, 1, "stress")
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
 def test_strains_of_degree_one_have_no_error(cell, order):

@@ -137,7 +137,6 @@ CASES = [
 ]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[1]}-{case[3]}")
 def test_the_bar_holds_what_a_much_finer_mesh_changes_and_is_no_more_than_six_times_that(case):
     """Plates and shells, some thin enough to lock, against cells of a sixth of the size."""
@@ -214,6 +213,7 @@ def test_groups_of_cells_and_edges_follow_the_division():
     ("n", "time", "resolved"),
     [(16, 5e-4, True), (24, 1.2e-4, False), (10, 5e-4, False), (6, 1.2e-4, False)],
 )
+@pytest.mark.slow
 def test_a_cell_longer_than_a_wave_is_told_as_its_bar_does_not_hold(n, time, resolved):
     """A mass and a spring on the impedance 8 √(m″ D) of an infinite plate."""
     thickness, mass = 1e-3, 2e-3

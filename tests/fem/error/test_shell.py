@@ -90,7 +90,6 @@ STRUCTURES = {
 }
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", list(STRUCTURES))
 def test_the_strains_are_those_of_the_stiffness(name):
     """Their energy is uᵀKu, for any u without in-plane rotations, whose squares are of degree 6."""

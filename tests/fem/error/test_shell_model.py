@@ -37,6 +37,7 @@ def site(direction=(0, 0, -1), **more) -> ao.Site:
     return ao.Site((SIDES[0] / 2, SIDES[1] / 2, 0), direction, **more)
 
 
+@pytest.mark.slow
 def test_a_blow_on_a_glass_plate_is_within_its_bars(mesh):
     """A shell makes a ball of 10 mm rebound too fast, beyond the error of its mesh."""
     part = supported(mesh, ao.Shell(**GLASS, thickness=H))

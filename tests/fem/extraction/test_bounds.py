@@ -163,7 +163,6 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
     assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
 def test_bound_across_a_slide(angle, method):
@@ -237,7 +236,6 @@ def _stack(angle: float) -> tuple[Array, Array, Array]:
     return block_diag(along, across), np.diag(np.concatenate([m, m])), B
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     K, M, B = _stack(angle)
@@ -315,7 +313,6 @@ OFF: dict[str, Callable] = {
 }
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("sites", [[0], [0, 4, 7]])
 @pytest.mark.parametrize("name", list(OFF))
 def test_the_bound_holds_and_is_not_wide(pair, name, sites):

@@ -208,7 +208,6 @@ def dense(structure: ao.Structure) -> np.ndarray:
     return np.sqrt(np.abs(scipy.linalg.eigh(K, M, eigvals_only=True)))[rigid:]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("supported", [True, False])
 def test_modes_are_those_of_the_matrices(supported):
     structure = bar(supported)

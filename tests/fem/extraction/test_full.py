@@ -130,7 +130,6 @@ def test_the_field_is_that_of_a_direct_solve(plate):
         np.testing.assert_allclose(u, exact, atol=off * np.abs(exact).max())
 
 
-@pytest.mark.sample
 def test_weight_of_a_free_part_is_its_mass(plate):
     """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
     part, site = plate

@@ -43,7 +43,6 @@ CASES = {
 }
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES)
 def test_all_modes_are_the_structure(case, method, rng):
@@ -232,7 +231,6 @@ def test_tangential_directions_that_supports_hold():
     np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
 def test_an_oblique_blow_rubs(mu, slides):
     """A free block thrown askew on the floor: its momentum is what the contact's forces give."""

@@ -331,7 +331,6 @@ def many_loads(size: int, count: int, entries: int = 5) -> scipy.sparse.csr_matr
     return scipy.sparse.csr_matrix((values.ravel(), (rows.ravel(), at)), shape=(size, count))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("block", [1, 3])
 def test_solves_and_factor(block):
     A = grid(8, block)
@@ -361,7 +360,6 @@ def test_compliances_are_those_of_solves(count):
     np.testing.assert_allclose(found, exact, rtol=1e-12, atol=1e-14)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("supported", [True, False])
 @pytest.mark.parametrize("count", [0, 12])
 def test_deflections_are_those_of_solves(supported, count):

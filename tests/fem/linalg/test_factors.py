@@ -216,7 +216,6 @@ print(json.dumps([type(factor).__name__, float(np.abs(left).max(initial=0.0))]))
 """
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("seed", range(6))
 def test_cover_is_the_least(seed):
     rng = np.random.default_rng(seed)

@@ -95,7 +95,6 @@ def test_thin_incompressible_parts_are_told():
         part.factorize().solve(np.random.default_rng(0).standard_normal(part.rows))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     "given",
     [

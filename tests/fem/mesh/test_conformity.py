@@ -34,7 +34,6 @@ CELLS = {
 }
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", CELLS)
 def test_a_cell_inside_another_overlaps_it_wherever_it_is(name):
     x = CELLS[name]

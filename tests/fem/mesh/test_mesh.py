@@ -240,7 +240,6 @@ def lattice(cell: str, n: int) -> np.ndarray:
     return np.asarray(basix.create_lattice(kind, n, basix.LatticeType.equispaced, True))
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", list(KINDS_OF_MESHES))
 def test_no_point_of_the_cells_is_closer(name):
     """Of points in cells themselves, and of points beside them; the nearest of a dense sample."""

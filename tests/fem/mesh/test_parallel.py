@@ -45,6 +45,7 @@ print(json.dumps(mesh.comm.allgather(own)))
 """
 
 
+@pytest.mark.slow
 def test_the_part_of_one_rank_and_of_two(file):
     models, cells = {}, {}
     for n in (1, 2):

@@ -411,6 +411,7 @@ def test_a_surface_made_anew_that_cannot_be_filled_is_told_after_the_first_reaso
     assert not (tmp_path / "kept").exists()
 
 
+@pytest.mark.slow
 def test_a_solid_that_gmsh_cannot_mesh_is_filled_within_its_surface_made_anew(
     tmp_path, monkeypatch
 ):

@@ -183,6 +183,7 @@ def block(occ) -> int:
         ({"fragments": True, "parts": ["plate"]}, OF_PLATE),
     ],
 )
+@pytest.mark.slow
 def test_the_solids_that_are_read_count(tmp_path, options, exact):
     path = written(tmp_path / "two.step", plate, block)
     text = path.read_text()
@@ -198,6 +199,7 @@ def test_the_solids_that_are_read_count(tmp_path, options, exact):
     assert any(FOLLOW in sentence for sentence in told) == follows
 
 
+@pytest.mark.slow
 def test_a_piece_of_solids_that_do_not_touch_is_compared_with_its_own_volume(tmp_path):
     path = written(tmp_path / "two.step", lambda occ: plate(occ, 1.0), block)
     for piece, exact in ((1, OF_PLATE), (2, 2 * OF_PLATE)):  # the block has fewer cells
@@ -227,6 +229,7 @@ def test_a_usual_part_is_meshed_once(tmp_path, readings):
     assert readings == [0.0]
 
 
+@pytest.mark.slow
 def test_edges_of_many_small_holes_do_not_set_the_size_of_the_whole_plate(tmp_path):
     """Its volume is L² t - N π r² t; faces in edges as short as those of the holes would have
     4/√3 A/h² triangles each.
@@ -248,6 +251,7 @@ def test_edges_of_many_small_holes_do_not_set_the_size_of_the_whole_plate(tmp_pa
     assert mesh.n_cells < 2 * (4 / 3**0.5) * area / edge**2 / 2
 
 
+@pytest.mark.slow
 def test_the_next_reading_begins_with_the_elements_that_helped(tmp_path, readings):
     path = written(tmp_path / "plate.step", plate)
     first = read(path, size=4e-3)[2]
@@ -283,6 +287,7 @@ def test_a_mesh_by_the_curvature_that_cannot_be_made_leaves_the_first(tmp_path, 
     assert [CUT in sentence for sentence in told] == [True]
 
 
+@pytest.mark.slow
 def test_a_new_scene_tells_what_its_part_needs(tmp_path, monkeypatch):
     path = written(tmp_path / "plate.step", plate)
     assert [FOLLOW in note for note in foreign_part(path, size=4e-3).notes] == [True]
@@ -291,6 +296,7 @@ def test_a_new_scene_tells_what_its_part_needs(tmp_path, monkeypatch):
     assert [CUT in note for note in foreign_part(path, size=4e-3).notes] == [True]
 
 
+@pytest.mark.slow
 def test_a_mesh_for_an_error_keeps_its_volume_or_tells_the_difference(
     tmp_path, readings, monkeypatch
 ):

@@ -121,6 +121,7 @@ def test_what_is_open_at_first_or_touches_along_a_line_is_not_tied(tmp_path, gap
         ao.read_model(path, unit="mm", contact="tied")
 
 
+@pytest.mark.slow
 def test_new_ties_the_pairs_of_a_deck_and_tells_it(tmp_path):
     path = cut_block(tmp_path / "a.inp", (4, 2, 1), (3, 1, 1))
     found = inspect_part(path)

@@ -319,6 +319,7 @@ def test_a_triangle_on_a_line_takes_a_part_of_its_neighbour():
     assert volumes(skin.points, skin.triangles).sum() == pytest.approx(4.5)
 
 
+@pytest.mark.slow
 def test_a_mesh_off_its_surface_is_told_apart():
     """By a node beside a face, by a corner that is cut off, and by its volume."""
     skin = cleaned(*block(3), "cube")
@@ -511,6 +512,7 @@ def pierced(path: Path, deep: float) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_surface_that_pierces_itself_is_made_anew(tmp_path, monkeypatch):
     file = pierced(tmp_path / "dent.stl", deep=0.3)
     monkeypatch.setattr(kept_surfaces, "_folder", lambda: tmp_path / "kept")

@@ -226,7 +226,6 @@ def check(mesh, shape, straight=False):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", NASTRAN)
 @pytest.mark.parametrize("second", [True, False], ids=["curved", "straight"])
 def test_nastran(tmp_path, kind, second):

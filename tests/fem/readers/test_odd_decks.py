@@ -273,7 +273,6 @@ def written(name: str) -> Counter[str]:
     return found - Counter({"": found[""], "ENDDATA": 1})
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("name", FILES)
 def test_as_many_cards_come_out_as_go_in(name):
     path = DECKS / name

@@ -164,6 +164,7 @@ def test_what_cannot_be_revolved_is_refused(tmp_path, more, sentence):
         ao.read_model(tmp_path / "ring.inp", unit="m")
 
 
+@pytest.mark.slow
 def test_more_elements_than_solids_need_are_made_coarser(tmp_path):
     """3002 elements are 24 016 solids and 580 000 dofs on 8 sectors alone."""
     path = tmp_path / "ring.inp"

@@ -436,6 +436,7 @@ def struck_plate(size: float, fine: float, radius: float = 2e-3) -> tuple[ao.His
     return hit, margin
 
 
+@pytest.mark.slow
 def test_the_stress_of_a_sheet_does_not_depend_on_the_patch():
     """The bending that the contact has beyond the patch is added; patches of one and two
     thicknesses alone differ by F·3(1 + ν)/(2πt²)·ln 2.
@@ -552,6 +553,7 @@ def test_two_patches_differ_by_no_more_than_their_spread():
     assert change.max() > 0.3 * bound[far].max()
 
 
+@pytest.mark.slow
 def test_a_patch_wider_than_a_plate_is_thick_has_the_bending_of_the_contact_in_its_spread():
     """Of a plate of finite elements that is held at its rim, outside three radii of the contact."""
     size, thickness, nu = 0.04, 3e-3, 0.3
@@ -583,6 +585,7 @@ def under_contact_and_patch(part: ao.Structure, site: np.ndarray, radii: tuple[f
     return fields, measured
 
 
+@pytest.mark.slow
 def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
     """A block whose rim is thinner, under two patches that both lie on the rim in part.
 
@@ -606,6 +609,7 @@ def test_a_step_beside_the_contact_is_no_plate_of_its_thickness():
         assert change.max() < spread.max() < 3 * change.max()
 
 
+@pytest.mark.slow
 def test_a_rib_between_slits_under_the_patch_is_within_the_bar():
     """The stress of finite elements under a contact on the rib, below its roof."""
     block = parts.box((20, 12, 10), (0.02, 0.012, 0.01))
@@ -818,7 +822,6 @@ def test_a_quadratic_field_has_its_own_strain(cell):
         assert np.abs(stress[:, 2]).max() < 1e-9 * np.abs(stress).max()
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("plane", [True, False])
 @pytest.mark.parametrize("order", [1, 2])
 def test_section_forces_of_beams_carry_the_energy_of_K(plane, order):
@@ -863,7 +866,6 @@ def skin(stack: str) -> ao.Shell | ao.Laminate:
     return ao.Laminate([CARBON.rotated(a) for a in angles], axis=(1, 0.3, 0))
 
 
-@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the supports leave:antiosc.base.errors.AntioscWarning")
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
@@ -911,7 +913,6 @@ def test_superposed_stresses_are_those_of_the_motions(kind):
         np.testing.assert_allclose(together[..., [k]], alone, atol=1e-11 * np.abs(alone).max())
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("stack", ["shell", "laminate"])
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
@@ -963,7 +964,6 @@ def test_layers_of_a_bent_and_stretched_sheet(stack, cell):
             assert np.abs(s[2, 2]) < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("up", [1, -1])
 def test_a_direction_names_the_surface(up):
     part = ao.Structure(parts.plate((2, 2), (0.3, 0.2), "triangle"), skin("shell"))
@@ -996,7 +996,6 @@ def test_shear_stresses_of_layers_are_in_equilibrium():
     np.testing.assert_allclose(shear_stresses(one, 0, 0.0), 1.5 / 4e-3 * np.eye(2), atol=1e-9)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("stack", ["shell", "laminate"])
 def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     """For random deflections and rotations, the interpolated shear strain included."""
@@ -1119,6 +1118,7 @@ def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():
 
 
 @pytest.mark.parametrize("first", [0.5, 2.0])
+@pytest.mark.slow
 def test_the_speed_of_yield_is_of_a_place_that_the_larger_contact_does_not_cover(first):
     """From any first speed it is the one at which a run has the strength at the end of its bar."""
     box = parts.box((12, 8, 6), (0.03, 0.02, 0.012))

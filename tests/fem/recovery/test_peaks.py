@@ -49,7 +49,6 @@ def test_envelopes_of_motion_are_those_of_probes(struck, tmp_path):
     assert "acceleration" in repr(peak)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration", "von_mises"])
 def test_no_peak_of_a_long_run_is_missed(struck, quantity):
     """Against 40 times in each period of the fastest mode; `error` bounds what is missed."""

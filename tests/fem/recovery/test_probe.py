@@ -387,6 +387,7 @@ def test_a_stiffener_takes_its_share_of_the_moment(cell):
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_the_bar_of_a_shock_spectrum_holds_that_of_a_fine_mesh():
     """At most frequencies of every component, and of the largest value of every blow."""
     sites = [SITE, replace(SITE, point=(0.17, 0.06), direction=(0, -1))]
@@ -450,6 +451,7 @@ def test_a_filtered_shock_spectrum_is_that_of_the_filter_and_oscillators_of_scip
 @pytest.mark.filterwarnings(
     "ignore:.*the patch is not resolved", "ignore:.*the velocity still rings"
 )
+@pytest.mark.slow
 def test_the_bar_of_a_probe_holds_what_another_length_of_the_blow_changes():
     """A soft tip: a law with 9 % more force, which its bar allows, has 19 % more acceleration."""
     alloy = ao.material("aluminium 6082-T6")

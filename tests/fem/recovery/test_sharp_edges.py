@@ -82,6 +82,7 @@ def test_the_stress_at_a_clamp_is_told_beside_a_larger_one_under_a_contact():
     assert margin_of(*small, zones).sharp is None
 
 
+@pytest.mark.slow
 def test_a_stress_beside_a_sharp_edge_converges_with_the_mesh(tmp_path):
     site = ao.Site((0.05, 0.01, 0.005), (0, -1, 0), radius=4.5e-3)
     judged, sharp = [], []

@@ -50,7 +50,6 @@ POINTS = [
 PLANE_POINTS = [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_displacement_of_any_point_in_any_direction(cell, order):
@@ -68,7 +67,6 @@ def test_displacement_of_any_point_in_any_direction(cell, order):
         assert flat @ u == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_point_on_a_beam(dim, order):
@@ -140,7 +138,6 @@ def test_a_probe_reaches_as_far_as_a_snap():
     assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("error", [None, "estimate"])
 def test_a_summary_tells_what_its_error_covers(error):
     part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
@@ -155,7 +152,6 @@ def test_a_summary_tells_what_its_error_covers(error):
     assert covers in hit.numbers()["error_covers"]
 
 
-@pytest.mark.sample
 def test_a_summary_has_one_figure_of_the_law_that_of_the_budget():
     box = parts.box((8, 4, 4), cell="tetrahedron")
     part = ao.Structure(box, ao.material("steel S235"), [ao.Support("left")])

@@ -84,7 +84,6 @@ def model_of(kind: str, structure: ao.Structure, site: ao.Site):
 
 
 @TURNS_FAR
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["krylov", "modes", "superposition", "corrected", "full"])
 @pytest.mark.parametrize("name", THROWN)
 def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
@@ -180,7 +179,6 @@ def test_a_beam_on_a_pin_turns_about_it():
 
 
 @TURNS_FAR
-@pytest.mark.sample
 @pytest.mark.parametrize("name", CASES)
 def test_mass_felt_at_the_site(name):
     make, site = CASES[name]
@@ -237,7 +235,6 @@ OTHER = at(x=0.4, y=0.1, z=0.2)
 EDGE = at(x=0.0, z=0.0)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize(
     ("supports", "words"),
     [

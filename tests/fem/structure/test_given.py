@@ -48,7 +48,6 @@ def check(model: ao.AntiOscillators, K: np.ndarray, tol: float) -> None:
     np.testing.assert_allclose(model.omega[:3], omega[:3], rtol=tol)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("method", ["krylov", "modes"])
 @pytest.mark.parametrize("n", [2, 4, 12, 150, 700])
 @pytest.mark.parametrize("penalty", [1e14, 1e18, 1e24, 1e30])
@@ -175,7 +174,6 @@ def test_dofs_without_stiffness_or_mass():
         ao.Structure.from_matrices(K, M)
 
 
-@pytest.mark.sample
 def test_matrices_of_a_slender_beam_keep_their_strains():
     section = ao.Section.rectangle(1e-5, 1e-5)
     beam = ao.Structure(

@@ -56,7 +56,6 @@ def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
     )
 
 
-@pytest.mark.sample
 @DIRECT
 @pytest.mark.parametrize("free", [False, True])
 def test_sparse_modes_are_those_of_lapack(free, direct):
@@ -123,7 +122,6 @@ def test_extraction_without_the_packages():
     assert float(done.stdout) == pytest.approx(1 / np.linalg.inv(K)[20, 20], rel=1e-12)
 
 
-@pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("supported", [True, False])
 def test_both_back_ends_agree(supported):

@@ -133,7 +133,6 @@ def test_a_family_of_ones_own_says_what_a_site_takes():
         ao.Structure(parts.box(), SOLID.weak_form)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
 @pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
 def test_matrices_give_the_model_of_the_mesh(kind, supports):
@@ -196,7 +195,6 @@ E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_stiffened_strip_is_a_composite_beam(cell):
     """A cantilever of T section: parallel axes and the shift of the neutral axis."""
@@ -218,7 +216,6 @@ def test_a_stiffened_strip_is_a_composite_beam(cell):
     assert loaded(part, pull)[z] == pytest.approx(middle * length**2 / (2 * EI), rel=2e-2)
 
 
-@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_rigid_motions_strain_no_stiffener(order):
     """A rib around a curved sheet, off its surface: six rigid-body modes, exact mass."""
