@@ -55,6 +55,7 @@ def test_the_force_is_that_of_the_unreduced_model():
 
 
 @needs_ccx
+@pytest.mark.slow
 def test_it_is_ended_at_the_limit():
     with pytest.raises(ao.AntioscError, match=r"ended after 0\.01 s"):
         calculix.run(replace(blow(), step=2e-8), 0.01)

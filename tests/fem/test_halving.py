@@ -293,6 +293,7 @@ def held_end(n: int, kind: str) -> str:
 
 
 @pytest.mark.parametrize("kind", ["rigid", "coupling", "beams"])
+@pytest.mark.slow
 def test_new_nodes_between_held_ones_follow_the_body_that_holds_these(tmp_path, kind):
     site = ao.Site((0.25, 0.15, 0.0), (0.0, 0.0, -1.0))
     structures = []

@@ -374,6 +374,7 @@ def test_anti_oscillators_of_the_page_are_those_of_its_map_too(opened, monkeypat
     assert asked_for == [None, 80]
 
 
+@pytest.mark.slow
 def test_the_stress_has_the_errors_of_mesh_and_force(opened):
     setup = asked(opened)
     # The contact stays elastic: near one that yields Hertz's stress counts.

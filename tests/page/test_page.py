@@ -103,6 +103,7 @@ def test_the_page_marks_the_main_impact_as_the_program_finds_it(browser, tmp_pat
         assert note == contact_time_note(hit)
 
 
+@pytest.mark.slow
 def test_one_contact_time_is_told_in_the_same_words_by_a_rough_curve(browser, tmp_path):
     """It said "of the main impact" in the row and "of all contacts" in the sentence below."""
     model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.05], omega=[3000.0])

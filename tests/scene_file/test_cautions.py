@@ -101,6 +101,7 @@ def test_a_wide_bar_without_that_of_the_law_is_told_first_too():
 
 
 @pytest.mark.parametrize(("strengths", "is_wide"), [((38e6, 46e6), False), ((6e6, 400e6), True)])
+@pytest.mark.slow
 def test_a_fall_with_a_wide_bar_says_so_first_and_what_narrows_it_once(strengths, is_wide):
     plastic = ao.Solid(E=2.3e9, nu=0.36, rho=1050.0, yield_strength=42e6, yield_range=strengths)
     part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), plastic)

@@ -318,6 +318,7 @@ def test_the_mass_of_a_part_is_that_of_its_material(kind, corners, wanted, tmp_p
 
 
 @pytest.mark.parametrize("given", [[], ["--drop"]])
+@pytest.mark.slow
 def test_a_material_is_taken_by_name(given, tmp_path, capsys):
     part = MESHES / "bracket.step"
     assert antiosc("new", tmp_path / "a.toml", part, "--material", "6061", *given) == 0
@@ -406,6 +407,7 @@ def test_a_name_that_no_system_takes_is_told(given, tmp_path, monkeypatch, capsy
     assert "too long" in "".join(capsys.readouterr())
 
 
+@pytest.mark.slow
 def test_a_sheet_whose_model_does_not_fit_is_refused_before_it_is_made(
     tmp_path, monkeypatch, capsys
 ):

@@ -247,6 +247,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert all(any(unit in caption for caption in captions) for unit in units)
 
 
+@pytest.mark.slow
 def test_long_tables_and_the_time_after_the_contacts_are_folded(tmp_path):
     model = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[5e-3] * 30, omega=2e3 * np.arange(1, 31) ** 3)
     late = ao.simulate(model, ao.RigidMass(0.02, 1.5), ao.Hertz(1e9), 0.1)

@@ -504,6 +504,7 @@ def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
     assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
 
 
+@pytest.mark.slow
 def test_a_map_tells_its_sites_and_its_time_first(tmp_path, capsys, monkeypatch):
     """In the words of the dry run; as many sites as the map then has."""
     chosen = '[map]\nwhere = "eye"\nradius = 4e-3\nn = 4\nmodes = 8\nmost_sites = 6\n'
@@ -519,6 +520,7 @@ def test_a_map_tells_its_sites_and_its_time_first(tmp_path, capsys, monkeypatch)
     assert f"antiosc: the map has {told[1]} sites, about " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(
     tmp_path, capsys, monkeypatch
 ):

@@ -61,6 +61,7 @@ def hit_of(document):
     return found.scene.document.data, found.evaluate(found.scene.history)
 
 
+@pytest.mark.slow
 def test_a_patch_that_nobody_gave_carries_the_largest_force_of_a_sweep(tmp_path):
     alone, first = hit_of(read(scene(tmp_path, duration="4e-4")))
     sweep = "[sweep]\nimpactor.velocity = [1.0, 20.0, 5.0]\n"

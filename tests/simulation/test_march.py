@@ -130,6 +130,7 @@ def test_slopes_of_over_damped_responses(ratio: float, phase: float) -> None:
     assert found[:, 0] == pytest.approx(expected, rel=1e-6, abs=1e-30 * abs(expected[0]))
 
 
+@pytest.mark.slow
 def test_a_crossing_is_that_of_the_polynomial() -> None:
     parts, p = built(), np.polynomial.Polynomial([1.0, 2.0, -7.0, 3.0, -1.0, 0.5])
     d, h, at = p.deriv(), 0.3, 0.28

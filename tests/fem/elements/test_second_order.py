@@ -35,6 +35,7 @@ def cap(rise, moved=None, n=10):
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_the_share_is_the_change_of_the_linear_stiffness():
     part, model = cap(RISE, n=20)
     shape = mesh_fields.displacements_of_rank(part.matrices, model.shapes[:, :1])[:, :, 0]

@@ -286,6 +286,7 @@ def test_strike_lets_a_thin_solid_stretch_by_itself():
     assert hit.error_budget["peak_force"].stretch > 0
 
 
+@pytest.mark.slow
 def test_the_corrected_model_stretches_in_the_same_motions():
     """The free modes of both differ; the motions on which the forces act do not."""
     part, site = thin(solid=True)

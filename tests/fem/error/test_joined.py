@@ -48,6 +48,7 @@ def test_joined_halves_have_the_estimate_of_one_mesh():
     assert two.info.no_estimate is None
 
 
+@pytest.mark.slow
 def test_the_estimate_is_about_the_error_of_unequal_meshes():
     """The softer model has the compliance of halved cells (0.82 to 0.86 of it on three meshes)."""
     n, m = (2, 3, 3), (3, 4, 4)

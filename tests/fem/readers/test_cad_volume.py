@@ -137,6 +137,7 @@ def test_a_tetrahedron_with_a_bent_side(side):
 
 
 @pytest.mark.parametrize("name", PARTS)
+@pytest.mark.slow
 def test_tight_holes_and_bends_keep_their_volume(tmp_path, name):
     build, exact, size = PARTS[name]
     path = written(tmp_path / f"{name}.step", build)
@@ -263,6 +264,7 @@ def test_the_next_reading_begins_with_the_elements_that_helped(tmp_path, reading
     assert readings[4] == 0.0
 
 
+@pytest.mark.slow
 def test_what_does_not_help_is_tried_once(tmp_path, readings, monkeypatch):
     path = written(tmp_path / "plate.step", plate)
     monkeypatch.setattr(cad_volume, "MOST_TIMES", 0.0)

@@ -66,6 +66,7 @@ def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
         assert 0.5 < told[dim - 1] / made < 2
 
 
+@pytest.mark.slow
 def test_meshing_tells_what_gmsh_has_done(tmp_path, session):
     """Edges precede faces and these the volume, within which are fewer nodes than in all."""
     texts: list[str] = []

@@ -121,6 +121,7 @@ def test_the_axis_is_not_a_support(tmp_path):
     assert part_of(tmp_path, "CAX8R", 0.0, "AXIS, 1\n").rigid_modes.shape[1] == 6
 
 
+@pytest.mark.slow
 def test_a_disc_struck_in_the_middle_and_one_of_solids_meet_the_same_force(tmp_path):
     disc = part_of(tmp_path, "CAX8R", 0.0, "RIM, 1, 2\n", columns=10)
     gmsh = pytest.importorskip("gmsh")

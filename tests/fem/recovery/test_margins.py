@@ -451,6 +451,7 @@ def test_the_stress_of_a_sheet_does_not_depend_on_the_patch():
 
 
 @pytest.mark.parametrize("size", [0.03, 0.02, 0.01])
+@pytest.mark.slow
 def test_the_bar_of_a_stress_of_a_sheet_holds_that_of_cells_that_resolve_the_patch(size):
     _, fine = struck_plate(0.02, 2e-3)
     _, coarse = struck_plate(size, size)
@@ -536,6 +537,7 @@ def test_the_spread_of_a_force_is_that_of_two_circles_on_a_half_space():
     np.testing.assert_allclose(differences[0] / differences[1], 4, rtol=0.01)  # Saint-Venant
 
 
+@pytest.mark.slow
 def test_two_patches_differ_by_no_more_than_their_spread():
     """Of a block of finite elements, outside three radii of the smaller patch, but for its mesh."""
     block = parts.box((12, 12, 6), (0.02, 0.02, 0.01))
