@@ -186,9 +186,10 @@ def test_a_shock_spectrum_of_what_is_no_motion_is_refused(tmp_path, capsys, quan
     path = written(tmp_path, f"{BEAM}{PROBE}{quantity}srs = true\n")
     assert antiosc("check", path) != 0
     assert "is that of an acceleration: give quantity" in capsys.readouterr().err
-    wrong = written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = [500, -1]\n')
-    assert antiosc("check", wrong) != 0
-    assert "give frequencies above 0 Hz" in capsys.readouterr().err
+    for frequency in ("-1", "nan", "inf"):
+        srs = f'quantity = "velocity"\nsrs = [500, {frequency}]\n'
+        assert antiosc("check", written(tmp_path, f"{BEAM}{PROBE}{srs}")) != 0
+        assert "give finite frequencies above 0 Hz" in capsys.readouterr().err
     assert (
         antiosc("check", written(tmp_path, f'{BEAM}{PROBE}quantity = "velocity"\nsrs = true\n'))
         == 0

@@ -149,15 +149,22 @@ def with_force(
     `by_law`: how much the value itself changes by the error of the law, where that is more: a
     shorter or longer blow excites other motions.
     """
-    if budget is None or budget.rest_of_force is None:
+    if budget is None:
         return ProbeError(truncation, None, mesh)
-    more = max(by_law - (budget["peak_force"].law or 0.0), 0.0)
-    return ProbeError(truncation, budget.rest_of_force + more, mesh, bool(budget.law))
+    force = budget.rest_of_force
+    if force is not None:
+        force += max(by_law - (budget["peak_force"].law or 0.0), 0.0)
+    return ProbeError(truncation, force, mesh, bool(budget.law))
 
 
 def by_laws(history: History) -> list[list[History]]:
-    """The same impact by the changed laws of each cause of the law's error; [] without a bar."""
-    return by_other_laws(history, DEFAULT_ERROR) if has_bars(history.model) else []
+    """The same impact by the changed laws of each cause of the law's error; [] where the force has
+    no bar.
+    """
+    budget = budget_of(history)
+    if budget is None or budget.rest_of_force is None:
+        return []
+    return by_other_laws(history, DEFAULT_ERROR)
 
 
 def share_by_law(values: Array, changed: Sequence[Sequence[Array]], magnitude: bool) -> float:

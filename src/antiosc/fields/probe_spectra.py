@@ -135,10 +135,9 @@ class ProbeSpectra(ReprMixin):
         """
         frequency = checks.positive("frequency", frequency)
         known = self.largest.frequency
-        if not known[0] <= frequency <= known[-1]:
-            ends = range_text(known[0], known[-1], "Hz")
+        if not self._has(frequency):
             asked = engineering(frequency, "Hz")
-            raise InputError(f"the shock response spectrum has {ends}: {asked} is outside.")
+            raise InputError(f"{self._range}: {asked} is outside.")
 
         def there(values: Array) -> float:
             return float(np.interp(np.log(frequency), np.log(known), values))
@@ -151,18 +150,26 @@ class ProbeSpectra(ReprMixin):
             **{"unit": "m/s²", "bar": None if bar is None else there(bar)},
         }
 
+    def _has(self, frequency: float) -> bool:
+        """Whether a frequency in Hz lies in the spectrum."""
+        known = self.largest.frequency
+        return bool(known[0] <= frequency <= known[-1])
+
+    @property
+    def _range(self) -> str:
+        """The frequencies of the spectrum, in words."""
+        known = self.largest.frequency
+        return f"the shock response spectrum has {range_text(known[0], known[-1], 'Hz')}"
+
     def _told_at(self, frequency: float) -> str:
         """The value at a frequency, in words."""
         of = f"at {engineering(frequency, 'Hz')}"
-        try:
-            known = self.at(frequency)
-        except InputError as error:
-            return f"{of} not known: {str(error).rstrip('.')}"
-        share = (
-            "no error bar"
-            if known["bar"] is None
-            else f"± {percent(known['bar'] / known['value'])}"
-        )
+        if not self._has(frequency):
+            return f"{of} not known: {self._range}"
+        known = self.at(frequency)
+        share = "no error bar"
+        if known["bar"] is not None and known["value"]:
+            share = f"± {percent(known['bar'] / known['value'])}"
         above = ", above what the model has" * (frequency > (self.resolved or np.inf))
         return (
             f"{of} {engineering(known['value'], 'm/s²', 4)} ({share}){above}, {known['component']}"
@@ -203,8 +210,7 @@ class ProbeSpectra(ReprMixin):
         if error is not None:
             shares |= {"truncation": error.truncation, "mesh": error.mesh, "force": error.force}
             shares["error"] = None if error.force is None else float(error)
-        inside = spectrum.frequency[[0, -1]]
-        asked = [self.at(one) for one in self.asked if inside[0] <= one <= inside[1]]
+        asked = [self.at(one) for one in self.asked if self._has(one)]
         return {
             **{"component": self.component, "value": float(spectrum.maximax[k]), "unit": "m/s²"},
             **{"frequency": float(spectrum.frequency[k]), "Q": spectrum.Q},
@@ -315,13 +321,13 @@ def compared(
 
     of_mesh = share(mesh) if mesh else None
     error = with_force(share(truncation), budget, of_mesh, share(law))
-    if error.force is None or budget is None or budget.rest_of_force is None:
+    rest = None if budget is None else budget.rest_of_force
+    if budget is None or rest is None:
         return replace(own, error=error)
     of_law = budget["peak_force"].law or 0.0
     spectra = {}
     for name, one in own.spectra.items():
-        by_force = (budget.rest_of_force - of_law) * one.maximax
-        by_force = by_force + np.maximum(law[name], of_law * one.maximax)
+        by_force = rest * one.maximax + np.maximum(law[name] - of_law * one.maximax, 0.0)
         bar = truncation[name] + mesh.get(name, 0.0) + by_force
         spectra[name] = replace(one, bar=bar)
     return replace(own, spectra=spectra, error=error)

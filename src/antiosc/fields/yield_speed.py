@@ -56,12 +56,12 @@ AT_ONCE = 8192
 #: Steps of a run up to which its speeds are sought, each by several runs: of 536 000 steps, a thin
 #: tongue that rattles for 30 ms, they took more than 4 minutes beside 30 s of the impact.
 MOST_STEPS = 200_000
+#: Speed [m/s] up to which that of the contact is told: that of a rubber tip is thousands.
+FASTEST = 300.0
 #: Name of the struck part of an impact of two bodies.
 PART = "structure"
 
 
-#: Speed [m/s] up to which that of the contact is told: that of a rubber tip is thousands.
-FASTEST = 300.0
 #: What is told of the speed that was not found beside the other one.
 NOT_FOUND = {
     "may be reached": "; from which lower speed on it may be reached was not found",
@@ -105,17 +105,17 @@ class YieldSpeeds(NamedTuple):
     @property
     def _of_place(self) -> str:
         """The speeds of the place with what is held; "" without any."""
+        if self.steps:
+            return (
+                "the speeds from which the part yields are not sought, as the run has"
+                f" {plain(self.steps)} steps: damping or a shorter duration takes fewer"
+            )
         ends = {"may be reached": self.possible, "is certain": self.certain}
         told = [
             f"{what} from about {engineering(speed, 'm/s', 2)} on{self._how(speed)}"
             for what, speed in ends.items()
             if speed is not None
         ]
-        if self.steps:
-            return (
-                "the speeds from which the part yields are not sought, as the run has"
-                f" {plain(self.steps)} steps: damping or a shorter duration takes fewer"
-            )
         away = f", and away from {self.left_out}," * bool(self.left_out)
         if not told:
             missed = f"no speed was found from which yield outside the contact{away} may be reached"

@@ -57,19 +57,25 @@ def law_errors(raw: History, by_law: ByLaw, tol: float) -> tuple[dict[str, float
     choice = choice_of(raw.law, raw.model, raw.impactor)
     if choice is None:
         return NO_ERROR, GIVEN
-    reasons = _reasons(raw, choice)
-    if reasons:
-        return None, f"{NOT_KNOWN}{'; '.join(reasons)}."
+    changed, reason = _changed_laws(raw, choice)
+    if reason:
+        return None, reason
     total = dict(NO_ERROR)
-    try:
-        changed_laws = [list(cause) for cause in causes(raw, choice)]
-    except SiteError:
-        return None, UNKNOWN_CURVATURE
-    for cause in changed_laws:
+    for cause in changed:
         relative_changes = [all_changes(raw, by_law(law, tol)) for law in cause]
         for name in total:
             total[name] += max((shares[name] for shares in relative_changes), default=0.0)
     return with_floor(total), ""
+
+
+def _changed_laws(raw: History, choice: Choice) -> tuple[Sequence[Sequence[ContactLaw]], str]:
+    """(the changed laws of each cause of an error, why the error is not known or "")."""
+    if reasons := _reasons(raw, choice):
+        return [], f"{NOT_KNOWN}{'; '.join(reasons)}."
+    try:
+        return [list(cause) for cause in causes(raw, choice)], ""
+    except SiteError:
+        return [], UNKNOWN_CURVATURE
 
 
 def _reasons(raw: History, choice: Choice) -> list[str]:
@@ -109,9 +115,10 @@ def by_other_laws(hit: History, tol: float) -> list[list[History]]:
     was given, and where its error is not known.
     """
     choice = choice_of(hit.law, hit.model, hit.impactor)
-    if choice is None or hit.by_law is None or not hit.contacts or _reasons(hit, choice):
+    if choice is None or hit.by_law is None or not hit.contacts:
         return []
-    return [[hit.by_law(law, tol) for law in cause] for cause in causes(hit, choice)]
+    changed, _ = _changed_laws(hit, choice)
+    return [[hit.by_law(law, tol) for law in cause] for cause in changed]
 
 
 def enough_radius(hit: History) -> float | None:

@@ -504,7 +504,7 @@ LARGE_DIVIDED_CELL = 1.0
 #: The same of the width of a patch. At 0.6 of a wave, on a sheet of 0.2 mm of plastic, the mesh's
 #: error held the force; at 0.86, on a tongue of such a clip, 276 mN had a bar of 3 %, and cells of
 #: 0.4 mm have 83 mN.
-WIDE_PATCH = 0.75
+LARGE_PATCH = 0.75
 
 
 class Coarse(NamedTuple):
@@ -534,15 +534,15 @@ def coarse_at(model: object, site: str, contact_time: float) -> Coarse | None:
 
 
 def wide_patch(model: object, site: str, contact_time: float) -> Coarse | None:
-    """The patch at a site if it is too wide for the bending waves of a contact at a point, whose
-    inertia there it lumps; otherwise None. A patch of cells as large has all its nodes in one.
+    """The patch at a site if it is too wide for the bending waves of a contact at a point, since
+    it moves the mass under it in one piece; otherwise None.
     """
     cell = (info_of(model).cells or {}).get(site)
     radius = getattr(model, "patch_radius", None)
     if cell is None or radius is None or not cell[1]:
         return None
     wave = _wave(cell, contact_time)
-    return Coarse(2 * radius, wave) if 2 * radius > WIDE_PATCH * wave else None
+    return Coarse(2 * radius, wave) if 2 * radius > LARGE_PATCH * wave else None
 
 
 def _wave(cell: Sequence[float], contact_time: float) -> float:

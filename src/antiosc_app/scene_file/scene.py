@@ -586,10 +586,10 @@ def set_requested(build: Builder, compiled: CompiledScene) -> None:
 
 def _check_srs(build: Builder, name: str, quantity: object, wanted: SpectrumKey) -> None:
     """Note a shock response spectrum of a quantity that has none, and wrong frequencies."""
-    if any(frequency <= 0 for frequency in _told_at(wanted)):
+    if not all(0 < frequency < np.inf for frequency in _told_at(wanted)):
         build.note(
             ("probes", name, "srs"),
-            f"[probes.{name}] srs = {wanted}: give frequencies above 0 Hz, or true.",
+            f"[probes.{name}] srs = {wanted}: give finite frequencies above 0 Hz, or true.",
         )
     if quantity not in ("acceleration", "velocity"):
         build.note(

@@ -451,7 +451,7 @@ class Fall(Trajectory, Result):
         _, duration = self.half_sine(impact=bare.impact)
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
-            f" impact {peak.impact + 1}{cut * self.is_cut}: all forces over the mass,"
+            f" impact {peak.impact + 1}{cut * (bare.g > CUT * peak.g)}: all forces over the mass,"
             f" as of a rigid part; impact {bare.impact + 1} is a half-sine pulse of"
             f" {plain(bare.g, 3)} g and {engineering(duration, 's')}; the g"
             " of a point of the part are those of an accelerometer there (in a scene:"

@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -489,7 +490,8 @@ def _close_separated(strain: Array, mass: Array) -> Array:
         members = np.flatnonzero(group_of == group)
         if len(members) > 1:
             block = np.ix_(members, members)
-            turned[block] = scipy.linalg.eigh(strain[block], mass[block])[1]
+            with suppress(np.linalg.LinAlgError):  # modes of no mass: the check refuses them
+                turned[block] = scipy.linalg.eigh(strain[block], mass[block])[1]
     return turned
 
 
