@@ -173,6 +173,8 @@ MOST_IMPROVED = 5
 #: Share of the error of the force by mesh and patch from which the page takes smaller cells at the
 #: site. A printed bar of 13.6 × 5 × 100 mm in cells of 5 mm had 290 %, and 10 % in finer cells.
 MOST_OF_CELLS = 0.3
+#: Longest answer [s] with smaller cells of a finished mesh that the page takes by itself.
+REFINED_SOON = 60.0
 #: Upper end of the bar of the largest stress, most of it by the cells there, from which the page
 #: goes on with smaller ones, if that may take less than so many seconds: a knob of STL had +750 %,
 #: and +210 % in 110 s more, where the least that was foreseen was above 180 s.
@@ -736,6 +738,7 @@ class Opened:
                 blow = blow._replace(settled=False, refining=COARSE if "cells" in why else FEW)
                 break
             set_up = better
+            source = self._in_cells_of(set_up)
             reasons |= why
         tell_radius(asked.radius, set_up.radius)
         for reason in reasons.values():
@@ -1362,30 +1365,51 @@ def _with_less_error(
     "n", "cells"); the set-up itself where they do not help, or were asked for.
     """
     budget = run.error_budget(blow.hit)
-    bar = None if budget is None else budget.get("peak_force")
     reasons: dict[str, str] = {}
-    if bar is None:
+    if budget is None:
         return set_up, reasons
+    bar = budget["peak_force"]
     n = blow.sections["extract"]["n"]
     more = next_count(n, bar.truncation, blow.model) if asked.n is None else n
     if more > n:
         reasons["n"] = why_more(n, more, bar.truncation)
         set_up = replace(set_up, n=more, expansion=expansion_of(blow.hit))
     of_cells = bar.mesh + (bar.patch or 0.0)
-    if not look.meshed or of_cells <= MOST_OF_CELLS:
+    if of_cells <= MOST_OF_CELLS and not budget.unresolved:
         return set_up, reasons
-    if asked.finer is None and not set_up.finer:
-        finer = replace(set_up, finer=True)
-    elif set_up.finer and set_up.near is None and asked.radius is None and look.family == "Solid":
-        (_, size), *_ = blow.sections["geometry"]["refine"]
-        finer = replace(set_up, near=rounded_up(size / FINER))
-    else:
+    finer = _in_finer_cells(asked, set_up, blow, look)
+    if finer == set_up:
         return set_up, reasons
+    error = f"{percent(of_cells)} of error by mesh and patch"
+    where = "All cells are half as long as those of the file"
+    if finer.finer:
+        where = "The cells around the site are smaller than those of the part"
     reasons["cells"] = (
-        "The cells around the site are smaller than those of the part: without it the force"
-        f" had {percent(of_cells)} of error by mesh and patch."
+        f"{where}: without it the force had {'no error bar' if budget.unresolved else error}."
     )
     return finer, reasons
+
+
+def _in_finer_cells(asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspection) -> SetUp:
+    """The set-up with smaller cells at the site, or everywhere in solids of a finished mesh, whose
+    cells are halved once; the set-up itself where they were asked for or take long.
+    """
+    if look.meshed:
+        if asked.finer is None and not set_up.finer:
+            return replace(set_up, finer=True)
+        again = set_up.finer and set_up.near is None and asked.radius is None
+        if not again or look.family != "Solid":
+            return set_up
+        (_, size), *_ = blow.sections["geometry"]["refine"]
+        return replace(set_up, near=rounded_up(size / FINER))
+    if asked.finer is not None or set_up.finer or set_up.size is not None or look.kept:
+        return set_up
+    finer = replace(set_up, size=_halved(look, 1))
+    if look.divides and info_of(blow.model).cells:
+        finer = replace(set_up, finer=True, near=_near(blow))
+    near = [(set_up.point, finer.near)] if finer.near else ()
+    forecast = look.forecast(finer.size, set_up.n, near=near)
+    return finer if forecast.fits and forecast.answer <= REFINED_SOON else set_up
 
 
 def _strengths(blow: PageImpact) -> dict[str, Any]:

@@ -561,3 +561,50 @@ def test_finer_cells_around_a_site_that_take_long_are_asked_for(opened, monkeypa
     assert re.search(r"about [\d.]+ s and [\d.]+ GB", told["question"])
     monkeypatch.setattr(inspection, "free_memory", lambda: 1.0)
     assert not opened.calls["forecast"]({"setup": setup, "finer": True})["fits"]
+
+
+def strip_deck(path):
+    """A strip of 40 × 6 × 1 mm in cells of 4 × 6 mm, so that a patch of one reaches its edges."""
+    x, y, z = np.meshgrid(np.arange(0.0, 44, 4), [0.0, 6.0], [0.0, 1.0], indexing="ij")
+    nodes = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    lines = ["*NODE", *(f"{k}, {a}, {b}, {c}" for k, (a, b, c) in enumerate(nodes.tolist(), 1))]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=ALL"]
+    for k in range(10):
+        low, high = 4 * k + 1, 4 * k + 5
+        ends = [low, high, high + 2, low + 2, low + 1, high + 1, high + 3, low + 3]
+        lines.append(", ".join(map(str, [k + 1, *ends])))
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "210e3, 0.3", "*DENSITY", "7.85e-9"]
+    lines += ["*SOLID SECTION, ELSET=ALL, MATERIAL=M", "*BOUNDARY"]
+    lines += [f"{node}, 1, 3" for node in (1, 2, 3, 4, 41, 42, 43, 44)]
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+@pytest.mark.parametrize("asked", [None, "size", "seconds"])
+def test_solids_of_a_deck_are_halved_where_no_bar_holds(asked, tmp_path, monkeypatch):
+    """A stranger's tongue of 0.2 mm had ± 6 %, and a third less force in half the cells."""
+    one = Opened(strip_deck(tmp_path / "strip.inp"), unit="mm")
+    if asked == "seconds":
+        monkeypatch.setattr(page, "REFINED_SOON", 0.0)
+    try:
+        setup = json.loads(json.dumps(one.calls["look"]({})["setup"]))
+        mass = {"kind": "mass", "mass": 1e-3, "radius": 2e-3, "speed": 0.05}
+        setup |= {"point": [0.02, 0.003, 0.001], "direction": [0, 0, -1], "duration": 2e-3}
+        setup |= {"striker": setup["striker"] | mass, "yield_strength": 3e8}
+        setup |= {"size": one._opened().look.largest} if asked == "size" else {}
+        values = {"tab": "a", "turn": 1, "setup": setup}
+        first = one.calls["blow"](values)
+        told = one.calls["settle"](values)
+        assert one.calls["verdict"](values)["verdict"]
+    finally:
+        one.close()
+    reasons = [text for _, text in told["warnings"] if "half as long" in text]
+    if asked is None:
+        assert first["refining"] == page.COARSE
+        assert not first["settled"]
+        assert len(reasons) == 1
+        assert "the force had " in reasons[0]
+        assert told["dofs"] > 4 * first["dofs"]
+    else:
+        assert not reasons
+        assert told["dofs"] == first["dofs"]

@@ -20,7 +20,7 @@ import abaqus_decks as inp
 import antiosc as ao
 from antiosc.base import materials, process
 from antiosc.base.texts import engineering
-from antiosc.extension import Faces
+from antiosc.extension import Faces, halvings
 from antiosc.fem.platform import compat
 from antiosc.reduce.site import functional
 from antiosc_app import (
@@ -526,3 +526,12 @@ def test_a_new_scene_says_that_its_law_is_a_choice_and_what_changes_it():
     law, key = next(row[1:] for row in look.taken(drop=False) if row[0] == "contact")
     assert "ElasticPlastic" in law
     assert key == "[contact] kind"
+
+
+def test_the_size_that_a_scene_proposes_halves_the_cells_of_a_deck_once(tmp_path):
+    """Half of 1.664 mm with two digits, 0.83 mm, halved them twice: 64 times as many."""
+    path = tmp_path / "block.inp"
+    path.write_text(inp.CUBE + inp.STEEL + inp.SOLID)
+    look = replace(inspect_part(path, unit="mm"), largest=1.664e-3)
+    (size,) = re.findall(r"# size = (\S+)", template.text("block.toml", "block.inp", look))
+    assert halvings(look.largest, float(size)) == 1

@@ -150,14 +150,27 @@ def test_the_patch_counts_by_its_second_radius():
     assert not budget.notes
 
 
-@pytest.mark.parametrize(("cut", "note"), [(0.0, "the radius"), (1.0, "which an edge cuts")])
-def test_a_patch_without_an_estimate_is_no_row_of_zeros(cut, note):
-    given = model(local_compliance=2e-8, radius=2e-3, info={"patch": {"faces": 1e-3, "cut": cut}})
+def test_a_patch_without_an_estimate_is_no_row_of_zeros():
+    given = model(local_compliance=2e-8, radius=2e-3, info={"patch": {"faces": 1e-3, "cut": 0.0}})
     budget = struck(given).error_budget
     assert "patch" not in budget.causes
     assert budget.shares("peak_force")["patch"] is None
     assert "patch " not in str(budget).splitlines()[0]
-    assert note in budget.notes[0]
+    assert "the radius" in budget.notes[0]
+
+
+def test_a_patch_that_an_edge_cuts_has_the_share_of_its_whole_half_space():
+    """A patch of 3.2 mm on a tongue had a bar of 6 % without it; half the cells changed it by a
+    third.
+    """
+    cut = {"patch": {"faces": 1e-3, "cut": 1.0}}
+    given = model(local_compliance=2e-8, radius=2e-3, info=cut)
+    budget = struck(given).error_budget
+    changed = differences(struck(given), struck(model(local_compliance=0.0, radius=2e-3)))
+    assert budget["peak_force"].patch == pytest.approx(changed["peak_force"], rel=0.1)
+    assert budget["peak_force"].patch > 1e-3
+    assert budget.shares("peak_force")["patch"] is not None
+    assert "An edge cuts the patch" in budget.notes[0]
 
 
 def test_runs_of_other_numbers_of_contacts_leave_the_contact_time_without_a_bar(monkeypatch):

@@ -356,6 +356,12 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
     }
 
 
+def share_of_force(run: History) -> float:
+    """Share of the error bar of the peak force by motions that are left out of a run."""
+    changes = {name: run.error.get(f"stretch {name}", 0.0) for name in DECIDING}
+    return stretch_shares(changes, before_peak(run))["peak_force"]
+
+
 def _not_enough(
     count: int, last: dict[str, float], share: float, limit: float, left_out: Sequence[int] = ()
 ) -> str:

@@ -228,17 +228,35 @@ def hopeless_text(history: RunHistory, energy: float) -> str:
     """Sentence on a linear run whose second-order strain has this energy, over that of linear
     strain: so much that a few modes do not hold it.
     """
+    deflects, remedy = _far(history)
+    return (
+        f"{deflects}, and second-order strain would take {plain(energy)} times the energy of"
+        " linear strain: neither theory holds, and no number here does. The part is far stiffer"
+        f" than that: forces and stresses are larger, and the contact is shorter. {remedy}"
+    )
+
+
+def run_away_text(history: RunHistory, how: str) -> str:
+    """Sentence on a linear run whose second-order forces do not settle; `how`: what they do."""
+    deflects, remedy = _far(history)
+    return (
+        f"{deflects}, and second-order forces {how}: neither theory holds. The numbers are those of"
+        f" the linear run, and may be far off. {remedy}"
+    )
+
+
+def _far(history: RunHistory) -> tuple[str, str]:
+    """(start of a sentence on the worst deflection of a linear run, what is to be done)."""
     name, w, h = max(
         ((name, deflection(history, name), h) for name, _, h in _sheets(history)),
         key=lambda found: found[1] / found[2],
     )
-    return (
+    deflects = (
         f"{name!r} deflects by {1e3 * w:.3g} mm in the linear run, {w / h:.3g} times its thickness"
-        f" {1e3 * h:.3g} mm, and second-order strain would take {plain(energy)} times the energy of"
-        " linear strain: neither theory holds, and no number here does. The part is far stiffer"
-        " than that: forces and stresses are larger, and the contact is shorter. Analyse it by an"
-        f" explicit finite element program{_slower(QUARTIC * h / w * _speed(history))}."
+        f" {1e3 * h:.3g} mm"
     )
+    slower = _slower(QUARTIC * h / w * _speed(history)) if w > QUARTIC * h else ""
+    return deflects, f"Analyse it by an explicit finite element program{slower}."
 
 
 def _speed(history: RunHistory) -> float:
