@@ -165,6 +165,6 @@ def test_an_end_that_has_passed_is_foreseen_no_more():
         29: "of about 30 s to 4 min",
         31: "of about 2 min to 4 min",
         101: "of about 4 min",
-        241: "longer than about 4 min as foreseen",
+        241: "so far, more than the 4 min foreseen",
     }
     assert progress.foreseen_text([], 5.0) == ""

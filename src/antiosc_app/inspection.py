@@ -13,7 +13,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.process import free_memory
-from antiosc.base.texts import count_text, engineering, plain
+from antiosc.base.texts import count_text, engineering, plain, rounded_down
 from antiosc.io.reading import HOW_MADE
 from antiosc_app.foreign import STEEL, Read
 from antiosc_app.scene_file.outline import Outline
@@ -631,12 +631,6 @@ def _in_mm(length: float) -> str:
 def _ball_density() -> float:
     """Density [kg/m³] of the ball of a new scene."""
     return materials.record(BALL_MATERIAL).rho
-
-
-def rounded_down(value: float) -> float:
-    """A number with two digits, not above it."""
-    digit = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{floor(value / digit * (1 + 1e-9)) * digit:.2g}")
 
 
 def largest_ball_on(length: float) -> float:

@@ -46,6 +46,7 @@ from antiosc.base.texts import (
     plus_minus,
     point_text,
     restitution_text,
+    rounded_down,
     where_to_change,
 )
 from antiosc.engine import library
@@ -1091,7 +1092,8 @@ def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> Data
     `scope`: where it is judged, as text, "" anywhere; `stress_place` [m]: its place, null at the
     edge of a contact's surroundings; `stress_bar`: how far it may lie below and above, over
     itself, by mesh, patch and force, whose error is `force`; `of_cells`: whether most of it is by
-    the cells there; `stress_note`: what this leaves out.
+    the cells there; `cells` [m]: their size at the site that it needs, null where they have it;
+    `stress_note`: what this leaves out.
     """
     for peak in fields.values():
         margin = peak.worst_point
@@ -1100,6 +1102,8 @@ def largest_stress(fields: Mapping[str, PeakField], force: float | None) -> Data
             judged: Data = {"stress": margin.stress, "strength": strength}
             judged["stress_bar"] = stress_bar(peak, force)
             judged["of_cells"] = _with_force(margin, force).is_of_cells
+            needed = margin.needed_cells
+            judged["cells"] = None if needed is None else rounded_down(needed)
             judged["stress_note"] = _stress_note(peak, force)
             judged["scope"] = margin.scope
             judged["stress_time"] = margin.time

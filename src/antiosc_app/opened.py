@@ -48,6 +48,7 @@ from antiosc.base.texts import (
     engineering,
     percent,
     plain,
+    rounded_down,
     rounded_up,
 )
 from antiosc.extension import (
@@ -69,7 +70,6 @@ from antiosc_app.inspection import (
     LONG,
     Forecast,
     Inspection,
-    rounded_down,
 )
 from antiosc_app.kept import FreeModeCache, ResultCache
 from antiosc_app.live import Data
@@ -555,7 +555,7 @@ class Opened:
             "constants": {name: asdict(constants_of(name)) for name in MATERIALS},
             "same_kind": materials.SAME_KIND,
             "strikers": STRIKERS,
-            "striker_materials": MATERIALS,
+            "striker_materials": [*MATERIALS, OWN],
             "hammers": HAMMERS,
             "floors": FLOORS,
             "layers": [NO_LAYER, *LAYERS],

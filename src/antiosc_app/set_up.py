@@ -90,59 +90,6 @@ class InspectedFile(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Striker:
-    """The striker: a ball, a mass with a spherical tip, a hammer, or the floor of a fall."""
-
-    kind: str = "ball"
-    #: radius of the ball or the tip [m]
-    radius: float = 0.01
-    #: mass [kg] of the kind "mass"
-    mass: float = 0.5
-    #: [m/s]
-    speed: float = 1.0
-    #: material of the ball or the mass
-    material: str = BALL_MATERIAL
-    #: name of a hammer, whose speed is that of its test
-    name: str = HAMMERS[0]
-    #: height of a fall [m]
-    height: float = FALL_HEIGHT
-    #: direction of the part that points down; then rotations about x, y and z [degree]
-    down: tuple[float, ...] = DOWN
-    tilt: tuple[float, ...] = TILT
-    #: places of impacts of a fall around which the mesh is refined
-    finer: tuple[Sequence[float], ...] = ()
-    #: radius of sharp corners in a fall [m]; None: as `antiosc.drop` takes it
-    corner_radius: float | None = None
-    #: material of the floor
-    floor: str = FLOOR_MATERIAL
-    #: its coefficient of friction
-    friction: float = FRICTION
-    #: name of a soft layer on it, which takes the place of the material
-    layer: str = NO_LAYER
-    #: thickness [m] and modulus [Pa] of the layer; None: the typical modulus with its range
-    layer_thickness: float = 0.02
-    layer_modulus: float | None = None
-
-    def __post_init__(self) -> None:
-        checks.choice("the striker", self.kind, STRIKERS)
-        checks.choice("the hammer", self.name, HAMMERS)
-        checks.choice("the striker's material", self.material, MATERIALS)
-        checks.choice("the floor", self.floor, FLOORS)
-        checks.choice("the layer", self.layer, (NO_LAYER, *LAYERS))
-        lengths = (("radius", "m"), ("height", "m"), ("layer_thickness", "m"))
-        for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
-            checks.positive(name, getattr(self, name), unit)
-        checks.nonnegative("friction", self.friction)
-        for name in ("down", "tilt"):
-            checks.floats(name, getattr(self, name), (3,))
-        if self.finer:
-            checks.floats("finer", self.finer, (None, 3))
-        for name, unit in (("corner_radius", "m"), ("layer_modulus", "Pa")):
-            if getattr(self, name) is not None:
-                checks.positive(name, getattr(self, name), unit)
-
-
-@dataclass(frozen=True)
 class OwnMaterial:
     """The constants of a material that is not in the table; those of `Solid`, which checks them."""
 
@@ -178,6 +125,63 @@ class OwnMaterial:
         if not materials.same_kind((self.E, origin.E), (self.rho, origin.rho)):
             return None
         return materials.growth(origin, self.yield_strength)
+
+
+@dataclass(frozen=True)
+class Striker:
+    """The striker: a ball, a mass with a spherical tip, a hammer, or the floor of a fall."""
+
+    kind: str = "ball"
+    #: radius of the ball or the tip [m]
+    radius: float = 0.01
+    #: mass [kg] of the kind "mass"
+    mass: float = 0.5
+    #: [m/s]
+    speed: float = 1.0
+    #: material of the ball or the mass: a name, or OWN
+    material: str = BALL_MATERIAL
+    #: the constants of OWN
+    own: OwnMaterial | None = None
+    #: name of a hammer, whose speed is that of its test
+    name: str = HAMMERS[0]
+    #: height of a fall [m]
+    height: float = FALL_HEIGHT
+    #: direction of the part that points down; then rotations about x, y and z [degree]
+    down: tuple[float, ...] = DOWN
+    tilt: tuple[float, ...] = TILT
+    #: places of impacts of a fall around which the mesh is refined
+    finer: tuple[Sequence[float], ...] = ()
+    #: radius of sharp corners in a fall [m]; None: as `antiosc.drop` takes it
+    corner_radius: float | None = None
+    #: material of the floor
+    floor: str = FLOOR_MATERIAL
+    #: its coefficient of friction
+    friction: float = FRICTION
+    #: name of a soft layer on it, which takes the place of the material
+    layer: str = NO_LAYER
+    #: thickness [m] and modulus [Pa] of the layer; None: the typical modulus with its range
+    layer_thickness: float = 0.02
+    layer_modulus: float | None = None
+
+    def __post_init__(self) -> None:
+        checks.choice("the striker", self.kind, STRIKERS)
+        checks.choice("the hammer", self.name, HAMMERS)
+        checks.choice("the striker's material", self.material, (*MATERIALS, OWN))
+        if self.material == OWN and self.own is None:
+            raise InputError(LACKING)
+        checks.choice("the floor", self.floor, FLOORS)
+        checks.choice("the layer", self.layer, (NO_LAYER, *LAYERS))
+        lengths = (("radius", "m"), ("height", "m"), ("layer_thickness", "m"))
+        for name, unit in (*lengths, ("mass", "kg"), ("speed", "m/s")):
+            checks.positive(name, getattr(self, name), unit)
+        checks.nonnegative("friction", self.friction)
+        for name in ("down", "tilt"):
+            checks.floats(name, getattr(self, name), (3,))
+        if self.finer:
+            checks.floats("finer", self.finer, (None, 3))
+        for name, unit in (("corner_radius", "m"), ("layer_modulus", "Pa")):
+            if getattr(self, name) is not None:
+                checks.positive(name, getattr(self, name), unit)
 
 
 @dataclass(frozen=True)
@@ -306,8 +310,9 @@ def _read(values: object) -> SetUp:
     striker = dict(_checked_fields("striker", table.get("striker", {}), Striker))
     _as_tuples(striker, [name for name in ("down", "tilt", "finer") if name in striker])
     _as_tuples(table, ("point", "direction", "held", "stressed"))
-    if table.get("own") is not None:
-        table["own"] = _own(table["own"])
+    for owner in (table, striker):
+        if owner.get("own") is not None:
+            owner["own"] = _own(owner["own"])
     if table.get("yield_range") is not None:
         _as_tuples(table, ["yield_range"])
     return SetUp(**{**table, "striker": Striker(**striker)})
@@ -414,6 +419,11 @@ def face_of(source: InspectedFile, name: object) -> Mapping[str, Any]:
 def _striker(striker: Striker) -> Table:
     """The section [impactor]."""
     common: Table = {"velocity": striker.speed, "material": striker.material}
+    if striker.material == OWN and striker.own is not None:
+        del common["material"]
+        names = ("E", "nu", *(["rho"] * (striker.kind == "ball")), "yield_strength")
+        common |= {name: value for name, value in asdict(striker.own).items() if name in names}
+        common = {name: value for name, value in common.items() if value is not None}
     if striker.kind == "ball":
         return {"kind": "Sphere", "radius": striker.radius, **common}
     if striker.kind == "mass":

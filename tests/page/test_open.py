@@ -175,6 +175,28 @@ def test_a_material_of_ones_own_is_as_one_of_the_table_with_its_constants(opened
     assert "Whether the contact yields is not known" in told["verdict"][0]
 
 
+def test_a_striker_may_be_of_a_material_of_ones_own(opened):
+    """The tip of a user's hammer, E 20 MPa and nu 0.48, could not be given on the page."""
+    own = {"E": 20e6, "nu": 0.48, "rho": 1100.0, "yield_strength": None}
+    peaks = {}
+    for kind in ("mass", "ball"):
+        striker = asked(opened)["striker"] | {"kind": kind, "mass": 0.1, "radius": 6e-3}
+        given = striker | {"material": set_up.OWN, "own": own}
+        blow = call(opened, "settle", asked(opened, striker=given))["blow"]
+        peaks[kind] = blow["computed"]["peak_force"]
+        sections = set_up.scene_of(
+            opened._opened(), set_up.read(asked(opened, striker=given)), 1e-3
+        )
+        impactor = sections["impactor"]
+        assert (impactor["E"], impactor["nu"]) == (20e6, 0.48)
+        assert ("rho" in impactor) == (kind == "ball")
+        assert "material" not in impactor
+        assert "yield_strength" not in impactor
+    rubber = asked(opened)["striker"] | {"kind": "mass", "mass": 0.1, "radius": 6e-3}
+    hard = call(opened, "settle", asked(opened, striker=rubber))["blow"]["computed"]["peak_force"]
+    assert peaks["ball"] < peaks["mass"] < 0.5 * hard
+
+
 def test_an_own_material_that_begins_as_another_has_no_narrower_bar(opened):
     own = json.loads(json.dumps(opened.calls["look"]({})["constants"]["steel S235"]))
     bars = [
@@ -1003,6 +1025,8 @@ WRONG = [
     {"own": PRINTED | {"rho": "heavy"}}, {"own": PRINTED | {"yield_range": [1e6, 2e6]}},
     {"own": PRINTED | {"yield_range": "x"}}, {"own": PRINTED | {"yield_strength": None}},
     {"material": set_up.OWN, "own": PRINTED | {"E": 1e40}},
+    {"striker": {"material": set_up.OWN}}, {"striker": {"own": {"E": 1e9}}},
+    {"striker": {"own": PRINTED | {"path": "x"}}}, {"striker": {"own": PRINTED | {"nu": 0.5}}},
 ]  # fmt: skip
 
 
@@ -1301,6 +1325,15 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
         assert "between -1 and 0.5" in browser.run(rule)
         browser.run("undo.click()")
         assert reached(browser, "settled", 5)["setup"] == own["setup"]
+
+        browser.run(CHOOSE, "select[name=of]", set_up.OWN)
+        striker = reached(browser, "settled", 6)["setup"]["striker"]
+        assert striker["own"]["E"] == own["setup"]["own"]["E"]
+        browser.run(CHOOSE, 'input[name="striker\'s E"]', "0.02")
+        rubber = reached(browser, "settled", 7)
+        assert rubber["setup"]["striker"]["own"] == {**striker["own"], "E": 2e7}
+        assert rubber["setup"]["own"] == own["setup"]["own"]
+        assert rubber["peak"] < 0.5 * own["peak"]
         assert browser.said() == []
 
 

@@ -183,7 +183,7 @@ def foreseen_text(ends: Sequence[float], lasted: float) -> str:
         return ""
     ahead = [end for end in ends if end > lasted]
     if not ahead:
-        return f"longer than about {range_text(ends[-1:])} as foreseen"
+        return f"so far, more than the {range_text(ends[-1:])} foreseen"
     return f"of about {range_text(ahead)}"
 
 

@@ -351,9 +351,8 @@ class Margin(ReprMixin):
                 f"a hollow lies under the patch, which is larger than the contact: beside it the"
                 f" stress may be larger by up to {more}, which is in the bar{remedy}"
             )
-        if self.thin < inf:
-            of_contacts = self.beyond[self.asked :, 3]
-            radius = engineering(float(min(of_contacts)) / CONTACT_RADII, "m", 2)
+        if self.needed_cells is not None:
+            radius = engineering(self.needed_cells, "m", 2)
             sentences += [
                 f"this {self._told} may change with the mesh: its cells at the contact are larger"
                 f" than its radius, and the part is {self._radii_thick} contact radii thick there,"
@@ -364,6 +363,13 @@ class Margin(ReprMixin):
             sentences.append("cracks are not computed; scratches and edges decide")
         first, *others = sentences
         return ". ".join([first, *map(capitalised, others)])
+
+    @property
+    def needed_cells(self) -> float | None:
+        """Size [m] that the cells at a contact on a thin part need, its radius; None where they are
+        smaller already, or need not be.
+        """
+        return float(min(self.beyond[self.asked :, 3])) / CONTACT_RADII if self.thin < inf else None
 
     @property
     def _radii_thick(self) -> str:

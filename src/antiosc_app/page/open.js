@@ -345,11 +345,16 @@ class Bench {
     const names = ordered.map((name) => this.face_button(lists[Number(is_numbered(name))], name, folds ? name.replace(/^face /, "") : name, `hold or free ${name}`));
     this.pieces();
     this.shown = [() => names.forEach((one) => one.setAttribute("aria-pressed", this.setup.held.includes(one.value)))];
-    this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material));
-    this.own_material();
+    const part = [() => this.setup, (...values) => this.change(...values)], striker = [() => this.setup.striker, (...values) => this.striker(...values)];
+    this.choice(find("part"), "material", facts.materials, () => this.setup.material, (material) => this.choose_material(material, ...part));
+    if (facts.materials.length) {
+      this.own_material("part", [...CONSTANTS.map((one) => [...one, 1]), [...STRENGTHS, 2]], ...part);
+      this.lent_of_own();
+    }
     this.choice(find("striker"), "kind", facts.strikers, () => this.setup.striker.kind, (kind) => this.striker({ kind }), KINDS_OF_STRIKER);
     this.choice(find("striker"), "of", facts.striker_materials, () => this.setup.striker.material,
-      (material) => this.striker({ material }), {}, ["ball", "mass"]);
+      (material) => this.choose_material(material, ...striker), {}, ["ball", "mass"]);
+    this.own_material("striker", CONSTANTS.map((one) => [...one, 1]), ...striker);
     this.choice(find("striker"), "name", facts.hammers, () => this.setup.striker.name, (name) => this.striker({ name }), {}, ["hammer"]);
     this.choice(find("striker"), "onto", facts.floors, () => this.setup.striker.floor, (floor) => this.striker({ floor }), {}, ["floor"],
       () => !this.layered());
@@ -413,27 +418,31 @@ class Bench {
 
   // A material of one's own starts from the constants of the material before it, also at the second time:
   // constants that were typed before are found by Undo.
-  choose_material(material) {
-    const { own, material: before } = this.setup;
-    this.change(material === OWN ? { material, own: before === OWN ? own : this.facts.constants[before] } : { material });
+  choose_material(material, owner, change) {
+    const { own, material: before } = owner();
+    change(material === OWN ? { material, own: before === OWN ? own : this.facts.constants[before] } : { material });
   }
 
-  // The constants of a material that is not in the list; yield strength and range may be empty.
-  own_material() {
-    if (!this.facts.materials.length) return;
-    const fields = [...CONSTANTS.map((one) => [...one, 1]), [...STRENGTHS, 2]], lent = made("small", find("part"));
+  // The constants of a material that is not in the list, of the part or the striker; yield strength and range may be empty.
+  own_material(where, fields, owner, change) {
+    const kinds = { striker: ["ball", "mass"], part: [...STRUCK, "floor"] }[where], of = where === "striker" ? "striker's " : "";
     for (const [name, label, unit, count] of fields) {
-      const row = made("label", find("part"), label, { className: "own" }), size = SIZES[unit] || 1;
-      const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name,
-        ariaLabel: `${label}${count > 1 ? [", from", ", to"][i] : ""} in ${unit || "1"}` }));
+      const row = made("label", find(where), label, { className: "own" }), size = SIZES[unit] || 1;
+      const inputs = Array.from({ length: count }, (_, i) => made("input", row, "", { type: "number", step: "any", name: `${of}${name}`,
+        ariaLabel: `${of}${label}${count > 1 ? [", from", ", to"][i] : ""} in ${unit || "1"}` }));
       made("span", row, unit);
-      inputs.forEach((input) => { input.onchange = () => this.set_constant(name, inputs, size); });
+      inputs.forEach((input) => { input.onchange = () => this.set_constant(name, inputs, size, owner, change); });
       this.shown.push(() => {
-        row.hidden = this.setup.material !== OWN;
-        const value = (this.setup.own || {})[name];
+        const { kind } = this.setup.striker, { material, own } = owner(), value = (own || {})[name];
+        row.hidden = material !== OWN || !kinds.includes(kind) || name === "rho" && where === "striker" && kind === "mass";
         inputs.forEach((input, i) => fill(input, value == null ? "" : exact((count > 1 ? value[i] : value) / size)));
       });
     }
+  }
+
+  // What the part's own material has of the one that it began as.
+  lent_of_own() {
+    const lent = made("small", find("part"));
     this.shown.push(() => {
       const { own } = this.setup, { origin = "" } = own || {};
       lent.hidden = this.setup.material !== OWN || !own.yield_strength || !origin;
@@ -491,13 +500,13 @@ class Bench {
 
   // A constant of one number, or a range, which counts once both its ends are there, or none. The range
   // of a yield strength grows with it.
-  set_constant(name, inputs, size) {
-    const { own } = this.setup, optional = name.startsWith("yield_"), values = typed(inputs, size, rule_of(name), optional);
+  set_constant(name, inputs, size, owner, change) {
+    const { own } = owner(), optional = name.startsWith("yield_"), values = typed(inputs, size, rule_of(name), optional);
     if (!values) return;
     if (values.some((one) => one !== null) && values.includes(null)) return inputs.forEach((input) => mark(input, input.value ? "" : "both ends, or none"));
     const value = values.includes(null) ? null : values.length > 1 ? values : values[0];
     const scaled = name === "yield_strength" ? { yield_range: grown(own, value) } : {};
-    this.change({ own: { ...own, ...scaled, [name]: value } }, true, inputs);
+    change({ own: { ...own, ...scaled, [name]: value } }, true, inputs);
   }
 
   // The largest cell of the mesh: a number alone, for every value makes another mesh.
@@ -639,8 +648,8 @@ class Bench {
   async finer() {
     const { data = {} } = this.page || {}, places = (data.impacts || []).map((one) => one.point);
     if (this.falls()) return this.striker({ finer: places.concat(data.stressed ? [data.stressed] : []) });
-    const more = data.stress_place ? [data.stress_place] : [];
-    const make = () => this.change({ ...this.chosen, finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more] });
+    const more = data.stress_place ? [data.stress_place] : [], near = data.cells ? { near: data.cells } : {};
+    const make = () => this.change({ ...this.chosen, finer: true, stressed: [...(this.is_finer() ? this.setup.stressed : []), ...more], ...near });
     try {
       const { question, fits = true } = this.chosen ? {} : await this.call("forecast", { setup: this.setup, finer: true });
       if (question) this.ask(question, fits ? "Make it" : "Make it all the same", make);
@@ -652,7 +661,7 @@ class Bench {
 
   coarser() {
     if (this.falls()) return this.striker({ finer: [] });
-    this.change({ finer: false, stressed: [] });
+    this.change({ finer: false, stressed: [], near: null });
   }
 
   // Whether the largest stress lies at another place than those with smaller cells.
@@ -876,10 +885,10 @@ class Bench {
 
   // Smaller cells at the largest stress, once for a set-up: Undo leads back to it, and stays there.
   narrow() {
-    const asked = JSON.stringify(this.setup), { stress_place } = this.page.data;
+    const asked = JSON.stringify(this.setup), { stress_place, cells } = this.page.data;
     if (this.narrowed.has(asked)) return;
     this.narrowed.add(asked);
-    this.change({ finer: true, stressed: [stress_place] });
+    this.change({ finer: true, stressed: [stress_place], ...(cells ? { near: cells } : {}) });
     find("case").textContent = "smaller cells at the largest stress follow, whose error is large …";
   }
 

@@ -350,6 +350,7 @@ def test_a_thin_part_has_no_stress_of_a_half_space_at_the_edge(radii):
         assert margin.stresses[1] >= 1.1 * margin.thin_stress
     assert (margin.thin_stress == 0.0) != is_thin
     assert ("This verdict may change with the mesh" in margin.sentence) == is_thin
+    assert margin.needed_cells == (pytest.approx(radius) if is_thin else None)
 
 
 def test_a_part_that_is_nearly_thick_enough_is_not_told_to_be_as_thick():
@@ -1070,6 +1071,8 @@ def test_speeds_of_yield_are_not_sought_of_long_runs_and_long_runs_go_in_pieces(
     found = yield_speeds(part, hit, worst, lambda _: 0.1)
     monkeypatch.setattr(yield_speed, "AT_ONCE", 100)
     np.testing.assert_allclose(yield_speeds(part, hit, worst, lambda _: 0.1)[:2], found[:2])
+    monkeypatch.setattr(yield_speed, "MOST_TIMES", hit.time.size // 3)
+    assert yield_speeds(part, hit, worst, lambda _: 0.1)[:2] == pytest.approx(found[:2], rel=0.01)
     monkeypatch.setattr(yield_speed, "MOST_STEPS", hit.time.size - 1)
     found = yield_speeds(part, hit, worst, lambda _: 0.1)
     assert f"are not sought, as the run has {plain(hit.time.size)} steps" in found.sentence
@@ -1079,14 +1082,15 @@ def test_errors_of_the_force_at_other_speeds_lie_between_those_at_steps():
     """Each takes several runs; beyond the largest contact that the patch carries it is the last."""
     asked = []
 
-    def at_speed(speed: float, until: float) -> float:
+    def at_speed(speed: float, until: float) -> SimpleNamespace:
         if speed > 5:
             raise ao.AntioscError("the patch is too small")
         asked.append((speed, until))
-        return speed
+        steps = yield_speed.MOST_STEPS + (speed < 0.3)
+        return SimpleNamespace(speed=speed, time=np.zeros(steps))
 
-    hit = SimpleNamespace(at_speed=at_speed, impactor=SimpleNamespace(velocity=2.0))
-    error = yield_speed._force_errors(hit, lambda run: 0.1 * (2.0 if run is hit else run), 1e-3)
+    hit = SimpleNamespace(at_speed=at_speed, impactor=SimpleNamespace(velocity=2.0), speed=2.0)
+    error = yield_speed._force_errors(hit, lambda run: 0.1 * run.speed, 1e-3)
     assert error(np.log(2.0)) == pytest.approx(0.2)
     assert asked == []
     assert error(np.log(3.0)) == pytest.approx(0.3)
@@ -1095,6 +1099,8 @@ def test_errors_of_the_force_at_other_speeds_lie_between_those_at_steps():
     assert len(asked) == 3
     assert {until for _, until in asked} == {1e-3}
     assert error(np.log(4.9)) == pytest.approx(0.45)
+    with pytest.raises(ao.AntioscError, match="the run has 200001 steps"):
+        error(np.log(0.2))
 
 
 def test_at_the_speeds_of_yield_an_impact_is_at_the_end_of_its_bar():

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import acos, degrees, floor, log10
+from math import acos, degrees
 from typing import NamedTuple
 
 import numpy as np
 
 from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning
-from antiosc.base.texts import SMALLER_CELLS, engineering, percent, rounded_up
+from antiosc.base.texts import SMALLER_CELLS, engineering, percent, rounded_down, rounded_up
 from antiosc.fem.mesh.closest import closest, size_at
 from antiosc.fem.platform import warn
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -193,9 +193,3 @@ def _cut(sites: Sites) -> BoolArray:
 def _supported(sites: Sites) -> BoolArray:
     """Mask of the patches that supports fix partly."""
     return np.asarray((1 - sites.moving > PARTLY) & (sites.local > 0))
-
-
-def rounded_down(value: float) -> float:
-    """A positive value rounded down to two digits."""
-    step = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{floor(value / step + SIZE_ROUNDING) * step:.2g}")
