@@ -514,7 +514,7 @@ class Opened:
         """The content of the file: the skin, its faces, and an initial set-up."""
         if self._first:
             return self._first
-        from antiosc_app.skin import over_half, skin
+        from antiosc_app.skin import over_half, places, skin
 
         inspection = self._inspected()
         if self._size is not None:
@@ -551,6 +551,7 @@ class Opened:
             "skin": shape,
             "faces": list(faces),
             "large_faces": over_half(shape, list(faces)),
+            "places": places(shape, list(faces)),
             "materials": [] if inspection.of_deck else [*MATERIALS, OWN],
             "constants": {name: asdict(constants_of(name)) for name in MATERIALS},
             "same_kind": materials.SAME_KIND,

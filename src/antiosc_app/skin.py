@@ -17,7 +17,7 @@ from antiosc_app.guessed_sites import sides_of
 from antiosc_app.guessed_supports import ON_PLANE
 from antiosc_app.inspection import Inspection
 from antiosc_app.live import Data
-from antiosc_app.live_meshes import drawn, edges_of, geometry, surface
+from antiosc_app.live_meshes import STEPS, drawn, edges_of, geometry, surface
 
 #: What the sides along z are called besides.
 DOWNWARD = {"-z": ", below", "+z": ", on top"}
@@ -110,6 +110,25 @@ def over_half(shape: Data, names: Sequence[str]) -> dict[str, str]:
         for name, share in zip(names, shares, strict=True)
         if share > HALF
     }
+
+
+def places(shape: Data, names: Sequence[str]) -> dict[str, str]:
+    """Where faces lie, by their names: "x = 95 mm" of one across an axis, else its middle in mm."""
+    size = 1e3 * shape["half"]
+    step = size / STEPS
+    corners = shape["points"].reshape(-1, 3) * step + 1e3 * np.array(shape["middle"])
+    told = {}
+    for name, triangles in zip(names, shape["sets"], strict=True):
+        if not len(triangles):
+            continue
+        points = corners[np.unique(shape["faces"].reshape(-1, 3)[triangles])]
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle = np.round((low + high) / 2, 3 - int(np.floor(np.log10(size)))) + 0.0
+        across = np.flatnonzero(high - low <= 2 * step)
+        told[name] = ", ".join(f"{x:g}" for x in middle)
+        if len(across) == 1:
+            told[name] = f"{'xyz'[across[0]]} = {middle[across[0]]:g} mm"
+    return told
 
 
 def _line_nodes(mesh: Mesh, held: Held) -> IntArray:

@@ -1203,7 +1203,7 @@ def test_a_face_that_goes_on_beyond_the_lowest_plane_is_not_held():
 
 def test_a_face_of_more_than_half_of_the_surface_is_told():
     """Of a box of 0.1 x 0.08 x 0.06 m the sides along y and z have 28 of the 37.6 parts."""
-    from antiosc_app.skin import over_half, skin
+    from antiosc_app.skin import over_half, places, skin
 
     mesh = ao.box_mesh((0.1, 0.08, 0.06), size=0.02)
     sides = [mesh.groups[name][2] for name in ("-y", "+y", "-z", "+z")]
@@ -1212,6 +1212,10 @@ def test_a_face_of_more_than_half_of_the_surface_is_told():
     shown = skin(part, inspecting._inspect_mesh(large, {}, None))
     told = over_half(shown.data, list(shown.faces))
     assert told == {"large": "large is 74 % of the surface: it holds most of the part."}
+    where = places(shown.data, list(shown.faces))
+    ends = {"-x": "x = 0 mm", "+x": "x = 100 mm", "+y": "y = 80 mm", "+z": "z = 60 mm"}
+    assert {name: where[name] for name in ends} == ends
+    assert where["large"] == "50, 40, 30"
 
 
 def test_a_group_without_parts_is_no_face_to_be_held():

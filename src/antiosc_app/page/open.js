@@ -247,8 +247,10 @@ class Bench {
   // A button with the name of a face.
   face_button(where, name, text, title) {
     const [on, off] = [() => this.preview(name), () => this.preview("")];
-    return made("button", where, text, { type: "button", value: name, title, onclick: () => this.toggle(name),
+    const button = made("button", where, text, { type: "button", value: name, title, onclick: () => this.toggle(name),
       onmouseenter: on, onfocus: on, onmouseleave: off, onblur: off });
+    if (this.facts.places[name]) made("small", button, this.facts.places[name]);
+    return button;
   }
 
   // What is seen at a place of the canvas: point, outward normal, name of its face; or null.
@@ -710,7 +712,7 @@ class Bench {
     find("held-list").replaceChildren();
     if (this.setup.held.length) made("span", find("held-list"), "held:");
     this.preview("");
-    for (const name of this.setup.held) this.face_button(find("held-list"), name, `${name} ×`, "free it");
+    for (const name of this.setup.held) this.face_button(find("held-list"), name, name, "free it").append(" ×");
     for (const name of this.setup.held) if (this.facts.large_faces[name]) made("small", find("held-list"), this.facts.large_faces[name]);
     if (!this.setup.held.length && this.facts.faces.length) made("small", find("held-list"), this.facts.unheld);
     find("finer").textContent = this.is_finer() ? "Finer mesh at the largest stress" : "Finer mesh here";
