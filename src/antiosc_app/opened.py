@@ -42,6 +42,7 @@ from antiosc.base.errors import (
 from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
 from antiosc.base.texts import (
+    FINER_CELLS,
     SMALLER_CELLS,
     capitalised,
     count_text,
@@ -151,7 +152,10 @@ PAGE_WORDS = {
     " mesh": "; an explicit finite element program computes it",
 }
 #: A remedy for the stress -> that of a page whose cells are smaller at the site already.
-AT_STRESS = {f"({SMALLER_CELLS})": "(Finer mesh at the largest stress, or cell size)"}
+AT_STRESS = {
+    f"({SMALLER_CELLS})": "(Finer mesh at the largest stress, or cell size)",
+    FINER_CELLS: "Finer mesh at the largest stress, or cell size",
+}
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
@@ -411,7 +415,11 @@ class Opened:
             if source is not None:
                 is_finer = finer or result.get("taken", {}).get("finer", False)
                 remedy = _smaller_cells(source.look, self._given is None, is_finer)
-            fields = {SMALLER_CELLS: remedy, **PAGE_WORDS}
+            fields = {
+                SMALLER_CELLS: remedy,
+                f"page: {FINER_CELLS}": f"page: {remedy}",
+                **PAGE_WORDS,
+            }
             if source is not None and source.look.kept:
                 fields[live.COMPARED] = live.COMPARED_DECKS
                 fields["on the page: cell size)"] = (

@@ -23,7 +23,15 @@ import parts
 from antiosc.base import materials, progress
 from antiosc.base.errors import NOTE, InputError, by_weight, warn, warnings_to
 from antiosc.base.plausible import GRAVITY
-from antiosc.base.texts import SMALLER_CELLS, engineering, exceeds, percent
+from antiosc.base.texts import (
+    FINER_CELLS,
+    SMALLER_CELLS,
+    engineering,
+    exceeds,
+    on_page,
+    percent,
+    where_to_change,
+)
 from antiosc.extension import Faces
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.io.reading import MESHED_OTHERWISE
@@ -830,8 +838,10 @@ def test_a_finer_mesh_that_is_there_already_is_no_remedy(opened):
         (replace(setup, striker=falls), True),
     ):
         assert made.is_finer == is_finer
-        told = opened._computed(lambda: {"caution": f"({SMALLER_CELLS})"}, finer=is_finer)
-        assert told["caution"] == ("(cell size)" if is_finer else "(Finer mesh here, or cell size)")
+        for words in (SMALLER_CELLS, where_to_change("refine = [[0, 0, 0], SIZE]", FINER_CELLS)):
+            told = opened._computed(lambda told=words: {"caution": f"({told})"}, finer=is_finer)
+            wanted = "(cell size)" if is_finer else "(Finer mesh here, or cell size)"
+            assert on_page(told["caution"]) == wanted
 
 
 def test_a_warning_begins_with_a_capital_in_the_words_of_the_page_too(opened):

@@ -66,8 +66,10 @@ def in_scene(text: str) -> str:
     return _BOTH.sub(r"in the scene: \1", text)
 
 
-#: What makes cells smaller: around a site, or all of them.
-SMALLER_CELLS = where_to_change("refine, or size", "Finer mesh here, or cell size")
+#: The fields of the page that make cells smaller: around a site, or all of them.
+FINER_CELLS = "Finer mesh here, or cell size"
+#: The same with the keys of a scene.
+SMALLER_CELLS = where_to_change("refine, or size", FINER_CELLS)
 #: Where the radius of a patch is changed.
 PATCH_RADIUS = where_to_change("radius in [sites.NAME] or [map]", "patch radius")
 #: Most characters of one value.

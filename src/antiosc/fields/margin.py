@@ -30,6 +30,7 @@ from antiosc.base.stresses import (
     tension,
 )
 from antiosc.base.texts import (
+    FINER_CELLS,
     PATCH_RADIUS,
     SMALLER_CELLS,
     ReprMixin,
@@ -1005,7 +1006,7 @@ def doubt_at(structure: Structure, shapes: Array, part: str | None, x: Array, sh
         refined = f"refine = [[[{place}], SIZE]] or size in [geometry], in m"
         return (
             f"the cells at the largest stress differ by {percent(share)} of it: the mesh does not"
-            f" resolve it; make the cells there smaller ({where_to_change(refined, 'cell size')})"
+            f" resolve it; make the cells there smaller ({where_to_change(refined, FINER_CELLS)})"
         )
     return ""
 
