@@ -1478,9 +1478,15 @@ def _cell_at(info: ModelInfo) -> str:
 
 
 def _taken(blow: PageImpact) -> Data:
-    """The number of anti-oscillators, and whether the mesh is refined at the site."""
-    finer = any("refine" in blow.sections.get(name, {}) for name in ("geometry", "deck"))
-    return {"n": blow.sections["extract"]["n"], "finer": finer}
+    """The number of anti-oscillators, the size of the cells, null as in the file, and whether the
+    mesh is refined at the site.
+    """
+    read = blow.sections.get("geometry") or blow.sections.get("deck") or {}
+    return {
+        "n": blow.sections["extract"]["n"],
+        "size": read.get("size"),
+        "finer": "refine" in read,
+    }
 
 
 def _said(head: live.Headline, settled: bool) -> list[str]:

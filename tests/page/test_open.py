@@ -1262,9 +1262,7 @@ let count = 0;
 for (let i = 0; i < seen.length; i += 4) count += seen[i] > 1.4 * seen[i + 2];
 return count;
 """
-NAME = (
-    "[...document.querySelectorAll('#hold button')].find((one) => one.textContent === arguments[0])"
-)
+NAME = "[...document.querySelectorAll('#hold button')].find((one) => one.value === arguments[0])"
 
 
 @pytest.mark.slow
@@ -1274,12 +1272,13 @@ def test_the_picture_stays_where_it_is_and_a_reload_keeps_the_set_up(command, wi
     with Browser() as browser:
         browser.address(command, width)
         for _ in range(300):
-            if browser.run("return !document.getElementById('live').hidden"):
+            if browser.run("return Boolean(bench.view && bench.view.meshes.has('part'))"):
                 break
             time.sleep(0.1)
-        places = [browser.run(WHERE)]
+        places, scale = [browser.run(WHERE)], browser.run("return bench.view.scale()")
         first = reached(browser, "complete", 1)
         places.append(browser.run(WHERE))
+        assert browser.run("return bench.view.scale()") == scale  # with the striker from the start
         browser.run(
             "bench.change({point: [0.03, 0.001, 0.015], direction: [0, 0, -1], radius: 4e-3})"
         )

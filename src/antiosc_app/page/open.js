@@ -186,8 +186,9 @@ class Bench {
     wide.onchange = place; // below the picture there is room for the sentences beside the numbers
     place();
     if (this.view) {
-      this.view.put("part", this.rest, this.shade(), this.skin.faces, 1, this.skin);
-      this.view.face(this.setup.direction);
+      const { point, direction, striker: { radius } } = this.setup, place = this.falls() ? null : { point, direction, radius };
+      new Part({ ...this.skin, held: this.held() }, null, this.view, place, true).show("", 0); // with the striker, which would move the part later
+      this.view.face(direction);
       this.view.fit();
       this.view.draw();
       this.view.picked = (x, y, e) => this.click(x, y, e.shiftKey);
@@ -215,9 +216,6 @@ class Bench {
     this.skin.faces = Uint32Array.from(faces.keys());
     this.rest = Float32Array.from(this.skin.points, (x, i) => middle[i % 3] + x * half / 32767);
   }
-
-  // Colours of the points of the skin: dark where a face is held.
-  shade() { return held_shades(this.held(), this.skin.faces); }
 
   // Which points of the skin are held: the corners of triangles of a face, or the nodes of an edge.
   held() {
@@ -523,7 +521,7 @@ class Bench {
     };
     const finer = made("div", find("part"), "", { className: "row" });
     this.shown.push(() => {
-      const now = this.setup.size ?? this.facts.size;
+      const now = this.setup.size ?? (this.by_server && this.by_server.size) ?? this.facts.size;
       fill(number, Number((now / SIZES.mm).toPrecision(4)));
       this.offer_sizes(finer, now);
     });
