@@ -475,8 +475,9 @@ def _tell(result: ImpactMap, accuracy: float) -> None:
     if poor:
         warn(
             f"Z may be off by more than {percent(accuracy)} at {poor} of {len(result)} sites up to "
-            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}). An impact"
-            " at one site alone does without the free modes of the map"
+            f"{engineering(result.band, 'Hz')} (at worst {percent(result.error.max())}): a bound at"
+            " single frequencies, and no error bar of the force. An impact at one site alone has"
+            " that bar, and does without the free modes of the map"
             f" ({where_to_change('[sites]', 'Strike this site')}); of all sites more"
             f" anti-oscillators reduce it ({where_to_change(OF_ALL_SITES, ON_PAGE)}).",
             AccuracyWarning,
