@@ -298,7 +298,11 @@ def _speed_of(of_log: Callable[[float], float], speed: float) -> _Found:
 
 
 def _extrapolated(before: float, here: float, speed: float) -> float | None:
-    """The speed at which a logarithm is 0, from those at half a speed and at it; None: too far."""
+    """The speed at which a logarithm is 0, from those at half a speed and at it; None: too far, or
+    nothing at one of them.
+    """
+    if min(before, here) <= NOTHING:
+        return None
     growth = (here - before) / log(2)
     if not -here < growth * log(EXTRAPOLATED):
         return None

@@ -1148,6 +1148,17 @@ def test_the_speed_of_yield_is_of_a_place_that_the_larger_contact_does_not_cover
     assert at_first.possible < 0.92 * found.possible
 
 
+def test_no_speed_is_extrapolated_from_a_bound_of_nothing():
+    """At half the speed the lower bound was 0, and yield was certain from the speed itself on."""
+
+    def of_log(x: float) -> float:
+        if x > np.log(1.2):
+            raise RangeError("the patch is too small")
+        return -0.4 if x > np.log(0.9) else yield_speed.NOTHING
+
+    assert yield_speed._speed_of(of_log, 1.0).speed is None
+
+
 @pytest.mark.parametrize(("exposure", "found"), [(0.5, True), (0.2, False)])
 def test_a_speed_beyond_the_patch_is_extrapolated_and_told_so(exposure, found):
     """The exposure is a power of the speed; above 1.2 times that of the impact there is no run."""
