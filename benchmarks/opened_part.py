@@ -67,7 +67,7 @@ def measured(opened: Opened, clicks: int) -> None:
     setup = json.loads(json.dumps(timed("skin", opened, "look", {})["setup"]))
     values: dict[str, Any] = {"tab": "one", "turn": 1, "setup": setup}
     print(f"dofs {timed('first blow', opened, 'blow', values)['dofs']}")
-    for name in ("fields", "verdict"):
+    for name in ("fields", "verdict", "speeds"):
         timed(name, opened, name, values)
     while not opened.warm:
         time.sleep(0.1)

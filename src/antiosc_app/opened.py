@@ -22,7 +22,7 @@ from dataclasses import asdict, replace
 from functools import partial, reduce
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -125,7 +125,7 @@ from antiosc_app.yielding import with_yield_speeds
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
-    from antiosc import Fall, Mesh, Site, Structure
+    from antiosc import Fall, Mesh, PeakField, Site, Structure
     from antiosc.extension import MapForecast
     from antiosc.io.neutral import Piece
     from antiosc_studies.drops.fall import WorstField
@@ -299,6 +299,7 @@ class Opened:
         self._meshes: ResultCache[Mesh] = ResultCache(MESHES)
         self._models: ResultCache[AntiOscillators] = ResultCache(MODELS)
         self._impacts: ResultCache[PageImpact] = ResultCache(IMPACTS)
+        self._stresses: ResultCache[dict[str, PeakField]] = ResultCache(1)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         #: key of a mesh, and the last free body on it, whose modes others may take
@@ -339,6 +340,7 @@ class Opened:
         steps |= {
             "fields": self._fields,
             "verdict": self._verdict,
+            "speeds": self._speeds,
             "map": self._map,
             "map_forecast": self._foreseen_map,
             "write": self._write,
@@ -484,7 +486,7 @@ class Opened:
             return step(set_up, values)
 
         stops = never if writes else overtaken
-        goes_on = step in (self._settle, self._fields, self._verdict)
+        goes_on = step in (self._settle, self._fields, self._verdict, self._speeds)
         return self._computed(work, stops, set_up.is_finer, goes_on)
 
     def _search_modes(self) -> None:
@@ -840,10 +842,22 @@ class Opened:
 
     def _verdict(self, set_up: SetUp, _: Table) -> Data:
         """The verdict with the margins of the material's strengths, and the stress that decides."""
-        blow = self._struck(set_up)
+        return self._judged(set_up, self._strengths_of(set_up))
+
+    def _speeds(self, set_up: SetUp, _: Table) -> Data:
+        """The same with the speeds from which the part yields, which take longer."""
+        stresses = _with_speeds(self._struck(set_up), self._strengths_of(set_up))
         self._is_whole = True
         self._work.submit(self._search_modes)
-        stresses = _strengths(blow)
+        return self._judged(set_up, stresses)
+
+    def _strengths_of(self, set_up: SetUp) -> dict[str, PeakField]:
+        """The stress fields of the impact of a set-up."""
+        return self._stresses.of(repr(set_up), lambda: _strengths(self._struck(set_up)))
+
+    def _judged(self, set_up: SetUp, stresses: Mapping[str, PeakField]) -> Data:
+        """The verdict by stress fields."""
+        blow = self._struck(set_up)
         force = live.force_bar(run.error_budget(blow.hit))
         judged = live.largest_stress(stresses, force)
         head = _headline(blow, stresses)
@@ -1142,7 +1156,7 @@ class Opened:
             page_results.model = result.model
             page_results.history = result.hit
             page_results.impactor = result.hit.impactor
-            page_results.stresses = _strengths(result)
+            page_results.stresses = _with_speeds(result, _strengths(result))
         report.write_page(page_results, results.presentations(page_results), page)
         name = f"report_{len(self.reports) + 1}"
         self.reports[name] = page.resolve()
@@ -1421,15 +1435,21 @@ def _in_finer_cells(asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspect
     return finer if forecast.fits and forecast.answer <= REFINED_SOON else set_up
 
 
-def _strengths(blow: PageImpact) -> dict[str, Any]:
+def _strengths(blow: PageImpact) -> dict[str, PeakField]:
     """The stress fields for which strengths are known; {} if the stress is unknown."""
     with contextlib.suppress(AntioscError):
-        fields = dict(by_strengths(blow.structure, blow.hit))
-        return with_yield_speeds(blow.structure, blow.hit, fields)
+        return dict(by_strengths(blow.structure, blow.hit))
     return {}
 
 
-def _headline(blow: PageImpact, stresses: dict[str, Any]) -> live.Headline:
+def _with_speeds(blow: PageImpact, stresses: dict[str, PeakField]) -> dict[str, PeakField]:
+    """Stress fields with the speeds from which they yield, where these are known."""
+    with contextlib.suppress(AntioscError):
+        return with_yield_speeds(blow.structure, blow.hit, stresses)
+    return stresses
+
+
+def _headline(blow: PageImpact, stresses: Mapping[str, PeakField]) -> live.Headline:
     """The headline of an impact."""
     budget = run.error_budget(blow.hit)
     return live.headline_of_history(blow.hit, blow.structure, budget, stresses, blow.file)

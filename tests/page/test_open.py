@@ -544,7 +544,7 @@ def found_in(table, name):
 def test_free_modes_answer_a_click_as_the_extracted_model_does(opened):
     setup = asked(opened, point=[0.05, 0.03, 0.015], direction=[0, 0, -1])
     settled = call(opened, "settle", setup)
-    call(opened, "verdict", setup)
+    call(opened, "speeds", setup)
     for _ in range(300):
         if opened.warm:
             break
@@ -566,11 +566,11 @@ def test_free_modes_are_searched_once_an_answer_is_whole(opened, monkeypatch):
     rounds = []
     monkeypatch.setattr(FreeModeCache, "search", lambda self: rounds.append(self))
     setup = asked(opened, size=0.9 * SIZE)  # of other cells, whose modes are not known
-    for name in ("blow", "settle", "fields"):
+    for name in ("blow", "settle", "fields", "verdict"):
         call(opened, name, setup)
         opened._work.submit(opened._search_modes).result()
         assert rounds == []
-    call(opened, "verdict", setup)
+    call(opened, "speeds", setup)
     opened._work.submit(len, "").result()
     assert len(rounds) == 1
 

@@ -37,13 +37,13 @@ const PAUSE = 250, MOST_UNDO = 200; // ms until a set-up is settled; set-ups tha
 const MOST_ANSWERS = 12; // that are kept whole
 // What a call of the server computes, where it does not say it more closely.
 const STAGES = { look: "opening", take: "opening the piece", blow: "striking", settle: "striking, with error bars", fields: "motion and stress for the picture",
-  verdict: "the largest stress", map: "striking all sites", map_forecast: "counting the sites of the map", write: "writing" };
+  verdict: "the largest stress", speeds: "the speed from which it yields", map: "striking all sites", map_forecast: "counting the sites of the map", write: "writing" };
 const WRITING = "The scene and its report are being written:", WRITTEN = "is written and may be used; its report follows:";
 const LONG = 20, SOON = 60, FEWEST = 50, SAVES = 0.75; // s of a map that is asked for, and of that with fewer sites; their number, and share of the time
 const LASTS = 2; // s from which on an answer tells its time
-const STOPPED = ["blow", "settle", "fields", "verdict", "map"]; // calls that can be stopped
-const CONTINUED = ["settle", "fields", "verdict"]; // steps of an answer that has begun
-const ADDING = ["fields", "verdict", "write"]; // steps whose warnings join those of the impact
+const STOPPED = ["blow", "settle", "fields", "verdict", "speeds", "map"]; // calls that can be stopped
+const CONTINUED = ["settle", "fields", "verdict", "speeds"]; // steps of an answer that has begun
+const ADDING = ["fields", "verdict", "speeds", "write"]; // steps whose warnings join those of the impact
 const MARGINS = 28; // pixels of a list beside its text
 const MOST_NUMBERED = 12; // faces without a name of their own that are not folded away
 const is_numbered = (name) => /^(face|flat side) \d+$/.test(name);
@@ -874,9 +874,11 @@ class Bench {
     this.show(settled, fields.part);
     document.documentElement.dataset.drawn = this.turn;
     const judged = await this.step("verdict");
-    if (judged) {
-      this.judge(judged);
-      this.remember({ settled, part: fields.part, judged });
+    if (judged) this.judge(judged);
+    const whole = judged && !judged.narrows ? await this.step("speeds") : judged;
+    if (whole) {
+      this.judge(whole);
+      this.remember({ settled, part: fields.part, judged: whole });
       this.foresee();
     }
     document.documentElement.dataset.complete = this.turn;
