@@ -138,6 +138,8 @@ def _done_to_part(fall: Fall, k: int) -> str:
     depth = float(fall.dents[k])
     dent = "" if np.isnan(depth) else f"a dent of {engineering(depth, 'm')}"
     shock = f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}"
+    if fall.is_cut:
+        shock += f", {plain(fall.bare_shocks[k].g, 3)} g unfiltered"
     return "; ".join(filter(None, (dent, shock)))
 
 

@@ -437,6 +437,7 @@ def test_a_fall_is_shown_on_its_path_and_each_impact_can_be_chosen(browser, tmp_
     assert [found[1] for found in counts] == ["3", "5"]
     shocks = [f"the centre of mass has {plain(one.g, 3)} g through" for one in fall.shocks]
     assert [told in text for told, text in zip(shocks, done, strict=True)] == [True] * len(peaks)
+    assert [" g unfiltered" in text for text in done] == [fall.is_cut] * len(peaks)
     assert seen <= width
     for k, one in enumerate(fall.impacts):
         low = browser.run(
