@@ -440,7 +440,7 @@ const rows = [...document.querySelectorAll("#part label")].filter((one) => !one.
 const top = (id) => document.getElementById(id).getBoundingClientRect().top;
 const x = [...bench.rest].filter((_, k) => k % 3 === 0);
 return {fields: rows.map((row) => names(row)[0]), held: [...bench.held()], x,
-  shades: [...held_shades(bench.held(), bench.skin.faces)],
+  shades: [...page.part.shades],
   verdict: top("verdict"), setup: top("setup")};
 """
 SHOWN = "return globalThis.page && globalThis.page.hit ? {...document.documentElement.dataset} : {}"
