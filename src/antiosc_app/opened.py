@@ -631,6 +631,8 @@ class Opened:
         except BaseException:
             self._piece, self._contact, self._whole, self._first, self._source = before
             raise
+        for known in (self._impacts, self._stresses):  # of set-ups of the part before
+            known.clear()
 
     def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
         """The pieces of the part by their ranks, in words, with all joined if they were so."""
@@ -742,7 +744,8 @@ class Opened:
             set_up = replace(set_up, radius=choice.radius)
             if not blow.settled:
                 break
-            better, why = _with_less_error(asked, set_up, blow, source.look)
+            stays = self._given is not None
+            better, why = _with_less_error(asked, set_up, blow, source.look, stays)
             if better == set_up:
                 break
             if quickly:
@@ -1382,10 +1385,11 @@ def _evaluation(scene: CompiledScene, **known: object) -> Evaluation:
 
 
 def _with_less_error(
-    asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspection
+    asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspection, stays: bool
 ) -> tuple[SetUp, dict[str, str]]:
     """(set-up with more anti-oscillators or smaller cells at the site, why these were taken by
-    "n", "cells"); the set-up itself where they do not help, or were asked for.
+    "n", "cells"); the set-up itself where they do not help, or were asked for. `stays`: whether the
+    mesh is that of a structure that was given.
     """
     budget = run.error_budget(blow.hit)
     reasons: dict[str, str] = {}
@@ -1398,7 +1402,7 @@ def _with_less_error(
         reasons["n"] = why_more(n, more, bar.truncation)
         set_up = replace(set_up, n=more, expansion=expansion_of(blow.hit))
     of_cells = bar.mesh + (bar.patch or 0.0)
-    if of_cells <= MOST_OF_CELLS and not budget.unresolved:
+    if stays or (of_cells <= MOST_OF_CELLS and not budget.unresolved):
         return set_up, reasons
     finer = _in_finer_cells(asked, set_up, blow, look)
     if finer == set_up:

@@ -581,17 +581,19 @@ def strip_deck(path):
     return path
 
 
-@pytest.mark.parametrize("asked", [None, "size", "seconds"])
+@pytest.mark.parametrize("asked", [None, "size", "seconds", "given"])
 def test_solids_of_a_deck_are_halved_where_no_bar_holds(asked, tmp_path, monkeypatch):
     """A stranger's tongue of 0.2 mm had ± 6 %, and a third less force in half the cells."""
-    one = Opened(strip_deck(tmp_path / "strip.inp"), unit="mm")
+    path = strip_deck(tmp_path / "strip.inp")
+    part = ao.read_model(path, "mm") if asked == "given" else None
+    one = Opened(path, part, unit="mm")
     if asked == "seconds":
         monkeypatch.setattr(page, "REFINED_SOON", 0.0)
     try:
         setup = json.loads(json.dumps(one.calls["look"]({})["setup"]))
         mass = {"kind": "mass", "mass": 1e-3, "radius": 2e-3, "speed": 0.05}
         setup |= {"point": [0.02, 0.003, 0.001], "direction": [0, 0, -1], "duration": 2e-3}
-        setup |= {"striker": setup["striker"] | mass, "yield_strength": 3e8}
+        setup |= {"striker": setup["striker"] | mass}
         setup |= {"size": one._opened().look.largest} if asked == "size" else {}
         values = {"tab": "a", "turn": 1, "setup": setup}
         first = one.calls["blow"](values)

@@ -733,7 +733,7 @@ class Bench {
       this.future = [];
     }
     this.moving = !done;
-    const elsewhere = values.point ? { stressed: [] } : {};
+    const elsewhere = values.point ? { stressed: [], near: null } : {};
     // the patch of a site of a map is that of its cells
     if (this.is_lent() && OF_CELLS.some((name) => name in values)) elsewhere.radius = null;
     this.setup = { ...this.setup, ...elsewhere, ...values };
