@@ -485,7 +485,7 @@ def test_a_deck_of_a_solid_with_a_rigid_body_has_a_bar_of_the_mesh(tmp_path, cap
     assert cli.main(["run", str(scene), "--out", str(tmp_path / "out")]) == 0
     told = capsys.readouterr().out
     assert "The mesh's error" not in told
-    assert re.search(r"N \(no error bar\): mesh \d", told)  # the law's error is not known
+    assert re.search(r"N \(no error bar\): patch \d", told)  # the law's error is not known
 
 
 def test_a_deck_that_its_supports_hold_altogether_is_read_without_them(tmp_path, capsys):

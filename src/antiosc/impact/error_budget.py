@@ -368,12 +368,10 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         unresolved = True
         sizes = (*patch_of_point, patch_of_point.allowed)
         without_mesh = WIDE_PATCH.format(*(engineering(one, "m") for one in sizes))
-    elif CUT_PATCH in patch_notes and model.info.thickness is not None:
+    elif CUT_PATCH in patch_notes and (on_thin := _cut_on_thin(model)):
         unknown = ("mesh",)
         unresolved = True
-        assert model.radius is not None
-        sizes = (2 * model.radius, model.info.thickness, model.radius / 2)
-        without_mesh = CUT_ON_THIN.format(*(engineering(one, "m") for one in sizes))
+        without_mesh = on_thin
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if NO_PATCH in patch_notes:
@@ -456,8 +454,9 @@ WIDE_PATCH = (
     " moves at once, and the force, come out too large. Take cells, and a patch, of at most {}"
     f" there ({SMALLER_CELLS})."
 )
-#: Of a patch that an edge cuts on a thin solid, which bends under it: a tongue of 0.2 mm had
-#: 13.6 mN with 3.2 mm, of which the half-space's compliance made 0.7 %, and 10.6 mN with 1.5 mm.
+#: Of a patch that an edge cuts on a solid thinner than its radius, which bends under it: a tongue
+#: of 0.2 mm had 13.6 mN with 3.2 mm, of which the half-space's compliance made 0.7 %, and 10.6 mN
+#: with 1.5 mm.
 CUT_ON_THIN = (
     "An edge cuts the patch at the site, {} across, of a part that is {} thick, and its cells"
     " resolve no smaller one, which would bend the part less evenly: the error of the force by the"
@@ -682,6 +681,15 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
         return bars.NO_ERROR, [NO_PATCH]
     larger = change / subtracted if subtracted else 1.0
     return {name: larger * value for name, value in relative_change.items()}, notes
+
+
+def _cut_on_thin(model: AntiOscillators) -> str:
+    """Sentence on a patch that is cut, on a solid thinner than its radius; "" of others."""
+    radius, thickness = model.radius, model.info.thickness
+    if radius is None or thickness is None or radius <= thickness:
+        return ""
+    sizes = (2 * radius, thickness, radius / 2)
+    return CUT_ON_THIN.format(*(engineering(one, "m") for one in sizes))
 
 
 def _wide_patch(hit: History, model: AntiOscillators) -> Coarse | None:
