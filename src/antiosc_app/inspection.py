@@ -13,7 +13,7 @@ from antiosc import Sphere, impact_band
 from antiosc.base import materials, progress
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.base.process import free_memory
-from antiosc.base.texts import count_text, engineering, plain, rounded_down
+from antiosc.base.texts import count_text, engineering, plain, rounded_down, rounded_up
 from antiosc.io.reading import HOW_MADE
 from antiosc_app.foreign import STEEL, Read
 from antiosc_app.scene_file.outline import Outline
@@ -307,6 +307,10 @@ class Inspection:
     def size(self) -> float:
         """The size that is asked of its cells, or the largest length of a cell of its file [m]."""
         return float(self.read.get("size", self.largest))
+
+    def halved(self, count: int) -> float:
+        """The cell size [m] that halves the cells of a finished mesh so many times."""
+        return rounded_up(self.largest / 2**count)
 
     @property
     def thickness(self) -> float:

@@ -19,7 +19,6 @@ import numpy as np
 from antiosc.base import checks, files, materials, progress
 from antiosc.base._types import Array
 from antiosc.base.errors import AntioscError, InputError, RangeError, SiteError, warnings_to
-from antiosc.base.texts import rounded_up
 from antiosc.models.body import coarse_at
 from antiosc_app import pieces
 from antiosc_app.foreign import DECK_ENDINGS
@@ -155,7 +154,6 @@ def text(name: str, source: str, inspection: Inspection | None, drop: bool = Fal
             "friction": FRICTION,
             "floor": FLOOR_MATERIAL,
         },
-        half=rounded_up(inspection.size / 2) if inspection is not None else 0.0,
         json=json.dumps,
     )
 

@@ -1031,7 +1031,7 @@ class Opened:
         if count > 1:
             longest = f"{1e3 * look.largest / 2**count:.3g} mm"
             text += f" All cells are halved {count} times, the longest is {longest} then."
-            return {"question": text, "larger": _halved(look, count - 1)}
+            return {"question": text, "larger": look.halved(count - 1)}
         return {"question": text}
 
     def _forecast_near(self, set_up: SetUp) -> Data:
@@ -1230,11 +1230,6 @@ def _piece_text(rank: int, piece: Piece) -> str:
     return f"{rank}: {size} mm{f', {piece.name}' if piece.name else ''}"
 
 
-def _halved(look: Inspection, count: int) -> float:
-    """The cell size [m] that halves the cells of a finished mesh so many times."""
-    return rounded_up(look.largest / 2**count)
-
-
 #: Most sizes that are tried for the finest that fits, and each over the one before, of a geometry.
 MOST_TRIED, TRIED = 60, 0.9
 
@@ -1243,7 +1238,7 @@ def _finest_size(look: Inspection, n: int | None) -> float | None:
     """The finest cell size [m] whose model fits into the free memory; None where none does."""
     finest = None
     for k in range(1, MOST_TRIED):
-        size = rounded_up(look.size * TRIED**k) if look.meshed else _halved(look, k)
+        size = rounded_up(look.size * TRIED**k) if look.meshed else look.halved(k)
         if not look.forecast(size, n).fits:
             break
         finest = size
@@ -1287,7 +1282,7 @@ def _finer_sizes(look: Inspection) -> list[tuple[float, str]]:
     if look.meshed:
         sizes = [float(f"{look.size / STEP**k:.2g}") for k in steps]
     else:
-        sizes = [_halved(look, k) for k in steps]
+        sizes = [look.halved(k) for k in steps]
     costs = {size: look.forecast(size) for size in sizes}
     return [(size, cost.brief()) for size, cost in costs.items() if cost.fits]
 
@@ -1431,7 +1426,7 @@ def _in_finer_cells(asked: SetUp, set_up: SetUp, blow: PageImpact, look: Inspect
         return replace(set_up, near=rounded_up(size / FINER))
     if asked.finer is not None or set_up.finer or set_up.size is not None or look.kept:
         return set_up
-    finer = replace(set_up, size=_halved(look, 1))
+    finer = replace(set_up, size=look.halved(1))
     if look.divides and info_of(blow.model).cells:
         finer = replace(set_up, finer=True, near=_near(blow))
     near = [(set_up.point, finer.near)] if finer.near else ()

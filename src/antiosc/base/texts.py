@@ -19,7 +19,7 @@ from antiosc.base.errors import AntioscError
 
 #: Share of the last digit by which a number may exceed one that is rounded up, or fall short of
 #: one that is rounded down.
-UP_ROUNDING = 1e-6
+DIGIT_ROUNDING = 1e-6
 #: Most lines of numbers of an object.
 LINES = 4
 
@@ -315,13 +315,13 @@ def point_text(point: Iterable[float]) -> str:
 def rounded_up(value: float) -> float:
     """A positive number with two digits, not below it but by rounding."""
     step = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{ceil(value / step - UP_ROUNDING) * step:.2g}")
+    return float(f"{ceil(value / step - DIGIT_ROUNDING) * step:.2g}")
 
 
 def rounded_down(value: float) -> float:
     """A positive number with two digits, not above it but by rounding."""
     step = 10.0 ** (floor(log10(value)) - 1)
-    return float(f"{floor(value / step + UP_ROUNDING) * step:.2g}")
+    return float(f"{floor(value / step + DIGIT_ROUNDING) * step:.2g}")
 
 
 def range_text(low: float, high: float, unit: str = "") -> str:

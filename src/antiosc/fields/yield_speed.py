@@ -233,7 +233,7 @@ def _force_errors(
             return after(near)
         try:
             beyond = after(near + (1 if place > 0 else -1))
-        except AntioscError:  # the patch is too small for a contact at that speed
+        except AntioscError:  # the patch is too small for that speed, or its run too long
             return after(near)
         return (1 - share) * after(near) + share * beyond
 

@@ -61,6 +61,7 @@ from antiosc.impact.stretching import (
     before_peak,
     beyond_third_order,
     differences,
+    shares_of,
     stretch_shares,
 )
 from antiosc.impact.truncation import (
@@ -346,7 +347,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
     motion = hit.site_motion
     linear = LINEAR_BARS if stretches else ""
     unknown = tuple[str, ...]()
-    unresolved = False
+    unresolved = ""
     without_mesh = ""
     if refused and not stretches:
         unknown = ("mesh", "geometry", "model")
@@ -359,19 +360,9 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         reason = model.info.no_estimate
         remedy = f"{COMPARED_WITH} ({reason.rstrip('.')})" if reason else ESTIMATED_WITH
         without_mesh = f"{missing} not known: {remedy}."
-    elif cell := coarse_at(model, "", hit.assembly.contact_time_estimate):
+    elif unresolved := _unresolved(hit, model, CUT_PATCH in patch_notes):
         unknown = ("mesh",)
-        unresolved = True
-        without_mesh = BOTH_COARSE.format(*(engineering(length, "m") for length in cell))
-    elif patch_of_point := _wide_patch(hit, model):
-        unknown = ("mesh",)
-        unresolved = True
-        sizes = (*patch_of_point, patch_of_point.allowed)
-        without_mesh = WIDE_PATCH.format(*(engineering(one, "m") for one in sizes))
-    elif CUT_PATCH in patch_notes and (on_thin := _cut_on_thin(model)):
-        unknown = ("mesh",)
-        unresolved = True
-        without_mesh = on_thin
+        without_mesh = unresolved
     beyond = _beyond_third_order(hit, shares["stretch"]["peak_force"])
     band_notes = filter(None, [low_band_message(raw), linear, beyond])
     if NO_PATCH in patch_notes:
@@ -392,7 +383,7 @@ def error_budget(hit: History, rerun: Rerun, by_law: ByLaw) -> ErrorBudget:
         None if motion is None else bar(DEFLECTION, motion.largest),
         without_mesh,
         tuple(model_notes),
-        unresolved,
+        bool(unresolved),
     )
 
 
@@ -458,9 +449,9 @@ WIDE_PATCH = (
 #: of 0.2 mm had 13.6 mN with 3.2 mm, of which the half-space's compliance made 0.7 %, and 10.6 mN
 #: with 1.5 mm.
 CUT_ON_THIN = (
-    "An edge cuts the patch at the site, {} across, of a part that is {} thick, and its cells"
-    " resolve no smaller one, which would bend the part less evenly: the error of the force by the"
-    f" patch is not known. Take cells of at most {{}} there ({SMALLER_CELLS})."
+    "An edge cuts the patch at the site, {} across, of a part that is {} thick, and the cells there"
+    " resolve no smaller patch: the error of the force by the patch is not known. Take cells of at"
+    f" most {{}} there ({SMALLER_CELLS})."
 )
 #: The laws of contacts at a point, whose patch is that of no flat face.
 AT_POINT = (Hertz, Gonthier, ElasticPlastic, YangSun)
@@ -480,8 +471,8 @@ def _stretch(hit: History, model: AntiOscillators, rerun: Rerun, tol: float) -> 
     if stretch is None:
         return dict.fromkeys(UNITS, NEGLIGIBLE)
     if model.stretch.count == "auto":
-        stretch_errors = {name: hit.error.get(f"stretch {name}", 0.0) for name in UNITS}
-    elif stretch.size == model.stretch.size:
+        return shares_of(hit)
+    if stretch.size == model.stretch.size:
         stretch_errors = dict.fromkeys(UNITS, 0.0)
     else:
         count = min(stretch.size + 2, model.stretch.size)
@@ -683,13 +674,19 @@ def _patch(impact: RepeatedImpact) -> tuple[Shares, list[str]]:
     return {name: larger * value for name, value in relative_change.items()}, notes
 
 
-def _cut_on_thin(model: AntiOscillators) -> str:
-    """Sentence on a patch that is cut, on a solid thinner than its radius; "" of others."""
+def _unresolved(hit: History, model: AntiOscillators, is_cut: bool) -> str:
+    """Why the cells or the patch do not resolve a contact; "" where they do. `is_cut`: whether an
+    edge cuts the patch.
+    """
+    text, sizes = "", tuple[float, ...]()
     radius, thickness = model.radius, model.info.thickness
-    if radius is None or thickness is None or radius <= thickness:
-        return ""
-    sizes = (2 * radius, thickness, radius / 2)
-    return CUT_ON_THIN.format(*(engineering(one, "m") for one in sizes))
+    if cell := coarse_at(model, "", hit.assembly.contact_time_estimate):
+        text, sizes = BOTH_COARSE, cell
+    elif wide := _wide_patch(hit, model):
+        text, sizes = WIDE_PATCH, (*wide, wide.allowed)
+    elif is_cut and radius is not None and thickness is not None and radius > thickness:
+        text, sizes = CUT_ON_THIN, (2 * radius, thickness, radius / 2)
+    return text.format(*(engineering(one, "m") for one in sizes))
 
 
 def _wide_patch(hit: History, model: AntiOscillators) -> Coarse | None:

@@ -184,7 +184,7 @@ def stretched(linear: H, again: Integrate[H], tol: float) -> tuple[H, str]:
     found.error.update({f"stretch {name}": value for name, value in last.items()})
     found.assembly.stretch_settled = series.unsettled <= aim
     if last and series.unsettled > limit:
-        share = stretch_shares(last, before_peak(found))["peak_force"]
+        share = shares_of(found)["peak_force"]
         return found, _not_enough(motions(found), last, share, limit, series.left_out)
     return found, ""
 
@@ -356,10 +356,10 @@ def stretch_shares(changes: Mapping[str, float], before: float) -> dict[str, flo
     }
 
 
-def share_of_force(run: History) -> float:
-    """Share of the error bar of the peak force by motions that are left out of a run."""
-    changes = {name: run.error.get(f"stretch {name}", 0.0) for name in DECIDING}
-    return stretch_shares(changes, before_peak(run))["peak_force"]
+def shares_of(run: History) -> dict[str, float]:
+    """Shares of the error bars by motions that are left out of a run whose number was chosen."""
+    changes = {name: run.error.get(f"stretch {name}", 0.0) for name in bars.UNITS}
+    return stretch_shares(changes, before_peak(run))
 
 
 def _not_enough(

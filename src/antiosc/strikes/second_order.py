@@ -32,7 +32,7 @@ from antiosc.impact.histories.linear_theory import (
     run_away_text,
     stretch_estimate,
 )
-from antiosc.impact.stretching import share_of_force
+from antiosc.impact.stretching import shares_of
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import info_of
 from antiosc.models.stretch import MOST
@@ -100,10 +100,8 @@ def _refused(linear: H, warnings: list[str], text: str) -> tuple[H, list[str]]:
     """(run, its warnings), whose numbers do not hold: `text` says so in place of its deflection."""
     linear, told = _left_out(linear, warnings, 0.0)
     linear.assembly.hopeless = text
-    return replace(linear, message=f"{linear.message} {text}"), [
-        *told,
-        Message(text, AccuracyWarning),
-    ]
+    told.append(Message(text, AccuracyWarning))
+    return replace(linear, message=f"{linear.message} {text}"), told
 
 
 def _run_away(linear: History, run: History) -> str:
@@ -114,7 +112,7 @@ def _run_away(linear: History, run: History) -> str:
         return run_away_text(linear, "have no bounded energy")
     if run.assembly.stretch_settled or not run.assembly.stretched:
         return ""
-    share = share_of_force(run)
+    share = shares_of(run)["peak_force"]
     if share <= MOST_SHARE:
         return ""
     return run_away_text(linear, f"leave an error of {percent(share)} of the force")

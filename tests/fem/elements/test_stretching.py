@@ -770,7 +770,7 @@ def test_second_order_forces_that_run_away_are_no_answer(share, monkeypatch):
         hit.assembly.stretch_settled = False
         return hit if share else replace(hit, status=STOPPED)
 
-    monkeypatch.setattr(second_order, "share_of_force", lambda _: share)
+    monkeypatch.setattr(second_order, "shares_of", lambda _: {"peak_force": share})
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         hit = second_order.simulated(part, model, run)

@@ -133,7 +133,7 @@ class ErrorBudget(Mapping[str, ErrorBar]):
         given, the bars are those for this law; else there are none (`unbarred`).
     no_mesh : why the mesh's error is not known, so that there are no bars; "" where it is.
     of_model : those of the notes that tell why the element family has an error.
-    unresolved : whether that is because cells or patch are too large for the waves of the contact.
+    unresolved : whether that is because cells or patch are too large for the contact.
     unknown : the causes that were not estimated, with 0 in the bars.
     incomparable : the quantities without a bar: the compared runs differ in more than their size.
     rebound : what bounds the impulse and the restitution; None if loads act or the part moves.
