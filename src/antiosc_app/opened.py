@@ -299,7 +299,9 @@ class Opened:
         self._meshes: ResultCache[Mesh] = ResultCache(MESHES)
         self._models: ResultCache[AntiOscillators] = ResultCache(MODELS)
         self._impacts: ResultCache[PageImpact] = ResultCache(IMPACTS)
+        #: the stresses of the last impact, without and with the speeds from which they yield
         self._stresses: ResultCache[dict[str, PeakField]] = ResultCache(1)
+        self._yields: ResultCache[dict[str, PeakField]] = ResultCache(1)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         #: key of a mesh, and the last free body on it, whose modes others may take
@@ -631,7 +633,7 @@ class Opened:
         except BaseException:
             self._piece, self._contact, self._whole, self._first, self._source = before
             raise
-        for known in (self._impacts, self._stresses):  # of set-ups of the part before
+        for known in (self._impacts, self._stresses, self._yields):  # of the part before
             known.clear()
 
     def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
@@ -849,7 +851,7 @@ class Opened:
 
     def _speeds(self, set_up: SetUp, _: Table) -> Data:
         """The same with the speeds from which the part yields, which take longer."""
-        stresses = _with_speeds(self._struck(set_up), self._strengths_of(set_up))
+        stresses = self._speeds_of(set_up)
         self._is_whole = True
         self._work.submit(self._search_modes)
         return self._judged(set_up, stresses)
@@ -857,6 +859,14 @@ class Opened:
     def _strengths_of(self, set_up: SetUp) -> dict[str, PeakField]:
         """The stress fields of the impact of a set-up."""
         return self._stresses.of(repr(set_up), lambda: _strengths(self._struck(set_up)))
+
+    def _speeds_of(self, set_up: SetUp) -> dict[str, PeakField]:
+        """The same with the speeds from which they yield."""
+
+        def sought() -> dict[str, PeakField]:
+            return _with_speeds(self._struck(set_up), self._strengths_of(set_up))
+
+        return self._yields.of(repr(set_up), sought)
 
     def _judged(self, set_up: SetUp, stresses: Mapping[str, PeakField]) -> Data:
         """The verdict by stress fields."""
@@ -1159,7 +1169,7 @@ class Opened:
             page_results.model = result.model
             page_results.history = result.hit
             page_results.impactor = result.hit.impactor
-            page_results.stresses = _with_speeds(result, _strengths(result))
+            page_results.stresses = self._speeds_of(set_up)
         report.write_page(page_results, results.presentations(page_results), page)
         name = f"report_{len(self.reports) + 1}"
         self.reports[name] = page.resolve()

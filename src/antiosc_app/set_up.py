@@ -418,17 +418,29 @@ def face_of(source: InspectedFile, name: object) -> Mapping[str, Any]:
 
 def _striker(striker: Striker) -> Table:
     """The section [impactor]."""
-    common: Table = {"velocity": striker.speed, "material": striker.material}
-    if striker.material == OWN and striker.own is not None:
-        del common["material"]
-        names = ("E", "nu", *(["rho"] * (striker.kind == "ball")), "yield_strength")
-        common |= {name: value for name, value in asdict(striker.own).items() if name in names}
-        common = {name: value for name, value in common.items() if value is not None}
+    common: Table = {"velocity": striker.speed, **_matter(striker)}
     if striker.kind == "ball":
         return {"kind": "Sphere", "radius": striker.radius, **common}
     if striker.kind == "mass":
         return {"kind": "RigidMass", "mass": striker.mass, "tip_radius": striker.radius, **common}
     return {"kind": "named_impactor", "name": striker.name}
+
+
+def _matter(striker: Striker) -> Table:
+    """The material of a ball or a mass: its name, or the constants of an own one, and the name of
+    the origin of a known strength, that its bar is no narrower than by name.
+    """
+    own = striker.own
+    if striker.material != OWN or own is None:
+        return {"material": striker.material}
+    constants: Table = {"E": own.E, "nu": own.nu}
+    if striker.kind == "ball":
+        constants["rho"] = own.rho
+    if own.yield_strength is not None:
+        constants["yield_strength"] = own.yield_strength
+        if own.origin:
+            constants["material"] = own.origin
+    return constants
 
 
 def _drop(set_up: SetUp) -> Table:

@@ -205,6 +205,20 @@ def test_a_striker_may_be_of_a_material_of_ones_own(opened):
     assert peaks["ball"] < peaks["mass"] < 0.5 * hard
 
 
+@pytest.mark.parametrize("kind", ["ball", "mass"])
+def test_an_own_material_of_a_striker_has_no_narrower_bar_than_by_name(opened, kind):
+    """The softer side decides, and its strength has a range."""
+    own = json.loads(json.dumps(opened.calls["look"]({})["constants"]["ABS"]))
+    striker = asked(opened)["striker"] | {"kind": kind, "radius": 6e-3, "mass": 0.01}
+    blows = [
+        call(opened, "settle", asked(opened, striker=striker | {"material": name, "own": own}))
+        for name in ("ABS", set_up.OWN)
+    ]
+    named, given = (blow["blow"] for blow in blows)
+    assert given["computed"]["peak_force"] == named["computed"]["peak_force"]
+    assert given["bars"]["shares"] == named["bars"]["shares"]
+
+
 def test_an_own_material_that_begins_as_another_has_no_narrower_bar(opened):
     own = json.loads(json.dumps(opened.calls["look"]({})["constants"]["steel S235"]))
     bars = [
