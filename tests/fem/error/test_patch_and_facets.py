@@ -89,6 +89,25 @@ def test_on_an_edge_or_with_faces_that_are_too_large_beside_it_nothing_is_known(
     assert "compliance" not in model.info["patch"]
 
 
+@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")
+def test_the_bar_of_a_patch_that_an_edge_cuts_holds_the_force_of_a_whole_one():
+    """At 1.5 mm from the edge of a steel plate of 4 mm, with faces of 3 and of 1.5 mm."""
+    runs = []
+    for size, radius in ((3e-3, 3e-3), (1.5e-3, 1.4e-3)):
+        mesh = ao.box_mesh((0.03, 0.03, 0.004), size)
+        part = ao.Structure(mesh, ao.Solid(**STEEL), [ao.Support("-z")])
+        site = ao.Site((1.5e-3, 0.015, 0.004), (0, 0, -1), radius=radius)
+        model = ao.extract(part, site, n=30, error="estimate")
+        ball = ao.RigidMass(0.05, 0.2, tip_radius=0.01, material="bearing steel 100Cr6")
+        runs.append(ao.simulate(model, ball, duration=3e-4))
+    cut, whole = runs
+    assert "An edge cuts the patch" in " ".join(cut.error_budget.notes)
+    assert "An edge cuts the patch" not in " ".join(whole.error_budget.notes)
+    share = cut.error_budget["peak_force"].patch
+    assert 0.005 < share < 0.1
+    assert abs(whole.peak_force / cut.peak_force - 1) < share
+
+
 SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)
 TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
