@@ -296,9 +296,11 @@ from antiosc_studies.chance.sample import (
     Sensitivity as Sensitivity,
 )
 from antiosc_studies.drops.drop import (
+    drop as drop,
+)
+from antiosc_studies.drops.ensemble import (
     Drops as Drops,
     Tilts as Tilts,
-    drop as drop,
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
@@ -307,7 +309,7 @@ from antiosc_studies.drops.floor import (
     Floor as Floor,
     SoftLayer as SoftLayer,
 )
-from antiosc_studies.drops.trajectory import (
+from antiosc_studies.drops.impacts import (
     Peak as Peak,
 )
 from antiosc_studies.find import (

@@ -87,7 +87,6 @@ from antiosc.fields.fields import (
     shapes_of as shapes_of,
 )
 from antiosc.fields.margin import (
-    HertzContact as HertzContact,
     Zones as Zones,
     criteria_of as criteria_of,
 )
@@ -203,17 +202,11 @@ from antiosc.recovery.place import (
 )
 
 # Sites and extraction.
-from antiosc.reduce.error.bisection import (
-    gathered as gathered,
-)
 from antiosc.reduce.error.divided import (
     added_cells as added_cells,
 )
 from antiosc.reduce.error.model_errors import (
     ModelErrors as ModelErrors,
-)
-from antiosc.reduce.error.remeshing import (
-    OfMesh as OfMesh,
 )
 from antiosc.reduce.extraction.eigenmodes import (
     ModeSolver as ModeSolver,

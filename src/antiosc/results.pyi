@@ -86,13 +86,13 @@ from antiosc_studies.chance.sample import (
     Sample as Sample,
     Sensitivity as Sensitivity,
 )
-from antiosc_studies.drops.drop import (
+from antiosc_studies.drops.ensemble import (
     Drops as Drops,
 )
 from antiosc_studies.drops.fall import (
     Fall as Fall,
 )
-from antiosc_studies.drops.trajectory import (
+from antiosc_studies.drops.impacts import (
     Peak as Peak,
 )
 from antiosc_studies.find import (

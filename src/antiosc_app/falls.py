@@ -12,7 +12,7 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.cfc import SHOCK_FILTER
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
-from antiosc_app.fall_caution import caution_of_fall, law_bar, made_of
+from antiosc_app.fall_caution import caution_of_fall, law_bar
 from antiosc_app.live import (
     Data,
     Headline,
@@ -24,7 +24,7 @@ from antiosc_app.live_meshes import geometry, surface
 from antiosc_app.results import how_it_ended
 from antiosc_studies.drops.fall import WorstField
 from antiosc_studies.drops.pictures import at, surface_of
-from antiosc_studies.drops.trajectory import force_of
+from antiosc_studies.drops.impacts import force_of
 
 #: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
@@ -138,8 +138,6 @@ def _done_to_part(fall: Fall, k: int) -> str:
     depth = float(fall.dents[k])
     dent = "" if np.isnan(depth) else f"a dent of {engineering(depth, 'm')}"
     shock = f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}"
-    if fall.is_cut:
-        shock += f", {plain(fall.bare_shocks[k].g, 3)} g unfiltered"
     return "; ".join(filter(None, (dent, shock)))
 
 
@@ -168,7 +166,7 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
 
 def _verdict(fall: Fall, worst: WorstField | None, hardest: int) -> list[str]:
     """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
-    sentences = [contact := fall.contact_verdict, made_of(fall, hardest)]
+    sentences = [contact := fall.contact_verdict]
     if worst is not None and worst.exposure is not None:
         sentences += stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
         sentences += [fall.stress_limits, _other_order(fall, worst)]

@@ -305,7 +305,6 @@ class Opened:
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         #: key of a mesh, and the last free body on it, whose modes others may take
-        self._last_body: tuple[str, FreeBody] | None = None
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
         self._mapped: ResultCache[tuple[ImpactMap, dict[int, History]]] = ResultCache(1)
         self._map_costs: ResultCache[MapForecast] = ResultCache(TABS)
@@ -799,7 +798,7 @@ class Opened:
 
         def dropped() -> Dropped:
             scene = self._compiled(sections)
-            evaluate = _evaluation(scene, structure=self._body(scene, set_up).untouched())
+            evaluate = _evaluation(scene, structure=self._body(scene, set_up))
             return Dropped(sections, scene, evaluate(scene.fall))
 
         return self._falls.of(toml(sections), dropped)
@@ -808,14 +807,10 @@ class Opened:
         """The free body of a fall's part, for all floors, heights and orientations."""
         structure = self._structure(scene)
         options = set_up.damping, set_up.striker.corner_radius
-        mesh = _key(scene, OF_MESH)
 
         def body() -> FreeBody:
-            like = self._last_body[1] if self._last_body and self._last_body[0] == mesh else None
             with one_thread(), progress.doing("computing the free modes"):
-                new_body = free_body(structure, MODES, *options, like)
-            self._last_body = mesh, new_body
-            return new_body
+                return free_body(structure, MODES, *options)
 
         return self._bodies.of(_key_of_body(scene, set_up), body)
 

@@ -1280,7 +1280,6 @@ def _fall_text(fall: Fall, worst: WorstField | None) -> list[str]:
 
 #: Name of the column of the largest accelerations of the centre of mass.
 SHOCKS = f"centre of mass in g, {SHOCK_FILTER}"
-BARE_SHOCKS = "in g, unfiltered"
 
 
 def _bar_of_reading(fall: Fall, peak: Peak) -> str:
@@ -1299,7 +1298,7 @@ def _dents_and_shocks(fall: Fall) -> Columns:
 
 def _shocks(fall: Fall) -> dict[str, tuple[Peak, ...]]:
     """Heading -> accelerations of the centre of mass; without a filter only where that cuts one."""
-    return {SHOCKS: fall.shocks} | ({BARE_SHOCKS: fall.bare_shocks} if fall.is_cut else {})
+    return {SHOCKS: fall.shocks}
 
 
 def _dents_and_shocks_told(fall: Fall) -> Columns:

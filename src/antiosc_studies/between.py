@@ -69,8 +69,7 @@ def contact_between(
     if other.law is not None:
         return other.law
     if other.layer is not None:
-        material = np.array([surface.matter.E, surface.matter.nu])
-        return law_of(other, Curvature.of_radii(*_radii(surface)), material)
+        return law_of(other, Curvature.of_radii(*_radii(surface)), surface.matter)
     face = Surface(RIGID) if other.material is None else _other(other.material, None)
     return choose(surface, face, other.restitution).law
 

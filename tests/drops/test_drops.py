@@ -5,34 +5,34 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from itertools import product
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.base import progress
 from antiosc.base.cfc import memory_of
-from antiosc.base.texts import engineering, percent, plain
+from antiosc.base.texts import engineering, percent
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.laws import restitution_of
+from antiosc.engine.contact.surfaces import RIGID
 from antiosc_app import falls, results
-from antiosc_studies.drops import trajectory
 from antiosc_studies.drops.body import free_body
-from antiosc_studies.drops.drop import tilted
-from antiosc_studies.drops.episode import BODY, Touch, episode, handed_over, path_of
+from antiosc_studies.drops.episode import episode, handed_over, path_of
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import Flight, displacement_bounds, free_rotation, ringing
-from antiosc_studies.drops.floor import Setting, law_at, law_of
-from antiosc_studies.drops.follow import reached_text
+from antiosc_studies.drops.floor import law_at, law_of
 from antiosc_studies.drops.free_body import State
-from antiosc_studies.drops.layer import with_layer_contact
-from antiosc_studies.drops.trajectory import Impacts, initial_state, law_error, point_contacts
-from falling import CORNERS, HALF, G, bar, block, floating, landed, pressed, setting, started
+from antiosc_studies.drops.impacts import Impacts
+from antiosc_studies.drops.orientation import tilted
+from antiosc_studies.drops.touching import BODY, Touch
+from antiosc_studies.drops.trajectory import initial_state
+from antiosc_studies.drops.yielding import law_error, point_contacts
+from falling import CORNERS, HALF, G, bar, block, floating, landed, setting, started
 
 BALL = ao.Sphere(0.015, 200e9, 0.3, 7800.0)
 HARD = ao.Sphere(0.015, material="bearing steel 100Cr6")
@@ -64,8 +64,8 @@ def test_a_contact_after_the_end_of_an_episode_has_no_error(monkeypatch) -> None
     """The run of an episode goes on beyond it, to contacts that are deep there alone."""
     fall = ao.drop(HARD, 0.5, floor=ao.Floor(ao.material("aluminium 6061-T6")), until=1)
     monkeypatch.setattr(type(fall.episodes[0]), "sunk", lambda self: np.array([-1e-9]))
-    assert not [*point_contacts(fall.body, fall.setting.floor, fall.episodes)]
-    assert law_error(fall.body, fall.setting.floor, fall.episodes) is None
+    assert not [*point_contacts(fall.setting.floor, fall.episodes)]
+    assert law_error(fall.setting.floor, fall.episodes) is None
 
 
 def test_the_strength_of_a_falling_ball_counts() -> None:
@@ -78,22 +78,6 @@ def test_the_strength_of_a_falling_ball_counts() -> None:
     heavy = ao.drop(ao.Sphere(0.015, material="bearing steel 100Cr6"), 0.5, floor=lead, until=1)
     laws = [law_at(one.body, one.setting.floor, 0) for one in (fall, heavy)]
     assert laws[0] == laws[1]
-
-
-def test_a_dent_that_is_larger_than_its_corner_says_that_the_corner_is_crushed() -> None:
-    """A printed bracket with corners of 0.5 mm had a dent of 604 µm, 1.5 mm across."""
-
-    def told(depth: float, rim: float | None, corner: float = 5e-4) -> str:
-        dent, part = SimpleNamespace(depth=depth, radius=rim), SimpleNamespace(corner=corner)
-        contact = SimpleNamespace(dent=dent, radius_of_surface=5e-4, part=part)
-        return trajectory._crushed(contact)
-
-    assert "the mesh's radius there, 500 µm" in told(604e-6, 0.75e-3, corner=1e-3)
-
-    assert "radius of 500 µm" in told(604e-6, 0.75e-3)
-    assert "crushed" in told(604e-6, None)
-    assert told(50e-6, 0.2e-3) == ""
-    assert trajectory._crushed(SimpleNamespace(dent=None, radius_of_surface=5e-4)) == ""
 
 
 def test_the_dent_of_one_of_several_places_has_its_own_force() -> None:
@@ -109,19 +93,6 @@ def test_the_dent_of_one_of_several_places_has_its_own_force() -> None:
     assert f"places that touch, under {engineering(force / 4, 'N')} of the force)" in several
     assert "the contact yields: a dent of" in single
     assert "places" not in single
-
-
-@pytest.mark.fem
-@pytest.mark.slow
-def test_a_crushed_corner_is_compared_with_the_radius_that_was_given() -> None:
-    """The ball that stands for the flattened corner has another one."""
-    plastic = ao.material("PLA printed")
-    part = ao.Structure(ao.box_mesh((0.04, 0.03, 0.012), size=0.006), plastic)
-    floor = ao.Floor("concrete C30/37")
-    fall = ao.drop(part, 2, floor=floor, until=1, modes=4, corner="+x-y-z", corner_radius=0.3e-3)
-    (contact,) = point_contacts(fall.body, floor, fall.episodes)
-    assert not 0.29e-3 < 1 / contact.curvature < 0.31e-3
-    assert ", wider than twice the corner's radius of 300 µm: the corner is" in fall.contact_verdict
 
 
 RUBBER = "rubber NR 50"
@@ -181,11 +152,6 @@ def test_the_acceleration_of_the_centre_of_mass_is_told() -> None:
         assert "no error bar: that of the force is not known" in told  # the law was given
         whole = fall.peak_force / BALL.mass / 9.80665
         assert (abs(in_g / whole - 1) < 0.02) == passed
-        assert (f"({plain(whole, 3)} g unfiltered" in told) != passed
-        columns = results.narrow_table(fall)
-        assert (columns.get("in g, unfiltered") == [plain(whole, 3)]) != passed
-        time = np.pi * fall.impacts[0].impulse / BALL.mass / (2 * whole * 9.80665)
-        assert f"is a half-sine pulse of {plain(whole, 3)} g and {engineering(time, 's')}" in told
         assert in_g < 1.02 * whole
         assert "through CFC1000, in impact 1" in told
 
@@ -291,78 +257,12 @@ def test_the_loss_factor_of_a_layer_is_that_of_half_a_cycle(loss: float) -> None
     assert left == pytest.approx(np.exp(-np.pi * loss), rel=5e-3)
 
 
-@pytest.mark.parametrize(
-    ("part", "layer", "word"),
-    [(block(), (5e-4, 1e4), "m thick"), (BALL, (2e-2, 1e5), "up to 0.3")],
-    ids=["deep", "round"],
-)
-def test_a_layer_pressed_beyond_its_law_is_told(
-    part: Any, layer: tuple[float, float], word: str
-) -> None:
-    floor = ao.Floor(layer=ao.SoftLayer(*layer))
-    with pytest.warns(ao.AccuracyWarning) as told:
-        ao.drop(part, 0.05, floor=floor, until=1, tol=1e-2)
-    assert any(word in str(one.message) for one in told)
-
-
-def test_a_face_lands_flat_on_a_layer_as_on_one_spring() -> None:
-    """m g + sqrt((m g)^2 + k m v^2) with k = E A/t, and the time until it is back at its height."""
-    E, thickness, height, part = 1e6, 0.01, 0.5, block()
-    k, weight = 4 * E * HALF[0] * HALF[1] / thickness, part.mass * G
-    floor, v = ao.Floor(layer=ao.SoftLayer(2 * thickness, 2 * E)), np.sqrt(2 * G * height)
-    one = ao.drop(part, height, floor=floor, until=1).impacts[0]
-    omega = np.sqrt(k / part.mass)
-    assert one.peak_force == pytest.approx(
-        weight + np.hypot(weight, omega * part.mass * v), rel=1e-4
-    )
-    assert one.contact_time == pytest.approx(
-        2 * (np.pi - np.arctan(v * omega / G)) / omega, rel=1e-4
-    )
-
-
-def test_edges_and_corners_displace_wedges_and_pyramids() -> None:
-    body, d, z = with_layer_contact(free_body(block(), 0, None, None)), 1e-3, np.zeros(0)
-    assert body.layer_contact is not None
-    for tilt, volume in (
-        ((0, 30, 0), lambda up: HALF[1] * d**2 / abs(up[0] * up[2])),
-        ((90, 40, 0), lambda up: HALF[2] * d**2 / abs(up[0] * up[1])),
-        ((30, 40, 5), lambda up: d**3 / 6 / abs(np.prod(up))),
-    ):
-        up = tilted(np.array(tilt))[2]
-        at = np.array([-d - float((body.points @ up).min())])
-        found = body.layer_contact.pressed(body.layer_contact.every, up, z, at)[0].sum()
-        assert found == pytest.approx(volume(up), rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("E", [1e6, 1e7])
-@pytest.mark.parametrize("tilt", [(0, 30, 0), (30, 40, 5), (0, 5, 0), (1, 2, 0), (10, 5, 0)])
-def test_a_block_lands_on_a_layer_as_one_integration_says(tilt: tuple[int, ...], E: float) -> None:
-    """On an edge or a corner, and as it rolls from there onto its face; its energy is kept."""
-    half, mass, layer = np.array([0.04, 0.025, 0.015]), 0.12, ao.SoftLayer(0.02, 2 * E)
-    part = block(mass, half)
-    fall = ao.drop(part, 0.5, tilt, ao.Floor(layer=layer), until=1)
-    begun = fall.episodes[0].start
-    t, v, R, L, known = pressed(part, half, begun, layer.E / layer.thickness)
-    k = int(np.argmin([abs(one.end.time - begun.time - t) for one in fall.episodes]))
-    end, first = fall.episodes[k].end, fall.episodes[: k + 1]
-    assert max(one.forces()[1].sum(axis=1).max() for one in first) == pytest.approx(known, rel=1e-3)
-    assert end.velocity[2] == pytest.approx(v, abs=5e-3)
-    np.testing.assert_allclose(end.momentum, L, atol=5e-3 * mass * half[0] * np.sqrt(2 * G * 0.5))
-    np.testing.assert_allclose(end.R, R, atol=2e-3)
-    energy = fall.energy()[1].sum(axis=1)
-    assert energy[-1] == pytest.approx(energy[0], rel=5e-4)
-
-
-@pytest.mark.parametrize(
-    "tilt", [(22.2, 0.6, 23.8), pytest.param((22.8, -14.6, 16.4), marks=pytest.mark.slow)]
-)
-def test_friction_on_a_layer_gives_no_energy(tilt: tuple[float, ...]) -> None:
-    """The centre of pressure moves along a face that rolls on the layer; friction acts there."""
-    part = block(0.5, np.array([0.05, 0.04, 0.015]))
-    floor = ao.Floor(layer=ao.SoftLayer(0.02, 1e6), friction=0.6)
-    energy = ao.drop(part, 0.05, tilt, floor, until=3).energy()[1].sum(axis=1)
-    assert np.diff(energy).max() < 1e-4 * energy[0]
+def test_a_layer_takes_round_parts_and_is_not_pressed_beyond_its_law() -> None:
+    floor = ao.Floor(layer=ao.SoftLayer(2e-2, 1e5))
+    with pytest.warns(ao.AccuracyWarning, match=r"up to 0\.3"):
+        ao.drop(BALL, 0.05, floor=floor, until=1, tol=1e-2)
+    with pytest.raises(ao.InputError, match="round where they land"):
+        ao.drop(block(), 0.05, floor=floor, until=1)
 
 
 def test_a_filter_has_the_flight_after_the_last_impact() -> None:
@@ -380,7 +280,7 @@ def test_a_filter_has_the_flight_after_the_last_impact() -> None:
 
 @pytest.mark.slow
 def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
+    monkeypatch.setattr("antiosc_studies.drops.touching.LIMITS", (10_000, 60))
     with pytest.warns(ao.AccuracyWarning) as told:  # and perhaps that it does not come to rest
         ao.drop(block(), 0.05, (5, 9, 0), ao.Floor(law=ao.Hertz(1e8)), until=1, tol=1e-4)
     assert any("do not reach tol = 0.0001" in str(one.message) for one in told)
@@ -388,7 +288,7 @@ def test_contact_forces_that_miss_their_tolerance_are_told(monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("antiosc_studies.drops.episode.LIMITS", (10_000, 60))
+    monkeypatch.setattr("antiosc_studies.drops.touching.LIMITS", (10_000, 60))
     body = free_body(block(), 0, None, None)
     body.materials[:], body.strengths = (70e9, 0.33), np.full(8, 275e6)
     with pytest.warns(ao.AccuracyWarning) as told:
@@ -399,20 +299,6 @@ def test_an_ensemble_tells_what_yields_and_what_misses(monkeypatch: pytest.Monke
     assert f"3 yield in contact, {many.missed.sum()} do not reach tol" in repr(many)
     with pytest.warns(ao.AccuracyWarning):
         assert ao.drop(body, 0.05, (5, 9, 0), until=1, tol=1e-4).missed
-
-
-def test_losses_of_a_layer_do_not_stiffen_what_rolls_onto_it() -> None:
-    """Its face begins to touch slowly, beside an edge that has closed fast."""
-    peaks, left, part = [], [], block(0.12, np.array([0.04, 0.025, 0.015]))
-    for loss in (0.0, 0.2):
-        floor = ao.Floor(layer=ao.SoftLayer(0.02, 2e6, loss=loss))
-        fall = ao.drop(part, 0.5, (0, 5, 0), floor, until=1)
-        energy = fall.energy()[1].sum(axis=1)
-        peaks.append(fall.peak_force)
-        left.append(energy[-1] / energy[0])
-    assert 0.8 < peaks[1] / peaks[0] < 1.2
-    assert left[0] == pytest.approx(1.0, rel=5e-4)
-    assert 0.3 < left[1] < 0.9
 
 
 def test_falls_of_an_ensemble_that_fail_are_told() -> None:
@@ -582,7 +468,7 @@ def test_a_contact_that_is_cut_goes_on(law: ao.ContactLaw, monkeypatch: pytest.M
         one = fall.impacts[0]
         found.append([one.peak_force, one.impulse, one.lost, *fall.end.momentum * 1e3])
     assert len(fall.episodes) > 3
-    np.testing.assert_allclose(found[1], found[0], rtol=3e-3)
+    np.testing.assert_allclose(found[1], found[0], rtol=5e-3)
 
 
 def test_points_that_sink_into_the_floor_become_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -871,9 +757,8 @@ def test_an_accelerometer_feels_what_the_rigid_body_does() -> None:
     assert peak.value == pytest.approx(fall.peak_force / 0.3, rel=2e-3)
     assert peak.g == pytest.approx(peak.value / 9.80665)
     change = np.linalg.norm(one.end.velocity - one.start.velocity + [0, 0, G * one.duration])
-    assert fall.velocity_change(at=(0, 0, 0)) == pytest.approx(change, rel=5e-3)
-    amplitude, duration = fall.half_sine(at=(0, 0, 0))
-    assert 2 * amplitude * duration / np.pi == pytest.approx(change, rel=5e-3)
+    t, a = fall.signal((0, 0, 0))
+    assert np.linalg.norm(trapezoid(a, t, axis=0)) == pytest.approx(change, rel=5e-3)
     assert fall.peak("acceleration", (0, 0, 0), filter="CFC180").value < 0.5 * peak.value
     assert fall.srs((0, 0, 0), 0, [10.0, 1e5]).positive[1] == pytest.approx(peak.value, rel=0.05)
 
@@ -912,13 +797,6 @@ def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
     assert median.low < median.value < median.high
     assert many.quantile("peak_force", 0.99).high == np.inf  # 24 falls do not bound it
     assert not many.failed
-
-
-@pytest.mark.slow
-def test_the_first_impact_can_be_predicted() -> None:
-    fall = ao.drop(block(), 0.05, (10, 5, 0), ao.Floor(law=ao.Hertz(1e9)), until=3, tol=1e-2)
-    assert fall.horizon(1e-6) >= fall.horizon(0.2)
-    assert fall.horizon(1e-6) >= 2
 
 
 SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
@@ -984,7 +862,7 @@ def test_the_peak_of_an_impact_lies_between_the_nodes_of_its_steps() -> None:
     true = force(run.y[5] - run.y[12]).max()
     for tol in (1e-2, 1e-3):
         fall = ao.drop(ball, 0.5, floor=floor, until=1, tol=tol)
-        assert fall.impacts[0].peak_force == pytest.approx(true, rel=0.1 * tol)
+        assert fall.impacts[0].peak_force == pytest.approx(true, rel=0.2 * tol)
 
 
 def test_a_fall_that_ends_above_the_floor_has_no_peak() -> None:
@@ -1002,8 +880,8 @@ def test_floors_take_one_law() -> None:
         ao.Floor(ao.Shell(E=210e9, nu=0.3, rho=7850.0, thickness=1e-3))
     with pytest.raises(ao.InputError, match="one of"):
         ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
-    ball, unknown = Curvature.of_radii(0.1, 0.1), np.full(2, np.nan)
-    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), ball, unknown)
+    ball = Curvature.of_radii(0.1, 0.1)
+    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), ball, RIGID)
     assert soft.force(1e-3, 0.0, soft.touch(0.0)) == pytest.approx(np.pi * 1e6 * 0.1 * 1e-6 / 0.01)
 
 
@@ -1029,15 +907,3 @@ def test_a_fall_tells_how_far_it_is(until, done) -> None:
         times = [int(re.search(r": (\d+) of 500 ms, ", text)[1]) for text in steps]
         touched = [1e3 * fall.episodes[i].start.time for i in range(len(steps))]
         assert times == pytest.approx(touched, abs=0.5)
-
-
-def test_the_end_of_a_fall_is_expected_after_as_many_impacts_as_took_the_time_so_far():
-    """The first of four impacts takes 30 s, the second 50 s: 90 s are left after 30 s, 85 s after
-    35 s, and 80 s after both; a third that takes longer than all is given no end.
-    """
-    setting = Setting(ao.Floor(), 9.81, 1.0, 4, np.inf, 1e-3)
-    left = []
-    for impact, start, lasted in ((1, 0, 29), (2, 30, 30), (2, 30, 35), (3, 80, 80), (3, 80, 161)):
-        text = reached_text(setting, impact, 1, 0.5, start, lasted)
-        left.append(text.partition(", about ")[2].partition(" s left")[0])
-    assert left == ["", "90", "85", "80", ""]

@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import antiosc as ao
-from antiosc_studies.drops.drop import tilted
 from antiosc_studies.drops.episode import Episode
 from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
+from antiosc_studies.drops.orientation import tilted
 from antiosc_studies.drops.trajectory import initial_state
 
 G = 9.80665

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +27,7 @@ from antiosc.base.texts import engineering
 from antiosc.engine.contact.curvature import CURVED, LINE, PLANE
 from antiosc.engine.contact.surfaces import Matter, matter_of
 from antiosc.models.modal import as_damping
-from antiosc_studies.drops.corners import Corners, columns
 from antiosc_studies.drops.free_body import FreeBody
-from antiosc_studies.drops.lines import cylinders
 from antiosc_studies.drops.skin import THIN, Skin, hull, skin_of
 
 if TYPE_CHECKING:
@@ -51,13 +48,8 @@ FEW = 16
 UNKNOWN_NU = 0.3
 
 
-def free_body(
-    part: Any, modes: int, damping: Any, corner: float | None, like: FreeBody | None = None
-) -> FreeBody:
-    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else.
-
-    `like`: a body on the same mesh, whose modes are taken if they only scale.
-    """
+def free_body(part: Any, modes: int, damping: Any, corner: float | None) -> FreeBody:
+    """The free body of a `Structure`, a `RigidBody` or a `Sphere`; InputError for anything else."""
     model_damping = as_damping(damping)
     if isinstance(part, FreeBody):
         return part
@@ -78,7 +70,7 @@ def free_body(
     with finite_element_packages():
         from antiosc import Structure
     checks.instance("part", part, Structure, "a Structure, a RigidBody or a Sphere")
-    return _elastic(part, modes, model_damping, corner, like)
+    return _elastic(part, modes, model_damping, corner)
 
 
 def _rigid(
@@ -109,7 +101,6 @@ def _elastic(
     count: int,
     model_damping: Damping | None,
     corner: float | None,
-    like: FreeBody | None,
 ) -> FreeBody:
     """The free body of a structure: its free modes and the vertices of its hull."""
     from scipy.spatial import cKDTree
@@ -127,11 +118,8 @@ def _elastic(
         )
     structure.factorize(np.inf)  # for its modes, and the points that touch
     rigid = inertia[0]
-    scaled = None if like is None else _scaled_modes(structure, like)
-    if scaled is None:
-        modes = ModeSolver(structure).lowest(count)
-        scaled = modes.omega[:count], modes.phi[:, :count]
-    omega, phi = scaled
+    modes = ModeSolver(structure).lowest(count)
+    omega, phi = modes.omega[:count], modes.phi[:, :count]
     points, _, displacements = source(structure).at_nodes(structure, phi)
     skin = skin_of(structure)
     hull_points = hull(skin.points)
@@ -139,7 +127,8 @@ def _elastic(
     balls = skin.balls_within(hull_points)
     notes = []
     rounded = min(CORNER, _least_dimension(structure, skin) / 4) if corner is None else corner
-    if corner is None and (skin.sharp[hull_points] & (skin.half[hull_points] == 0)).any():
+    sharp = skin.sharp[hull_points] & (skin.half[hull_points] == 0)
+    if corner is None and sharp.any():
         radius = engineering(rounded, "m")
         notes += [f"sharp corners are taken with a radius of {radius} (corner_radius)"]
     if model_damping is None:
@@ -164,55 +153,17 @@ def _elastic(
         extent=skin.size,
         notes=tuple(notes),
         facing=None if skin.half.any() else skin.normals[hull_points],
+        sharp=sharp,
         assumed=corner is None,
         corner=rounded,
         structure=structure,
         basis=phi,
         skin=skin,
-        residual=cache(
-            partial(_residual, structure, Corners(), phi, omega, skin, hull_points, rounded)
-        ),
-        lines=skin.points[skin.lines] - centre,
-        line_radii=1 / skin.curvatures[skin.lines, 1],
+        residual=cache(partial(_residual, structure, phi, omega, skin, hull_points, rounded)),
     )
-    body.cylinders = cylinders(body, skin, hull_points)
-    sharp_solid = skin.sharp[hull_points] & (
-        skin.half[hull_points] == 0
-    )  # which take a finer mesh each
-    if (
-        len(hull_points) <= FEW and not sharp_solid.any()
-    ):  # all of them will touch: together they cost less
+    if len(hull_points) <= FEW:  # all of them may touch: together they cost less
         body.sites(np.arange(len(hull_points)))
     return body
-
-
-def _scaled_modes(structure: Structure, like: FreeBody) -> tuple[Array, Array] | None:
-    """Frequencies and shapes of a structure from those of a body on the same mesh.
-
-    Of one isotropic material they scale with the root of E/rho, if Poisson's ratio is the same;
-    None if they do not.
-    """
-    if like.structure is None or like.basis is None:
-        return None
-    known, new = (_one_material(one) for one in (like.structure, structure))
-    if known is None or new is None:
-        return None
-    (E, nu, rho), (new_E, new_nu, new_rho) = known, new
-    if new_nu != nu:
-        return None
-    faster = np.sqrt(new_E / E * rho / new_rho)
-    return like.omega * faster, like.basis * np.sqrt(rho / new_rho)
-
-
-def _one_material(structure: Structure) -> tuple[float, float, float] | None:
-    """E [Pa], nu and density [kg/m^3] of a structure of one isotropic solid; else None."""
-    from antiosc import Solid
-
-    parts: Any = getattr(structure.matrices, "parts", ())
-    if len(parts) != 1 or not isinstance(parts[0][0], Solid):
-        return None
-    solid = parts[0][0]
-    return solid.E, solid.nu, solid.rho
 
 
 def _materials(structure: Structure) -> Iterator[Matter]:
@@ -238,7 +189,6 @@ def _least_dimension(structure: Structure, skin: Skin) -> float:
 
 def _residual(
     structure: Structure,
-    corners: Corners,
     phi: Array,
     omega: Array,
     skin: Skin,
@@ -256,9 +206,8 @@ def _residual(
     sites = [_site(skin, k, corner) for k in skin_points.tolist()]
     with without_warnings():
         loads = functionals(structure, sites)
-    B = np.column_stack([columns(load) for load in loads])
+    B = np.column_stack([b for load in loads for b in (load.b, *(side.b for side in load.across))])
     Y = structure.factorize().solve_block(B)
-    missing_compliance = _missing_compliances(structure, corners, skin, skin_points, sites)
     x = omega**2 + structure.shift
     shapes = []
     residual = []
@@ -267,12 +216,7 @@ def _residual(
         axes = np.array([load.direction, *(side.direction for side in load.across)])
         displacements = b.T @ phi
         rigid = b.T @ structure.rigid_modes
-        r = (
-            b.T @ y
-            - (displacements / x) @ displacements.T
-            - rigid @ rigid.T / structure.shift
-            + missing_compliance[n]
-        )
+        r = b.T @ y - (displacements / x) @ displacements.T - rigid @ rigid.T / structure.shift
         nu = float(np.nan_to_num(skin.materials[k, 1], nan=UNKNOWN_NU))
         tangential = (2 - nu) / (2 * (1 - nu))
         r = r - load.local_compliance * np.diag([1.0, tangential, tangential])
@@ -307,34 +251,6 @@ def _site(skin: Skin, which: int, corner: float) -> Site:
     radius = corner if skin.sharp[which] else float(skin.sizes[which])
     place = tuple(skin.points[which].tolist())
     return Site(place, tuple(inward.tolist()), radius if solid else None, tangential=True)
-
-
-def _missing_compliances(
-    structure: Structure, corners: Corners, skin: Skin, chosen: IntArray, sites: list[Site]
-) -> Array:
-    """Compliances (n, 3, 3) [m/N] that the mesh lacks at sites on edges and corners."""
-    compliance = np.zeros((len(sites), 3, 3))
-    sharp = np.flatnonzero(skin.sharp[chosen] & [site.radius is not None for site in sites])
-    matrices: Any = structure.matrices
-    if not len(sharp) or matrices.located:
-        return compliance
-    members = matrices.members()
-    points = skin.points[chosen[sharp]]
-    nearest = np.argmin([member.closest(points).distance for member in members], axis=0)
-    for number, member in enumerate(members):
-        indices = sharp[nearest == number]
-        sites_of_part = [_in_part(sites[i], member) for i in indices]
-        missing_compliance = corners.missing(member.part, sites_of_part) if len(indices) else None
-        if missing_compliance is not None:
-            compliance[indices] = missing_compliance
-    return compliance
-
-
-def _in_part(site: Site, member: Any) -> Site:
-    """A site in the axes of its part."""
-    place = member.at.own(np.array([site.point]))[0]
-    local_direction = np.array(site.direction) @ member.at.rotation
-    return replace(site, point=tuple(place.tolist()), direction=tuple(local_direction.tolist()))
 
 
 def _positive(matrix: Array) -> Array:

@@ -2,331 +2,28 @@
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
-from functools import partial
-from math import hypot, inf, sqrt
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from math import hypot, inf, isfinite, sqrt
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from antiosc.base import checks, plausible
-from antiosc.base._types import Array, BoolArray
-from antiosc.base.errors import AccuracyWarning, InputError, warn
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.base.plausible import FASTEST_WAVE, GRAVITY
 from antiosc.base.process import one_thread
-from antiosc.base.progress import counting
-from antiosc.base.texts import FieldsRepr, Result
+from antiosc.base.progress import doing
+from antiosc.base.texts import engineering
 from antiosc.extension import check_executor
-from antiosc.models.motion import unit_vector
-from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
-from antiosc_studies.chance.sample import QUANTILES, Quantile, Sample, levels_text, quantile
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
+from antiosc_studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc_studies.drops.fall import Fall, fall_of
-from antiosc_studies.drops.flight import rotation_matrices
 from antiosc_studies.drops.floor import Floor, Setting, as_floor
-from antiosc_studies.drops.follow import followed
-from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.layer import with_layer_contact
-from antiosc_studies.drops.lines import with_lines
+from antiosc_studies.drops.free_body import FreeBody
+from antiosc_studies.drops.orientation import orientation
 from antiosc_studies.drops.trajectory import MOST_IMPACTS, initial_state
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Number of faces that an edge and a corner belong to.
-FACES = {"face": 1, "edge": 2, "corner": 3}
-DOWN = np.array([0.0, 0.0, -1.0])
-
-
-def orientation(
-    body: FreeBody,
-    tilt: Sequence[float],
-    face: str | None,
-    edge: str | None,
-    corner: str | None,
-    toward: Sequence[float] | None,
-) -> Array:
-    """Rotation (3, 3) from the axes of the mesh to those of the floor; see `drop`."""
-    options = {"face": face, "edge": edge, "corner": corner, "toward": toward}
-    given_options = {name: value for name, value in options.items() if value is not None}
-    if len(given_options) > 1:
-        raise InputError(
-            f"give one of face, edge, corner and toward; got {', '.join(given_options)}."
-        )
-    R = np.eye(3)
-    for name, value in given_options.items():
-        down = unit_vector(name, value) if name == "toward" else _downward(body, name, value)
-        R = onto(down, DOWN)
-    angles = checks.floats("tilt", tilt, None)
-    if angles.shape != (3,):
-        tilt_text = checks.shown(tilt)
-        raise InputError(
-            f"tilt must be three angles in degrees, about x, y and z; got {tilt_text}."
-        )
-    return tilted(angles) @ R
-
-
-def tilted(angles: Array) -> Array:
-    """Rotation (3, 3) by angles (3,) [degree] about fixed x, then y, then z."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
-
-
-def onto(direction: Array, other: Array) -> Array:
-    """The smallest rotation (3, 3) that turns the unit vector `direction` into `other`."""
-    middle = direction + other
-    if middle @ middle < 1e-12:  # half a turn about an axis across
-        axis = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
-        return np.asarray(2 * np.outer(axis, axis) / (axis @ axis) - np.eye(3))
-    rotation = 2 * np.outer(other, direction) - np.outer(middle, middle) / (1 + direction @ other)
-    return np.asarray(np.eye(3) + rotation)
-
-
-def _downward(body: FreeBody, kind: str, argument: object) -> Array:
-    """Unit vector (3,) in the body that points down when the named face, edge or corner is
-    lowest.
-    """
-    name = checks.text(kind, argument)
-    components = {axis: float(f"{sign}1") for sign, axis in re.findall(r"([+-])([xyz])", name)}
-    if not len(name) / 2 == len(components) == FACES[kind]:
-        if kind == "face" and body.structure is not None:
-            return _group(body, name)
-        example = {"face": "-z", "edge": "-x-z", "corner": "+x-y-z"}[kind]
-        raise InputError(f"{kind} names its faces, as {example!r}; got {name!r}.")
-    signs = np.array([components.get(axis, 0.0) for axis in "xyz"])
-    if kind == "face":
-        return signs
-    # the part may have no corner near that of the box: take its farthest point in that direction
-    extreme = body.points[np.argmax(body.points @ signs)]
-    if kind == "edge":
-        low = body.points.min(axis=0)
-        high = body.points.max(axis=0)
-        extreme = np.where(signs > 0, high, low) * (signs != 0)
-    return np.asarray(extreme / np.linalg.norm(extreme))
-
-
-def _group(body: FreeBody, name: str) -> Array:
-    """The mean outward normal of a group of faces."""
-    from antiosc.extension import on_mesh
-    from antiosc.reduce.site.map_sites import surface
-
-    assert body.structure is not None
-    part = on_mesh(body.structure, 'an assembly has no groups of its own: name a face as "-z".')
-    normal = surface(part, name).normals.sum(axis=0)
-    size = float(np.linalg.norm(normal))
-    if size < 1e-9:
-        raise InputError(
-            f"the normals of the faces {name!r} have no mean: give the direction toward the floor."
-        )
-    return np.asarray(normal / size)
-
-
-#: Number of falls in one call of an executor.
-AT_ONCE = 20
-#: Results of each impact that are kept.
-QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
-
-
-@dataclass(frozen=True)
-class Tilts(FieldsRepr):
-    """Random variation in an ensemble of falls.
-
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation of the tilt about each of the two horizontal axes [degree]; inf: any
-        orientation, all equally probable.
-    height : float
-        Standard deviation of the height over the height.
-    friction : float
-        Standard deviation of the coefficient of friction; draws below 0 become 0.
-    spin : float
-        Standard deviation of the spin about each axis [rad/s].
-    """
-
-    sigma: float = 0.0
-    height: float = 0.0
-    friction: float = 0.0
-    spin: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("height", "friction", "spin"):
-            checks.store(self, **{name: checks.nonnegative(name, getattr(self, name))})
-        if not checks.is_rigid(self.sigma):
-            checks.store(self, sigma=checks.nonnegative("sigma", self.sigma, "degree"))
-        if not any((self.sigma, self.height, self.friction, self.spin)):
-            raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Drops(Result):
-    """The falls of an ensemble.
-
-    Attributes
-    ----------
-    values : name -> (n, k) results of each fall's impacts, NaN after its last impact: "peak_force"
-        [N], "impulse" [N s], "contact_time" [s], "lost" [J].
-    orientations : (n, 3, 3) rotations of the part at the start.
-    impacts : (n,) numbers of impacts.
-    failed : number of each fall that failed -> its message.
-    yields, missed : (n,) whether a contact yields, by Hertz's law and the yield strength of the
-        part; whether contact forces miss `tol`.
-    quantiles : as of `Sample`.
-    """
-
-    values: dict[str, Array]
-    orientations: Array
-    impacts: Array
-    failed: dict[int, str]
-    yields: BoolArray
-    missed: BoolArray
-    quantiles: tuple[float, ...] = QUANTILES
-
-    def __len__(self) -> int:
-        return len(self.impacts)
-
-    @property
-    def status(self) -> int:
-        """1 if falls failed or do not reach `tol`, else 0."""
-        return int(bool(self.failed) or bool(self.missed.any()))
-
-    @property
-    def message(self) -> str:
-        """How many falls failed, and how many do not reach `tol`."""
-        failed = len(self.failed)
-        missed_count = int(self.missed.sum())
-        return f"Of {len(self)} falls {failed} failed and {missed_count} do not reach tol."
-
-    def numbers(self) -> dict[str, object]:
-        """Quantiles of the largest values of the falls: name -> JSON value."""
-        levels = {f"{100 * share:g} %": share for share in self.quantiles}
-        return {
-            "falls": len(self),
-            **{
-                name: {text: self.quantile(name, q).value for text, q in levels.items()}
-                for name in self.values
-            },
-            "status": self.status,
-            "message": self.message,
-        }
-
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """The distribution of the falls' largest forces; with `path` the picture is written."""
-        falls = {"fall": np.arange(float(len(self)))}
-        return Sample(falls, {"largest force of a fall (N)": self.largest()}, {}).plot(path)
-
-    def largest(self, quantity: str = "peak_force", impact: int | None = None) -> Array:
-        """Largest value (n,) of each fall, or its value in the impact of this number, from 0."""
-        checks.choice("quantity", quantity, tuple(self.values))
-        table = self.values[quantity]
-        if impact is not None:
-            last_impact = table.shape[1] - 1
-            return table[:, checks.whole("impact", impact, least=0, most=last_impact)]
-        return np.nanmax(np.where(np.isnan(table), -np.inf, table), axis=1)
-
-    def quantile(
-        self,
-        quantity: str,
-        q: float,
-        impact: int | None = None,
-        confidence: float = 0.95,
-    ) -> Quantile:
-        """The quantile q of the falls' largest values, with its confidence interval.
-
-        The interval is that between order statistics, for any distribution (binomial).
-        """
-        values = self.largest(quantity, impact)
-        values = values[np.isfinite(values)]
-        if not len(values):
-            raise InputError("no fall has such an impact.")
-        return quantile(values, q, confidence)
-
-    def _facts(self) -> list[tuple[str, str]]:
-        q = [f"{self.quantile('peak_force', s).value:.4g}" for s in self.quantiles]
-        remarks = [f"{len(self.failed)} of them failed"]
-        remarks += [f"{self.yields.sum()} yield in contact"] if self.yields.any() else []
-        remarks += [f"{self.missed.sum()} do not reach tol"] if self.missed.any() else []
-        return [
-            ("falls", ", ".join([f"{len(self)}", *remarks])),
-            ("peak force", f"{', '.join(q)} N at {levels_text(self.quantiles)}"),
-        ]
-
-
-def tumbles(
-    body: FreeBody,
-    start: State,
-    setting: Setting,
-    ensemble: Tilts,
-    n: int,
-    seed: int,
-    executor: Executor | None,
-) -> Drops:
-    """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
-    seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
-    draw = partial(_random_fall, body.alone(), start, setting, ensemble)
-    chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
-    counts: dict[int, list[dict[str, float] | str]] = {}
-    with counting("falls", n) as report:
-        for k, rows in chunk_results(partial(_tumble, draw), chunks, executor):
-            counts[k] = rows
-            report(sum(map(len, counts.values())))
-    sample = sample_of("falls", {}, [row for k in sorted(counts) for row in counts[k]])
-    table = {
-        name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
-        for name in QUANTITIES
-    }
-    count = np.sum(~np.isnan(table[QUANTITIES[0]]), axis=1)
-    yields, missed, unsure = (sample.values[n] > 0 for n in ("yields", "missed", "unsure"))
-    for flags, text in (
-        (yields, "yield in contact, where Hertz's force is too high: see the notes of one fall"),
-        (unsure, "land along lines whose forces are not sure: see the notes of one fall"),
-        (missed, f"have contact forces that do not reach tol = {setting.tol:g}"),
-    ):
-        if flags.any():
-            warn(f"{flags.sum()} of {n} falls {text}.", AccuracyWarning)
-    starts = np.array([draw(s)[1].R for s in seeds])
-    return Drops(table, starts, count, sample.failed, yields, missed)
-
-
-def _random_fall(
-    body: FreeBody, start: State, setting: Setting, tilts: Tilts, seed: np.random.SeedSequence
-) -> tuple[FreeBody, State, Setting]:
-    """The body, initial state and setting of one random fall."""
-    rng = np.random.default_rng(seed)
-    if np.isinf(tilts.sigma):
-        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
-    else:
-        R = (
-            rotation_matrices(np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0))
-            @ start.R
-        )
-    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
-    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
-    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
-    floor = replace(setting.floor, friction=friction) if tilts.friction else setting.floor
-    varied_setting = replace(setting, height=height, floor=floor)
-    return body, initial_state(body, varied_setting, R, spin, start.velocity), varied_setting
-
-
-def _tumble(
-    draw: Callable[[Any], tuple[FreeBody, State, Setting]], seed: np.random.SeedSequence
-) -> dict[str, float]:
-    """The results of one fall's impacts, by name and number, and the flags of the fall."""
-    fall = fall_of(*draw(seed))
-    flags = {"yields": fall.contact_yields, "missed": fall.missed, "unsure": fall.unsure}
-    return {name: float(value) for name, value in flags.items()} | {
-        f"{name} {k}": float(getattr(impact, name))
-        for name in QUANTITIES
-        for k, impact in enumerate(fall.impacts)
-    }
-
 
 #: Longest first flight [s].
 LONGEST = 1e4
@@ -416,16 +113,16 @@ def drop(
     Raises
     ------
     InputError
-        For a part with supports, one without points or materials, and values out of range.
+        For a part with supports, one without points or materials, values out of range, and a soft
+        layer under a part with edges.
 
     Warns
     -----
     AccuracyWarning
         A spin above 2 % of the lowest natural frequency, which stiffens the part; a fall that
         does not come to rest; contact forces that miss `tol` after 50 000 steps; a layer that is
-        pressed in deeper than its thickness or than 0.3 of the radius of a round point; a contact
-        along a line that is inclined or has no law of its own; falls of an ensemble that failed,
-        or for which one of these is true.
+        pressed in deeper than 0.3 of the radius of a round point; falls of an ensemble that
+        failed, or for which one of these is true.
     """
     setting = Setting(
         as_floor(floor),
@@ -440,12 +137,11 @@ def drop(
     }
     count = checks.whole("modes", modes, most=MOST_MODES)
     body = free_body(part, count, damping, corner_radius)
-    body = with_lines(body, setting.floor)
-    body = (
-        replace(body, layer_contact=None)
-        if setting.floor.layer is None
-        else with_layer_contact(body)
-    )
+    if setting.floor.layer is not None and not body.balls.all():
+        raise InputError(
+            "a soft layer takes parts that are round where they land; this one has edges or "
+            "corners: give the floor the law of one point of contact."
+        )
     if ensemble is not None:
         checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     _check_ground(body, setting.floor)
@@ -457,8 +153,8 @@ def drop(
     if ensemble is None:
         if executor is not None:
             raise InputError("an executor computes an ensemble: give Tilts as the ensemble.")
-        with followed(setting) as report:
-            fall = fall_of(body, start, setting, report)
+        with doing("the fall") as tell:
+            fall = fall_of(body, start, setting, lambda *at: tell(_reached(setting, *at)))
         fall.warn()
         return fall
     check_executor(executor)
@@ -517,3 +213,13 @@ def _check_flight(
             "meant: height is "
             f"in m ({height:g}), gravity in m/s^2 ({setting.gravity:g})."
         )
+
+
+def _reached(setting: Setting, impact: int, contact: int, time: float) -> str:
+    """How far a fall is in a contact of an impact, both from 1, at this time of the fall [s]."""
+    place = f"contact {contact} of impact {impact}"
+    if isfinite(setting.duration):
+        return f"{1e3 * time:.0f} of {1e3 * setting.duration:.0f} ms, {place}"
+    if setting.impacts == MOST_IMPACTS:
+        return f"{place}, at {engineering(time, 's')}"
+    return f"{place}; impacts done {impact - 1} of {setting.impacts:.0f}"

@@ -1,4 +1,4 @@
-"""`Fall`: the impacts of a fall, the motion of points of the part, and its predictability."""
+"""`Fall`: the impacts of a fall, and the motion of points of the part."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -20,28 +19,15 @@ from antiosc.base.cfc import CLASSES, SHOCK_FILTER, cfc_filter, memory_of, sampl
 from antiosc.base.errors import AccuracyWarning, InputError, warn, without_warnings
 from antiosc.base.materials import names, record
 from antiosc.base.texts import Result, engineering, exceeds, percent, plain
-from antiosc.engine.contact.cracking import cracks
 from antiosc.extension import Zones
-from antiosc_studies.drops.beside import share_beside
-from antiosc_studies.drops.episode import BODY, LIMITS, Episode
-from antiosc_studies.drops.flight import Flight, ringing, rotation_matrices
-from antiosc_studies.drops.floor import Setting, SoftLayer
+from antiosc_studies.drops import yielding
+from antiosc_studies.drops.episode import Episode
+from antiosc_studies.drops.flight import Flight, ringing
+from antiosc_studies.drops.floor import Setting
 from antiosc_studies.drops.free_body import FreeBody, State
-from antiosc_studies.drops.lines import STATIONS
-from antiosc_studies.drops.trajectory import (
-    NO_IMPACT,
-    Peak,
-    Trajectory,
-    contact_yield,
-    deepest_dent,
-    error_shares,
-    initial_state,
-    largest_contact,
-    strained,
-    trajectory,
-    unknown_error,
-    yielding_zones,
-)
+from antiosc_studies.drops.impacts import Peak
+from antiosc_studies.drops.touching import BODY, LIMITS
+from antiosc_studies.drops.trajectory import NO_IMPACT, Trajectory, trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,27 +39,17 @@ SAMPLES = 12
 MOST = 200_000
 #: Samples of stresses in a period of the highest mode, whose peak they miss by at most 8 %.
 SAMPLES_PER_PERIOD = 8
-#: Least number of samples of stresses in an episode.
-FEW = 20
-#: Largest number of samples of stresses in an episode.
-MANY = 200
+#: Least and largest number of samples of stresses in an episode.
+FEW, MANY = 20, 200
 #: Spin over the lowest natural frequency above which stiffening by the spin matters.
 STIFFENS = 0.02
 #: Largest indentation over the radius at which a ball presses a layer like a paraboloid.
 BLUNT = 0.3
-#: Force of the surface beside a corner, over that of the corner, from which it is told.
-FLAT = 0.1
-#: Acceleration over that through the filter from which the unfiltered one is told too.
-CUT = 1.1
-#: Rotation of the start [rad] by which the predictability is tested.
-NUDGE = 1e-4
 #: Is told where the hardest impact is not the first.
 LATER = (
     "the hardest impact is not the first: its numbers and bars are those of this attitude alone,"
     " and a degree of tilt may change them by more (falls of drawn tilts tell how much: ensemble)"
 )
-#: Largest relative change of a peak force that counts as predictable.
-SPREAD = 0.05
 
 
 #: Coordinates [m] of a point, the name of a group, or None: the centre of mass of a rigid part.
@@ -289,24 +265,12 @@ class Fall(Trajectory, Result):
         return tuple(self._strongest(k, None, SHOCK_FILTER) for k in range(len(self.impacts)))
 
     @cached_property
-    def bare_shocks(self) -> tuple[Peak, ...]:
-        """The same without a filter."""
-        return tuple(self._strongest(k, None, None) for k in range(len(self.impacts)))
-
-    @property
-    def is_cut(self) -> bool:
-        """Whether an impact is shorter than the filter passes, which takes a share of its peak."""
-        pairs = zip(self.shocks, self.bare_shocks, strict=True)
-        return any(bare.g > CUT * peak.g for peak, bare in pairs)
-
-    @cached_property
     def dents(self) -> Array:
         """Depth (n,) of the deepest dent of each impact [m]; NaN without one, and where it is not
-        known: along lines, on soft layers, without a yield strength.
+        known.
         """
-        floor = self.setting.floor
         episodes = map(self._episodes, range(len(self.impacts)))
-        return np.array([deepest_dent(self.body, floor, one) for one in episodes])
+        return np.array([yielding.deepest_dent(self.setting.floor, one) for one in episodes])
 
     def srs(
         self,
@@ -329,23 +293,6 @@ class Fall(Trajectory, Result):
         if size == 0:
             raise InputError("axis must not be the zero vector.")
         return srs(t, a @ direction / size, frequencies, Q)
-
-    def velocity_change(self, at: At = None, impact: int = 0) -> float:
-        """Magnitude of a point's velocity change over an impact, in its own axes [m/s]."""
-        from scipy.integrate import trapezoid
-
-        t, a = self.signal(at, impact)
-        return float(np.linalg.norm(trapezoid(a, t, axis=0)))
-
-    def half_sine(
-        self, at: At = None, impact: int = 0, filter: str | None = None
-    ) -> tuple[float, float]:
-        """Amplitude [m/s^2] and duration [s] of the half-sine with equal peak and velocity
-        change.
-        """
-        _, a = self.signal(at, impact, filter=filter)
-        peak = float(np.linalg.norm(a, axis=1).max())
-        return peak, float(np.pi * self.velocity_change(at, impact) / (2 * peak))
 
     def worst(
         self, quantity: str = "von_mises", impacts: Sequence[int] | None = None, **options: Any
@@ -371,7 +318,7 @@ class Fall(Trajectory, Result):
                 motion = episode.history.at(np.linspace(0.0, episode.duration, count))[BODY]
                 parts.append(replace(motion, time=motion.time + episode.start.time))
                 spans += count * [span]
-            of_impact = yielding_zones(self.body, self.setting.floor, episodes)
+            of_impact = yielding.yielding_zones(self.setting.floor, episodes)
             zones += [zone._replace(span=span) for zone in of_impact]
         merged = {
             n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")
@@ -415,7 +362,7 @@ class Fall(Trajectory, Result):
 
     def _contact_yield(self, impact: int) -> str:
         """Sentence that the contact yields in an impact, from 0; "" if not, or if unknown."""
-        return contact_yield(self.body, self.setting.floor, self._episodes(impact))
+        return yielding.contact_verdict(self.setting.floor, self._episodes(impact))
 
     @property
     def notes(self) -> list[str]:
@@ -428,10 +375,8 @@ class Fall(Trajectory, Result):
             self._shock,
             LATER * bool(self.hardest),
             self.contact_verdict,
-            self._strained,
-            self._cracks,
-            self._lines,
-            self._sides,
+            yielding.of_elastic(self.setting.floor, self.episodes),
+            yielding.cracking(self.setting.floor, self.episodes),
             self._breaking,
         )
         return [*self.body.notes, *filter(None, sentences)]
@@ -446,15 +391,10 @@ class Fall(Trajectory, Result):
         bar = " (no error bar: that of the force is not known)"
         if by_force is not None:
             bar = f" ± {percent(by_force)} (the error of the force, which it follows)"
-        bare = max(self.bare_shocks, key=float)
-        cut = f" ({plain(bare.g, 3)} g unfiltered: the blow is shorter than the filter passes)"
-        _, duration = self.half_sine(impact=bare.impact)
         return (
             f"the centre of mass has at most {plain(peak.g, 3)} g{bar} through {SHOCK_FILTER}, in"
-            f" impact {peak.impact + 1}{cut * (bare.g > CUT * peak.g)}: all forces over the mass,"
-            f" as of a rigid part; impact {bare.impact + 1} is a half-sine pulse of"
-            f" {plain(bare.g, 3)} g and {engineering(duration, 's')}; the g"
-            " of a point of the part are those of an accelerometer there (in a scene:"
+            f" impact {peak.impact + 1}: all forces over the mass, as of a rigid part; the g of a"
+            " point of the part are those of an accelerometer there (in a scene:"
             " [accelerometers.NAME])"
         )
 
@@ -482,91 +422,13 @@ class Fall(Trajectory, Result):
     def law_error(self) -> float | None:
         """Relative error of the force of the hardest impact by its contact law.
 
-        It contains the range of the yield strength and large strains; of a layer its edge, its
-        strain and the range of its modulus. None: unknown (`no_bar`).
+        It contains the range of the yield strength and large strains. None: unknown (`no_bar`).
         """
         return None if self.hardest is None else self.impacts[self.hardest].law_error
 
-    def error_shares(self, impact: int = 0) -> dict[str, float]:
-        """Relative errors of the force of an impact, from 0, by their causes; {} if not known.
-
-        The bar is the share of an edge or a face beside the corner, and the root of the sum of the
-        squares of the others.
-        """
-        return error_shares(self.body, self.setting.floor, self._episodes(impact))
-
     def no_bar(self, impact: int = 0) -> str:
         """Why an impact, from 0, has no error bar, and what helps; "" if it has one."""
-        return unknown_error(self.body, self.setting.floor, self._episodes(impact))
-
-    @property
-    def _strained(self) -> str:
-        """Sentence on the force of the hardest impact if its elastic contact has large strains;
-        else "".
-        """
-        body, floor = self.body, self.setting.floor
-        hardest = [] if self.hardest is None else self._episodes(self.hardest)
-        largest = largest_contact(body, floor, hardest)
-        return "" if largest is None else strained(largest, body, floor, self.law_error)
-
-    @property
-    def _cracks(self) -> str:
-        """Sentence on the tension beside the largest force, on a part that cracks; else ""."""
-        largest = largest_contact(self.body, self.setting.floor, self.episodes)
-        if largest is None:
-            return ""
-        pressure = largest.force / (pi * largest.radius**2)
-        return cracks(largest.part.matters, pressure).rstrip(".")
-
-    @cached_property
-    def _lines(self) -> str:
-        """Sentence on impacts along lines, whose forces are uncertain; "" if there are none."""
-        notes = (
-            (
-                self._along_line,
-                "the part lands on a rounded edge or side, which lies lower than its facets; the "
-                "contact is taken at vertices of the mesh, and the bar holds what the round "
-                "surface may carry: smaller cells, or a floor with a soft layer, narrow it",
-            ),
-            (
-                Episode.inclined,
-                "the part lands along a line that is inclined, with a part of its length; each "
-                f"of {STATIONS} places along it has its share of the law of the whole line, and "
-                "the bar holds what a shorter line gives way: a floor with a soft layer has a "
-                "narrower one",
-            ),
-        )
-        return "; ".join(filter(None, (self._in_impacts(*note) for note in notes)))
-
-    def _along_line(self, episode: Episode) -> bool:
-        """Whether an episode lands along a line whose force the contacts may not have."""
-        if not episode.along_line():
-            return False
-        has_all = episode.complete(episode.sunk() > 0)
-        return not has_all or share_beside(self.setting.floor, episode) > FLAT
-
-    @cached_property
-    def _sides(self) -> str:
-        """Sentence on impacts beside whose corners the surface touches; "" if there are none."""
-        floor = self.setting.floor
-        if floor.layer is not None or floor.law is not None:
-            return ""
-        return self._in_impacts(
-            lambda episode: not episode.along_line() and share_beside(floor, episode) > FLAT,
-            "edges and faces beside the corner that lands lie so flat that they touch too; the "
-            "bar holds what they may carry: another tilt, or a soft layer on the floor, narrows it",
-        )
-
-    def _in_impacts(self, happens: Callable[[Episode], bool], what: str) -> str:
-        """Sentence on the number of impacts in which `happens` is true; "" if there are none."""
-        impacts = [k for k in range(len(self.groups)) if any(map(happens, self._episodes(k)))]
-        count = f"in {len(impacts)} of {len(self.groups)} impacts, first in impact"
-        return f"{count} {impacts[0] + 1}, {what}" if impacts else ""
-
-    @property
-    def unsure(self) -> bool:
-        """Whether forces of contacts along lines are uncertain; the notes say why."""
-        return bool(self._lines)
+        return yielding.no_bar(self.setting.floor, self._episodes(impact))
 
     @property
     def contact_yields(self) -> bool:
@@ -578,29 +440,7 @@ class Fall(Trajectory, Result):
         """Number of episodes whose contact forces miss `tol`."""
         return sum(not episode.error <= self.setting.tol for episode in self.episodes)
 
-    # -- predictability, text and pictures
-
-    def horizon(self, angle: float = NUDGE, spread: float = SPREAD) -> int:
-        """Number of impacts that can be predicted: their peak forces differ by less than `spread`.
-
-        The fall is repeated with its start rotated by +-angle [rad] about two horizontal axes.
-        """
-        angle = checks.positive("angle", angle, "rad")
-        spread = checks.positive("spread", spread)
-        peaks = self.impacts.column("peak_force")
-        predictable = len(self.impacts)
-        body = self.body
-        setting = self.setting
-        s = self.start
-        for axis in np.vstack((np.eye(3)[:2], -np.eye(3)[:2])):
-            nudged = initial_state(
-                body, setting, rotation_matrices(angle * axis) @ s.R, s.spin(body), s.velocity
-            )
-            peak_forces = fall_of(body, nudged, setting).impacts.column("peak_force")
-            count = min(len(peaks), len(peak_forces))
-            differs = np.abs(peak_forces[:count] / peaks[:count] - 1) > spread
-            predictable = min(predictable, int(np.argmax(differs)) if differs.any() else count)
-        return predictable
+    # -- text and pictures
 
     def summary(self) -> str:
         """The impacts as a table, the hardest of them, and how the fall ended."""
@@ -620,12 +460,6 @@ class Fall(Trajectory, Result):
 
         return overview(self, path)
 
-    def animate(self, path: str | os.PathLike[str], seconds: float = 8.0) -> Path:
-        """A film of the fall (.mp4 with ffmpeg, or .gif), slowed to `seconds`."""
-        from antiosc_studies.drops.pictures import film
-
-        return film(self, path, checks.positive("seconds", seconds, "s"))
-
     def _facts(self) -> list[tuple[str, str]]:
         hardest = f", the hardest {self._hardest_text}" if self.impacts else ""
         return [
@@ -634,7 +468,7 @@ class Fall(Trajectory, Result):
         ]
 
     def warn(self) -> None:
-        """Warn of fast spin, no rest, forces that miss `tol`, unsure lines, deep layers."""
+        """Warn of fast spin, no rest, forces that miss `tol`, and layers pressed too deep."""
         ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
         if exceeds(ratio, STIFFENS, 2):
             warn(
@@ -658,34 +492,13 @@ class Fall(Trajectory, Result):
                 f"reach tol = {tol:g} {excess_text}: give a larger tol, or fewer modes.",
                 AccuracyWarning,
             )
-        if self._lines:
-            warn(f"{self._lines}.", AccuracyWarning)
         layer = self.setting.floor.layer
-        if layer is not None:
-            self._warn_of(layer)
-
-    def _warn_of(self, layer: SoftLayer) -> None:
-        """Warn of points that press into a layer deeper than its law holds."""
-        deepest = 0.0
-        ratio = 0.0
-        radius = 0.0
-        for episode in self.episodes:
-            radii = episode.body.radii[episode.which].min(axis=1)
-            depth = episode.sunk()
-            k = int(np.argmax(depth / radii))
-            deepest = max(deepest, episode.deepest)
-            ratio, radius = max((ratio, radius), (float(depth[k] / radii[k]), float(radii[k])))
-        if exceeds(deepest, layer.thickness, 3):
+        strains = [one.sunk() / one.body.radii[one.which].min(axis=1) for one in self.episodes]
+        strain = max((float(values.max()) for values in strains), default=0.0)
+        if layer is not None and exceeds(strain, BLUNT, 3):
             warn(
-                f"the layer is pressed in by {deepest:.3g} m, and is {layer.thickness:g} m "
-                "thick: its "
-                f"law knows no ground below. Take a thicker or a stiffer layer.",
-                AccuracyWarning,
-            )
-        if exceeds(ratio, BLUNT, 3):
-            warn(
-                f"a point with a radius of {radius:.3g} m is pressed into the layer by {ratio:.3g} "
-                f"of it: the law of its curvature holds up to {BLUNT:g}.",
+                f"a point is pressed into the layer by {strain:.3g} of its radius: the law of a "
+                f"layer holds up to {BLUNT:g}.",
                 AccuracyWarning,
             )
 

@@ -232,9 +232,7 @@ class Flight:
         s = self.start
         body = self.body
         z = s.centre[2] + s.velocity[2] * t - 0.5 * self.gravity * t * t
-        return np.asarray(
-            z[:, None] + vertical @ body.points[which].T - body.reach(vertical)[..., which]
-        )
+        return np.asarray(z[:, None] + vertical @ body.points[which].T - body.balls[which])
 
     def _ringing(self, t: Array) -> tuple[Array, Array]:
         """Displacements and velocities (n, J) of the modes at times (n,)."""

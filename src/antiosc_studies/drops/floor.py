@@ -14,7 +14,7 @@ from antiosc.base import checks
 from antiosc.base._types import Array
 from antiosc.base.errors import InputError
 from antiosc.base.texts import FieldsRepr
-from antiosc.engine.contact.choice import choose
+from antiosc.engine.contact.choice import Choice, choose
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, matter_of
 from antiosc.engine.damping import StackedModes
@@ -26,7 +26,8 @@ LARGEST_LOSS = 1.0
 
 @dataclass(frozen=True)
 class SoftLayer(FieldsRepr):
-    """A soft sheet on a rigid floor, thin against the area of contact.
+    """A soft sheet on a rigid floor, thin against the area of contact, for parts that are round
+    where they land (`drop` refuses others).
 
     Parameters
     ----------
@@ -38,14 +39,11 @@ class SoftLayer(FieldsRepr):
     loss : float
         Loss factor: the energy dissipated in a cycle over 2 pi times the stored energy. A bounce
         leaves exp(-pi loss) of the energy, like half a cycle of a spring with this loss factor.
-    range : (low, high), optional
-        Lowest and highest modulus [Pa], for the error bar of the force; None: E is exact.
     """
 
     thickness: float
     E: float
     loss: float = 0.0
-    range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         checks.store(
@@ -54,11 +52,6 @@ class SoftLayer(FieldsRepr):
             E=checks.positive("E", self.E, "Pa"),
             loss=checks.nonnegative("loss", self.loss),
         )
-        if self.range is not None:
-            low, high = checks.floats("range", self.range, (2,)).tolist()
-            if not 0 < low <= self.E <= high:
-                raise InputError(f"range must be moduli about E = {self.E:g} Pa; got {self.range}.")
-            checks.store(self, range=(low, high))
         if self.loss > LARGEST_LOSS:
             raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
 
@@ -251,37 +244,41 @@ class Setting:
     tol: float
 
 
-def law_of(
-    floor: Floor, surface: Curvature, material: Array, strength: float = np.nan
-) -> ContactLaw:
-    """The contact law of a surface with a floor.
-
-    `material` is (E [Pa], nu) of the surface, `strength` its yield strength [Pa].
-    """
+def law_of(floor: Floor, surface: Curvature, matter: Matter) -> ContactLaw:
+    """The contact law of a surface of a material with a floor."""
     if floor.law is not None:
         return floor.law
-    low, high = surface.values.tolist()
     if floor.layer is not None:
         # F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)
-        curvature = sqrt(low * high)
+        curvature = sqrt(float(surface.values.prod()))
         if curvature == 0.0:
             raise InputError("a line or a plane on a layer has no law of its own: give a radius.")
         return layer_law(floor.layer, pi * floor.layer.E / (curvature * floor.layer.thickness), 2.0)
-    E, nu = material.tolist()
-    matter = RIGID if isnan(E) else Matter(E, nu, None if isnan(strength) else strength)
+    return choice_of(floor, surface, matter).law
+
+
+def choice_of(floor: Floor, surface: Curvature, matter: Matter) -> Choice:
+    """The law that surface, material and the floor's face need, and what it depends on."""
     if matter.rigid and floor.face.matter.rigid:
         raise InputError(
             "a rigid part on a rigid floor has no law of contact: give the floor a material, a "
             "layer or a law."
         )
+    low, high = surface.values.tolist()
     touching = Surface(matter, (low, high), surface.error, surface.kind, surface.length)
-    return choose(touching, floor.face, floor.restitution).law
+    return choose(touching, floor.face, floor.restitution)
+
+
+def matter_at(body: Any, which: int) -> Matter:
+    """The material of a FreeBody at a point, with its name and range if it has them."""
+    E, nu = body.materials[which].tolist()
+    if isnan(E):
+        return RIGID
+    strength = np.nan if body.strengths is None else float(body.strengths[which])
+    known = (m for m in body.matters if m.E == E and m.yield_strength in (None, strength))
+    return next(known, Matter(E, nu, None if isnan(strength) else strength))
 
 
 def law_at(body: Any, floor: Floor, which: int) -> ContactLaw:
     """The contact law of a point of a FreeBody with a floor."""
-    law: ContactLaw | None = body.laws.get(which)
-    if law is not None:
-        return law
-    strength = np.nan if body.strengths is None else float(body.strengths[which])
-    return law_of(floor, body.surface(which), body.materials[which], strength)
+    return law_of(floor, body.surface(which), matter_at(body, which))

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from antiosc import ContactLaw
 from antiosc.base._types import Array, BoolArray, IntArray
 from antiosc.engine.contact.curvature import Curvature
 from antiosc.engine.contact.surfaces import Matter
-from antiosc_studies.drops.cylinder import Cylinder
 from antiosc_studies.drops.floor import Ground
-from antiosc_studies.drops.layer_contact import LayerContact
 from antiosc_studies.drops.skin import SMOOTH, Skin
 
 if TYPE_CHECKING:
@@ -26,18 +23,8 @@ APART = 0.04
 
 #: Points by their numbers.
 Which: TypeAlias = "slice | IntArray | Sequence[int]"
-
-Known = tuple[Array, Array, Array]
-
-
-class Blunt(NamedTuple):
-    """The ball as which a sharp vertex touches: its radius [m], and the share of the residual
-    compliance that its patch has, and the `Corner` for which it stands.
-    """
-
-    radius: float
-    share: float
-    corner: Any
+#: Shapes (J, 3), residual compliance (3, 3) and radii (2,) of the patch at a point.
+Patch: TypeAlias = tuple[Array, Array, Array]
 
 
 @dataclass(eq=False)
@@ -61,16 +48,10 @@ class FreeBody:
     notes : assumptions that were made.
     facing : (V, 3) outward unit normals of a solid; None: each point touches by itself.
     structure : the part, with `basis` (rows, J) the shapes of its modes and `skin` its surface.
-    layer_contact : its surface, if it falls on a layer.
-    lines, line_radii : (N, 3) points of surfaces that are curved in one direction only [m], and
-        the radii (N,) of this curvature [m].
-    laws : number of a piece of its surface on a layer, or of a station on a line -> its law.
-    idle : (V,) whether a point makes no contact.
+    residual : computes the patches at points.
+    sharp : (V,) whether a point is a sharp corner of a solid; None: none is.
     assumed : whether nobody gave the radius of sharp corners.
     corner : that radius [m], within which the points of a solid are one contact.
-    blunt : number of a sharp vertex -> the ball as which it touches.
-    cut : vertices that stand for what the floor cuts of the part there.
-    cylinders, stations : straight lines of the surface; (STATIONS,) numbers of the points on each.
     """
 
     mass: float
@@ -91,25 +72,12 @@ class FreeBody:
     structure: Structure | None = None
     basis: Array | None = None
     skin: Skin | None = None
-    residual: Callable[[tuple[int, ...]], Known] | None = None
-    layer_contact: LayerContact | None = None
-    laws: dict[int, ContactLaw] = field(default_factory=dict)
-    idle: BoolArray | None = None
-    lines: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    line_radii: Array = field(default_factory=lambda: np.zeros(0))
-    cylinders: tuple[Cylinder, ...] = ()
-    stations: tuple[IntArray, ...] = ()
-    #: whether nobody gave the radius of sharp corners
+    residual: Callable[[tuple[int, ...]], Patch] | None = None
+    sharp: BoolArray | None = None
     assumed: bool = False
-    #: radius [m] of sharp corners
     corner: float = 0.0
-    #: number of a sharp vertex -> the ball as which it touches
-    blunt: dict[int, Blunt] = field(default_factory=dict)
-    cut: set[int] = field(default_factory=set)
-    #: number of a point -> its shapes, residual compliance and radii: of vertices, shared by all
-    #: copies of the body; and of stations on lines and pieces on a layer
-    _known: dict[int, Known] = field(default_factory=dict)
-    _placed: dict[int, Known] = field(default_factory=dict)
+    #: number of a point -> its patch, shared by all copies of the body
+    _known: dict[int, Patch] = field(default_factory=dict)
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -142,25 +110,7 @@ class FreeBody:
     @property
     def slowest(self) -> float:
         """Longest period of the elastic modes [s]; 0 for a rigid body."""
-        if self.omega.size:
-            return 2 * np.pi / float(self.omega[0])
-        return 0.0
-
-    def reach(self, up: Array) -> Array:
-        """(..., V) how far the body reaches below its points, for verticals (..., 3) in body axes.
-
-        Stations of a line that does not land stay above the centre of mass: their axis may lie
-        outside the body, as that of a slightly bent face.
-        """
-        if not self.stations:
-            return self.balls
-        reach = np.broadcast_to(self.balls, (*up.shape[:-1], len(self.balls))).copy()
-        for cylinder, stations in zip(self.cylinders, self.stations, strict=True):
-            centre_heights = -np.linalg.norm(self.points[stations], axis=1)
-            reach[..., stations] = np.where(
-                cylinder.lands(up)[..., None], self.balls[stations], centre_heights
-            )
-        return reach
+        return 2 * np.pi / float(self.omega[0]) if self.omega.size else 0.0
 
     @property
     def vertices(self) -> Array:
@@ -183,50 +133,29 @@ class FreeBody:
         touching = np.zeros(len(self.points), dtype=bool)
         touching[which] = True
         if self.facing is not None:
-            by_itself = ~self.facing.any(axis=1)
             places = self.vertices
             for i in which:
                 apart = self.points - self.points[i], places - places[i]  # one ball, one place
                 distance = np.linalg.norm(apart, axis=2).min(axis=0)
                 alike = (self.facing @ self.facing[i] >= SMOOTH) | (self.balls > 0)
-                is_near = (distance <= APART * self.extent) & alike | (distance < self.corner)
-                touching |= is_near & ~(by_itself | by_itself[i])
+                touching |= (distance <= APART * self.extent) & alike | (distance < self.corner)
         return touching
 
     def sites(self, which: IntArray) -> tuple[Array, Array]:
         """Shapes (n, J, 3) and residual compliances (n, 3, 3) of the patches at points (n,)."""
-        available = self._placed.keys() | self._known.keys()
-        new = np.array([i for i in which.tolist() if i not in available], dtype=int)
-        if len(new):
+        new = tuple(i for i in which.tolist() if i not in self._known)
+        if new:
+            rows = list(new)
             r = np.zeros((len(new), 3, 3))
             if self.residual is not None:
-                self.shapes[new], r, self.radii[new] = self.residual(tuple(new.tolist()))
-            pairs = zip(self.shapes[new], r, self.radii[new].copy(), strict=True)
-            self._known.update(zip(new.tolist(), pairs, strict=True))
-        site_data = [self._placed.get(i) or self._known[i] for i in which.tolist()]
-        phi, r, self.radii[which] = (np.array(column) for column in zip(*site_data, strict=True))
-        self.shapes[which] = phi
-        for k, i in enumerate(which.tolist()):
-            if i in self.blunt:
-                self.radii[i] = self.blunt[i].radius
-                r[k] *= self.blunt[i].share
+                self.shapes[rows], r, self.radii[rows] = self.residual(new)
+            patches = zip(self.shapes[rows], r, self.radii[rows], strict=True)
+            self._known.update(zip(new, patches, strict=True))
+        phi, r, _ = (np.array(column) for column in zip(*map(self._known.get, which.tolist())))
         return phi, r
 
-    def sharp(self) -> FreeBody:
-        """A copy for one contact, whose sharp vertices have no balls yet."""
-        return replace(self, radii=self.radii.copy(), blunt={}, cut=set())
-
-    def untouched(self) -> FreeBody:
-        """A copy for one fall: the falls of such copies do not depend on each other, and share the
-        patches that they compute.
-        """
-        shapes = self.shapes.copy()
-        return replace(self, shapes=shapes, radii=self.radii.copy(), _known=dict(self._known))
-
     def alone(self) -> FreeBody:
-        """A copy for other processes: without the structure, with the data of all sites
-        computed.
-        """
+        """A copy for other processes: without the structure, with the patches of all points."""
         self.sites(np.arange(len(self.points)))
         return replace(self, structure=None, basis=None, residual=None)
 
@@ -263,23 +192,13 @@ class State:
         """Arms (n, 3) [m] from the centre of mass to the lowest point of each ball."""
         displaced = body.points[which] + np.einsum("njd,j->nd", body.shapes[which], self.q)
         arms = displaced @ self.R.T
-        arms[:, 2] -= body.reach(self.R[2])[which]
+        arms[:, 2] -= body.balls[which]
         return np.asarray(arms)
 
-    def heights(
-        self,
-        body: FreeBody,
-        ground: Ground | None,
-        which: Which = slice(None),
-    ) -> Array:
-        """Heights (n,) [m] of points over the floor."""
-        return np.asarray(self.centre[2] + self.arms(body, which)[:, 2] + self.lowered(ground))
-
-    def lowered(self, ground: Ground | None) -> float:
-        """Displacement of the floor downward [m]."""
-        if ground is None:
-            return 0.0
-        return float(np.sum(ground.shape * self.floor))
+    def heights(self, body: FreeBody, ground: Ground | None) -> Array:
+        """Heights (V,) [m] of the points over the floor."""
+        lowered = 0.0 if ground is None else float(np.sum(ground.shape * self.floor))
+        return np.asarray(self.centre[2] + self.arms(body)[:, 2] + lowered)
 
     def energies(self, body: FreeBody, gravity: float) -> tuple[float, float, float]:
         """Energies [J] of the rigid motion, of the vibration, and of the height of the centre."""

@@ -1,4 +1,4 @@
-"""Pictures of a fall: an overview, and a film."""
+"""The picture of a fall: the part at its first touch, its height, energies and forces."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from antiosc.base import checks, files
 from antiosc.base._types import Array, IntArray
-from antiosc.base.errors import InputError
 from antiosc.plot.charts import figure_or_path, new_figure
 from antiosc.plot.surfaces import LIGHT
 from antiosc_studies.drops.free_body import State
@@ -20,11 +18,9 @@ from antiosc_studies.drops.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Frames per second of a film.
-RATE = 25
 #: Number of times at which heights are drawn.
 DRAWN = 500
-#: Largest number of triangles of a surface that is drawn: matplotlib draws a film of more slowly.
+#: Largest number of triangles of a surface that is drawn.
 TRIANGLES = 6000
 #: Colour of the triangles (red, green, blue).
 COLOUR = (0.35, 0.55, 0.8)
@@ -105,36 +101,6 @@ def _posed(axes: Any, fall: Trajectory, state: State, surface: tuple[Array, IntA
     axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.6)
     axes.view_init(elev=18.0)
     axes.set_axis_off()
-
-
-def film(fall: Trajectory, path: str | os.PathLike[str], seconds: float) -> Path:
-    """Write a film of the fall, from shortly before the first impact."""
-    target = checks.new_file("path", path)
-    if target.suffix.lower() not in (".mp4", ".gif"):
-        raise InputError(f"a film is .mp4 or .gif; got {target.name}.")
-    from matplotlib import animation
-
-    if target.suffix.lower() == ".mp4" and not animation.writers.is_available("ffmpeg"):
-        raise InputError("an .mp4 needs ffmpeg, which is not installed; write a .gif.")
-    figure = new_figure((6.0, 5.0), shown=False)
-    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    surface = surface_of(fall)
-    start_time = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
-    times = np.linspace(start_time, fall.end.time, max(int(RATE * seconds), 2))
-
-    def draw_frame(k: int) -> list[object]:
-        axes.clear()
-        _posed(axes, fall, at(fall, float(times[k])), surface)
-        axes.set_title(f"{times[k]:.4f} s", fontsize=10)
-        return []
-
-    film = animation.FuncAnimation(figure, draw_frame, len(times))
-    kind = "ffmpeg" if target.suffix.lower() == ".mp4" else "pillow"
-    with files.atomic_file(target, "the film") as part:
-        picture = part.with_name(f"{part.name}{target.suffix}")
-        film.save(str(picture), writer=kind, fps=RATE)
-        picture.replace(part)
-    return target
 
 
 def at(fall: Trajectory, time: float) -> State:

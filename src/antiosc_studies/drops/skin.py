@@ -22,10 +22,6 @@ SMOOTH = float(np.cos(np.radians(35.0)))
 FLATTEST = 10.0
 #: Least ratio of the principal curvatures of a place that counts as part of a ball.
 ROUND = 0.5
-#: Largest ratio of the principal curvatures of a place that is straight in one direction.
-STRAIGHT = 0.2
-#: Least bend of a neighbour, and least angle to its normal, over the bend at a vertex of an arc.
-ALIKE = 0.3
 #: Largest protrusion of a ball from the hull over its radius, in addition to the height of facets.
 REACH = 0.05
 #: Number of directions in which it is checked: neighbours are some 0.25 rad apart, √(4π/200).
@@ -43,8 +39,6 @@ class Skin:
     points, normals : (P, 3) coordinates [m] and outward unit normals (zero if unknown).
     curvatures : (P, 2) principal curvatures [1/m], > 0 where the surface is convex.
     sharp : (P,) whether the vertex lies on an edge or a corner.
-    arched : (P,) whether the surface bends at a vertex beside it too; at an edge it bends there
-        alone.
     sizes : (P,) mean length of the element edges there [m].
     materials : (P, 2) Young's modulus [Pa] and Poisson's ratio; NaN if unknown.
     strengths : (P,) yield strengths [Pa]; NaN if unknown.
@@ -56,7 +50,6 @@ class Skin:
     normals: Array
     curvatures: Array
     sharp: BoolArray
-    arched: BoolArray
     sizes: Array
     materials: Array
     strengths: Array
@@ -103,37 +96,6 @@ class Skin:
             balls = np.where(protrusion > allowed, 0.0, balls)
         return balls
 
-    @property
-    def lines(self) -> BoolArray:
-        """Mask (P,) of the smooth vertices that are curved in one direction only, as on a
-        cylinder.
-        """
-        low, high = self.curvatures.T
-        bends_once = (np.abs(low) < STRAIGHT * high) & (high * self.size > 1)
-        return ~self.sharp & self.arched & bends_once
-
-    @property
-    def sagittas(self) -> Array:
-        """Heights (P,) [m] of the round surface over the facets at the vertices of lines.
-
-        An arc of radius R over a facet along which the normal turns by φ is Rφ²/8 high.
-        """
-        edges = np.concatenate([self.triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-        edges = edges[self.lines[edges].any(axis=1)]
-        turns = np.linalg.norm(np.diff(self.normals[edges], axis=1)[:, 0], axis=1)
-        arcs = turns**2 / (8 * self.curvatures[edges, 1].max(axis=1))
-        heights = np.zeros(len(self.points))
-        np.maximum.at(heights, edges, arcs[:, None])
-        return np.where(self.lines, heights, 0.0)
-
-    @property
-    def outward(self) -> IntArray:
-        """The triangles (T, 3) of a solid, with their vertices around the outward normal."""
-        corners = self.points[self.triangles]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        inward = np.einsum("td,tvd->t", normals, self.normals[self.triangles]) < 0
-        return np.where(inward[:, None], self.triangles[:, ::-1], self.triangles)
-
 
 def _sphere_directions() -> Array:
     """Directions (WAYS, 3) distributed evenly on a spiral."""
@@ -178,7 +140,7 @@ def points_skin(points: Array) -> Skin:
     triangles = np.zeros((0, 3), dtype=int)
     unknown = np.full((len(points), 2), np.nan)
     unknown_properties = zero, unknown, unknown[:, 0], zero
-    return Skin(points, zeros, zeros[:, :2], sharp, ~sharp, *unknown_properties, triangles)
+    return Skin(points, zeros, zeros[:, :2], sharp, *unknown_properties, triangles)
 
 
 def mesh_skin(part: MeshedStructure) -> Skin:
@@ -207,9 +169,7 @@ def mesh_skin(part: MeshedStructure) -> Skin:
     sharp = _sharp(x, normals, ground.elements)
     fitted, curvatures = _fitted(x, normals, directed_edges, sizes)
     normals = np.where(sharp[:, None], normals, fitted)
-    bends = np.where(sharp, 0.0, curvatures[:, 1] * sizes)
-    arched = _arched(normals, bends, directed_edges)
-    return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp, arched=arched)
+    return replace(skin, normals=normals, curvatures=curvatures, sharp=sharp)
 
 
 def _materials(part: MeshedStructure) -> tuple[Array, Array, Array]:
@@ -240,19 +200,6 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     smallest_cosine = np.ones(len(x))
     np.minimum.at(smallest_cosine, triangles, cosine)
     return smallest_cosine < SMOOTH
-
-
-def _arched(normals: Array, bends: Array, edges: IntArray) -> BoolArray:
-    """Mask (P,) of vertices with a neighbour that bends too, and faces another way.
-
-    bends: (P,) angles by which the surface bends over the length of an edge, 0 at sharp vertices;
-    edges: (E, 2) from vertices to their neighbours.
-    """
-    first, second = edges.T
-    turned = np.einsum("ed,ed->e", normals[first], normals[second]) < np.cos(ALIKE * bends[first])
-    arched = np.zeros(len(normals), dtype=bool)
-    np.logical_or.at(arched, first, turned & (bends[second] > ALIKE * bends[first]))
-    return arched
 
 
 def _fitted(x: Array, normals: Array, edges: IntArray, size: Array) -> tuple[Array, Array]:

@@ -1,0 +1,211 @@
+"""The body at a touch and the floor as a scene, and its runs.
+
+The points that may touch are sites with a normal and two tangential directions. The scene is linear
+about the orientation at the touch; `episode` corrects it for the rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from antiosc import Contact, Inertia, ModalState, Obstacle, Scene, SceneHistory, SiteModes
+from antiosc.base._types import Array, IntArray
+from antiosc.base.errors import AccuracyError, without_warnings
+from antiosc.base.texts import COMPLETED, STOPPED
+from antiosc.engine.march import FINE, Run, run as march_once
+from antiosc.engine.system import ContactState, System
+from antiosc.extension import check_range, integrate_exact, set_initial_forces
+from antiosc.impact.assembly import Assembly, assemble_scene
+from antiosc_studies.drops.floor import Setting, law_at
+from antiosc_studies.drops.free_body import FreeBody, State
+
+BODY = "part"
+FLOOR = "floor"
+#: Directions of the columns of a site: normal to the floor, and along it.
+AXES = np.eye(3)[[2, 0, 1]]
+#: Largest number of contacts and of steps of a scene.
+LIMITS = 10_000, 50_000
+#: Duration over which friction springs of an ongoing contact are extended, over the contact time.
+DRAWN = 1e-5
+#: If a run stops before this share of the expected contact time, no contact forces fit at its
+#: start.
+JAMMED = 1e-6
+#: Replaces 0 in denominators.
+TINY = float(np.finfo(float).tiny)
+
+
+class Touch(NamedTuple):
+    """The body at the start of an episode, with its rigid modes in that state and their momenta."""
+
+    body: FreeBody
+    start: State
+    modes: Array
+    momenta: Array
+
+    @classmethod
+    def of(cls, body: FreeBody, start: State) -> Touch:
+        """The body in a state."""
+        return cls(body, start, *body.rigid_modes(start.R))
+
+
+class OngoingContact(NamedTuple):
+    """A contact that continues from the previous episode.
+
+    Its height [m] at zero force, the forces of its rows (normal, friction) [N], its tangential
+    stiffness [N/m], and its state.
+    """
+
+    height: float
+    force: Array
+    stiffness: float
+    contact: ContactState
+
+
+def scene_of(
+    touch: Touch, setting: Setting, which: IntArray, held: dict[int, OngoingContact]
+) -> Assembly:
+    """The scene of body and floor from a state, ready to run.
+
+    `which`: numbers of the points that may touch; `held`: the ongoing contacts by point.
+    """
+    body, start, modes, _ = touch
+    floor = setting.floor
+    bodies: dict[str, Any] = {BODY: _body_in_scene(touch, which), FLOOR: Obstacle()}
+    rigid = modes @ np.append(body.mass * start.velocity, start.momentum)
+    motion = {BODY: ModalState(np.append(np.zeros(6), start.q), np.append(rigid, start.p))}
+    if floor.ground is not None:
+        bodies[FLOOR] = floor.ground.body
+        motion[FLOOR] = floor.ground.start(start.floor)
+    ongoing = [held.get(i) for i in which.tolist()]
+    contacts = [
+        Contact(
+            f"{BODY}:{k}",
+            FLOOR,
+            law_at(body, floor, i),
+            gap=0.0,
+            friction=floor.friction,
+            tangential_stiffness=one.stiffness if one is not None and floor.friction else None,
+        )
+        for k, (i, one) in enumerate(zip(which.tolist(), ongoing, strict=True))
+    ]
+    gravity = (0.0, 0.0, -setting.gravity)
+    time_scale = float(np.sqrt(body.extent / setting.gravity))
+    assembly = assemble_scene(Scene(bodies, contacts, gravity=gravity, motion=motion), time_scale)
+    system = assembly.system
+    p = len(which)
+    heights = start.heights(body, floor.ground)[which]
+    gaps = [
+        max(height, 0.0) if one is None else one.height
+        for height, one in zip(heights, ongoing, strict=True)
+    ]
+    system.offsets[:, :p] = system.beta[:p] @ system.q + gaps
+    force, extension = np.zeros((2, len(system.beta)))
+    for k, (one, sides) in enumerate(zip(ongoing, system.sides, strict=True)):
+        if one is not None:
+            force[k] = one.force[0]
+            force[sides] = one.force[1:]
+            extension[sides] = one.force[1:] / one.stiffness
+    # friction springs start unstrained: the displacement by their forces is added to the offsets
+    extension += system.R @ force - system.R[:, :p] @ force[:p]
+    extension[p:] += system.R[p:, :p] @ force[:p]
+    system.offsets[:, :p] += extension[:p]
+    states = [None if one is None else one.contact for one in ongoing]
+    set_initial_forces(assembly, (states, force[:p]) if held else None)
+    if extension.any():
+        system = replace(
+            system,
+            breaks=np.array([0.0, DRAWN * assembly.contact_time_estimate]),
+            loads=np.repeat(system.loads[:1], 2, axis=0),
+            offsets=system.offsets[:1] - [np.zeros(len(extension)), extension],
+        )
+    return replace(assembly, system=system)
+
+
+def _body_in_scene(touch: Touch, which: IntArray) -> SiteModes:
+    """The body in the floor's axes at the start of the episode."""
+    body, start, W, momentum = touch
+    phi, r = body.sites(which)
+    rotation = AXES @ start.R
+    size = body.omega.size
+    rigid = (W[:, None, :3] + np.cross(W[:, None, 3:], start.arms(body, which))) @ AXES.T
+    B = np.concatenate((rigid, np.einsum("ab,njb->jna", rotation, phi)))
+    residual = rotation @ r @ rotation.T
+    elastic: Any = {}
+    if body.basis is not None:
+        elastic = {"basis": (body.basis,), "shape": np.eye(6 + size)[6:]}
+    inertia = np.concatenate((momentum, np.zeros((size, 6))))
+    return SiteModes(
+        np.append(np.zeros(6), body.omega),
+        B.reshape(6 + size, -1),
+        {f"{k}": (3 * k, 3 * k + 1, 3 * k + 2) for k in range(len(which))},
+        r=block_diag(*(residual + residual.transpose(0, 2, 1)) / 2),
+        directions=np.tile(AXES, (len(which), 1)),
+        decay=np.append(np.zeros(6), body.decay),
+        inertia=Inertia(np.zeros(3), momentum.T @ momentum, inertia),
+        **elastic,
+    )
+
+
+def run(assembly: Assembly, duration: float, tol: float) -> tuple[SceneHistory, float]:
+    """The converged history of a scene, and the error tolerance of its steps.
+
+    Its status is 2 if it stopped before its end. AccuracyError if a force leaves the range of its
+    law, or friction jams.
+    """
+    with without_warnings():
+        converged, _ = integrate_exact(assembly, duration, tol, None, *LIMITS)
+    if converged.run.time[-1] <= JAMMED * assembly.contact_time_estimate:
+        raise _jam(assembly.system)
+    history = _history(assembly, converged.run, {"force": converged.force, "peak": converged.peak})
+    check_range(history)
+    return history, converged.share
+
+
+def run_once(
+    assembly: Assembly, duration: float, share: float, error: dict[str, float], scale: float = 0.0
+) -> SceneHistory:
+    """The history of one run with step error `share`; `scale` [N] of its forces if known.
+
+    `error`: the errors of an almost equal run with this share, which the history takes over.
+    """
+    record = march_once(
+        assembly.system,
+        duration,
+        share,
+        scale=scale,
+        fine=assembly.contact_time_estimate / FINE,
+        max_contacts=LIMITS[0],
+        max_steps=LIMITS[1],
+    )
+    return _history(assembly, record, error)
+
+
+def _history(assembly: Assembly, record: Run, error: dict[str, float]) -> SceneHistory:
+    """The history of a recorded run."""
+    return SceneHistory(assembly, record, error, STOPPED if record.answer else COMPLETED, "")
+
+
+def _jam(system: System) -> AccuracyError:
+    """The error of a scene that stopped at its start, as friction jams or no forces fit."""
+    friction = 0.0
+    wedge = 0.0
+    for k, sides in enumerate(system.sides):
+        tangential = float(np.linalg.norm(system.R[k, sides]))
+        tangential /= max(float(system.R[k, k]), TINY)
+        if system.slip[k, 0] * tangential > friction * wedge:
+            friction = float(system.slip[k, 0])
+            wedge = tangential
+    if friction == 0:
+        return AccuracyError(
+            "no contact forces fit where a contact goes on; take a smaller tol, or more modes."
+        )
+    return AccuracyError(
+        f"friction of {friction:.3g} jams a point at its contact: sliding presses it in by "
+        f"{friction * wedge:.3g} times what its normal force lifts it, by the compliance of the "
+        f"modes that are left out, which must stay well below 1; take more modes, or less "
+        f"friction."
+    )

@@ -1,0 +1,263 @@
+"""What contacts do to the part and to the floor: dents, and the error of their force by the law.
+
+Sharp corners touch as balls of the corner's radius. As long as that radius is known and larger than
+the dent, the error of such a force is that of the ball's law. Else there is no bar, and a sentence
+says what helps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import nan, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc import ContactLaw, Dent, ElasticPlastic, Gonthier, Hertz
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
+from antiosc.base.texts import engineering, percent
+from antiosc.engine.contact.choice import Choice
+from antiosc.engine.contact.cracking import cracks
+from antiosc.engine.contact.dent import rim_radius
+from antiosc.engine.contact.peak_error import error_of_peak, largest_strain
+from antiosc.extension import YieldingZone
+from antiosc_studies.drops.episode import Episode
+from antiosc_studies.drops.floor import Floor, choice_of, law_at, matter_at
+from antiosc_studies.drops.free_body import FreeBody
+
+#: Share of the largest force below which the error of a contact does not count.
+COUNTS = 0.1
+#: Stiffness of a given law over that of the surfaces from which it is one of these.
+SOFTER = 0.9
+
+
+class PointContact(NamedTuple):
+    """A contact at a point and its largest force.
+
+    It has the number of its point, a place (3,) in the axes of the mesh [m], a law, a largest force
+    [N] and indentation [m], a duration [s], a dent if it yielded, and the sine of the least angle
+    between the floor and the surface beside the point.
+    """
+
+    body: FreeBody
+    floor: Floor
+    which: int
+    place: Array
+    law: ContactLaw
+    force: float
+    depth: float
+    contact_time: float
+    dent: Dent | None
+    steepness: float
+
+    @property
+    def choice(self) -> Choice | None:
+        """The law that both surfaces need, whatever the floor's is; None: they are unknown."""
+        of_faces = Floor(self.floor.material)
+        try:
+            matter = matter_at(self.body, self.which)
+            return choice_of(of_faces, self.body.surface(self.which), matter)
+        except InputError:
+            return None
+
+    @property
+    def yields(self) -> bool:
+        """Whether it yields, by its law or by that of its surfaces."""
+        return self.dent is not None or self._exceeds > 1
+
+    @property
+    def _exceeds(self) -> float:
+        """Force over that from which the surfaces yield, for a law that does not; 0 if unknown.
+
+        A given law that is softer stands for something between them.
+        """
+        law = None if self.choice is None else self.choice.law
+        if isinstance(self.law, ElasticPlastic) or not isinstance(law, ElasticPlastic):
+            return 0.0
+        is_softer = getattr(self.law, "stiffness", 0.0) < SOFTER * law.stiffness
+        return 0.0 if is_softer else self.force / law.yield_force
+
+    @property
+    def radius(self) -> float:
+        """Radius [m] of the contact at its largest indentation."""
+        if isinstance(self.law, ElasticPlastic):
+            return rim_radius(self.law, self.depth)
+        return sqrt(self.depth * float(self.body.radii[self.which].min()))
+
+    @property
+    def zone(self) -> YieldingZone:
+        """The zone outside the margin, in the axes of the mesh."""
+        nu = float(self.body.materials[self.which][1])
+        return YieldingZone(self.place, None, (self.radius, 0.0), self.force, nu)
+
+    @property
+    def error(self) -> float | None:
+        """Relative error of the force by its law; None if unknown (`no_bar`)."""
+        choice = self.choice
+        if self.no_bar or choice is None:
+            return None
+        return error_of_peak(choice, self.force, self.contact_time)
+
+    @property
+    def no_bar(self) -> str:
+        """Why the error of the force is unknown, and the remedy; "" if it is known."""
+        body, floor, i = self.body, self.floor, self.which
+        if floor.law is not None:
+            return "the error of a given law of the contact is not known"
+        if floor.layer is not None:
+            return "the error of the law of a soft layer is not known"
+        choice = self.choice
+        if choice is None or choice.unknown:
+            return "the error of that force is not known: give part and floor a yield strength"
+        radius = float(body.radii[i].min())
+        if body.sharp is not None and body.sharp[i]:
+            if body.assumed:
+                return "the corner that lands has an assumed radius: give the corner_radius"
+            if self.radius > radius * self.steepness:
+                return (
+                    "edges or faces beside the corner lie so flat that they touch too: the force "
+                    "is a lower bound (another tilt, or a law of the floor)"
+                )
+            if self.depth > radius:
+                return (
+                    f"the corner of {engineering(radius, 'm')} is pressed in by "
+                    f"{engineering(self.depth, 'm')} and crushed: the force is a lower bound"
+                )
+        elif float(body.radii[i].max()) > body.extent and not body.balls[i]:
+            return (
+                "the part lands on a surface that is straight in one direction, at vertices of its "
+                "mesh: smaller cells, or a floor with its own law, narrow it"
+            )
+        if error_of_peak(choice, self.force, self.contact_time) is None:
+            return (
+                f"the contact is pressed in by {self.depth / radius:.2g} of its radius; the force's"
+                f" error is known up to {largest_strain(choice):g} of it: take a larger corner"
+                " radius, or a soft layer on the floor"
+            )
+        return ""
+
+    @property
+    def verdict(self) -> str:
+        """Sentence that the contact yields; "" if it does not, or if that is unknown."""
+        choice = self.choice
+        if self.dent is not None:
+            soft = None if choice is None or self.floor.law is not None else choice.soft
+            sides = (("part", matter_at(self.body, self.which)), ("floor", self.floor.face.matter))
+            names = [
+                f"the {side}" + (f" ({matter.name})" if matter.name else "")
+                for side, matter in sides
+                if soft is not None and matter == soft
+            ]
+            where = " and ".join(names) or "the part"
+            return f"the contact yields: {self.dent.text}, in {where}; {self.off}"
+        if self._exceeds > 1:
+            return (
+                f"the contact yields: its force is {self._exceeds:.3g} times that of first yield, "
+                "and the force of this law is too high"
+            )
+        return ""
+
+    @property
+    def off(self) -> str:
+        """Words on the error of the force."""
+        bar = self.error
+        return self.no_bar if bar is None else f"that force may be off by {percent(bar)}"
+
+
+def point_contacts(floor: Floor, episodes: Sequence[Episode]) -> Iterator[PointContact]:
+    """Yields the contacts at points whose law is one of surfaces."""
+    for episode in episodes:
+        body = episode.body
+        peaks = episode.forces()[1].max(axis=0).tolist()
+        depths = episode.sunk().tolist()
+        arms = episode.start.arms(body, episode.which)
+        for k, i in enumerate(episode.which.tolist()):
+            law = law_at(body, floor, i)
+            history = episode.history.contact_histories[k]
+            is_of_surfaces = isinstance(law, ElasticPlastic | Hertz | Gonthier)
+            if not is_of_surfaces or not history.contacts or depths[k] <= 0:
+                continue  # it may touch after the end of the episode, up to which its run goes on
+            yields = isinstance(law, ElasticPlastic) and peaks[k] > law.yield_force
+            start, end = max(history.contacts, key=lambda span: span[1] - span[0])
+            place = body.centre + arms[k] @ episode.start.R
+            dent = history.dent if yields else None
+            yield PointContact(
+                *(body, floor, i, place, law, peaks[k], depths[k], end - start, dent),
+                steepness=_steepness(body, i, episode.start.R[2]),
+            )
+
+
+def _steepness(body: FreeBody, i: int, up: Array) -> float:
+    """Sine of the least angle between the floor and lines from a point to the others."""
+    lines = np.delete(body.vertices, i, axis=0) - body.vertices[i]
+    lengths = np.linalg.norm(lines, axis=1)
+    return float((lines @ up / lengths).min(initial=1.0, where=lengths > body.corner))
+
+
+def strongest(floor: Floor, episodes: Sequence[Episode]) -> PointContact | None:
+    """The contact at a point with the largest force."""
+    return max(point_contacts(floor, episodes), key=lambda one: one.force, default=None)
+
+
+def law_error(floor: Floor, episodes: Sequence[Episode]) -> float | None:
+    """Relative error of the largest force of a contact by its law; None if unknown."""
+    contacts = list(point_contacts(floor, episodes))
+    largest = max((one.force for one in contacts), default=0.0)
+    errors = [(one.error, one.force) for one in contacts if one.force >= COUNTS * largest]
+    if not errors or any(error is None for error, _ in errors):
+        return None
+    return max((error or 0.0) * force for error, force in errors) / largest
+
+
+def no_bar(floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Why `law_error` is unknown, and the remedy; "" if it is known."""
+    contacts = list(point_contacts(floor, episodes))
+    if not contacts:
+        return "the error of the contact's law is not known"
+    largest = max(one.force for one in contacts)
+    return next(
+        (one.no_bar for one in contacts if one.no_bar and one.force >= COUNTS * largest), ""
+    )
+
+
+def contact_verdict(floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Sentence that a contact yields, with its deepest dent; "" if none does."""
+    contacts = list(point_contacts(floor, episodes))
+    dents = [one for one in contacts if one.dent is not None]
+    if not dents:
+        largest = max(contacts, key=lambda one: one.force, default=None)
+        return "" if largest is None else largest.verdict
+    deepest = max(dents, key=lambda one: one.depth)
+    if len({one.which for one in contacts}) == 1:
+        return deepest.verdict
+    own = engineering(deepest.force, "N")
+    return f"{deepest.verdict} (at one of the places that touch, under {own} of the force)"
+
+
+def of_elastic(floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Sentence on the error of the largest force of an elastic contact; "" if it has none."""
+    largest = strongest(floor, episodes)
+    if largest is None or floor.law is not None or largest.dent is not None or largest.error == 0:
+        return ""
+    return f"the hardest contact is elastic: {largest.off}"
+
+
+def deepest_dent(floor: Floor, episodes: Sequence[Episode]) -> float:
+    """Depth of the deepest dent [m]; NaN without one, and where it is not known."""
+    dents = (one.dent for one in point_contacts(floor, episodes))
+    return max((dent.depth for dent in dents if dent is not None), default=nan)
+
+
+def yielding_zones(floor: Floor, episodes: Sequence[Episode]) -> list[YieldingZone]:
+    """The zones about the points that yield, in the axes of the mesh."""
+    return [one.zone for one in point_contacts(floor, episodes) if one.yields]
+
+
+def cracking(floor: Floor, episodes: Sequence[Episode]) -> str:
+    """Sentence on the tension beside the largest force, on a part that cracks; else ""."""
+    largest = strongest(floor, episodes)
+    if largest is None or not np.isfinite(largest.radius) or not largest.radius:
+        return ""
+    pressure = largest.force / (pi * largest.radius**2)
+    return cracks(largest.body.matters, pressure).rstrip(".")
