@@ -29,7 +29,7 @@ from antiosc.fem.assembly import with_parts
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import EDGE, NEAR, NO_RESULT
 from antiosc.models.driving_point import stiffness_error
-from antiosc.reduce.error import divided
+from antiosc.reduce.error import division as divided
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, number_of_sites, sites_of, surface, thinned
 from antiosc.reduce.site.sites import located

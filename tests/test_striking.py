@@ -130,7 +130,6 @@ def test_a_geometry_is_meshed_for_the_impact(tmp_path, order, tols):
     rough, fine = (ao.strike(source, SITE, *IMPACT, tol=t, **options) for t in tols)
     assert rough.status == fine.status == 0
     assert fine.model.info["dofs"] > rough.model.info["dofs"]
-    assert (fine.error_budget["peak_force"].geometry > 0) == (order == 1)
     for name in QUANTITIES:
         bar = rough.error_budget[name].total + fine.error_budget[name].total
         assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
@@ -163,7 +162,6 @@ def test_meshes_of_lines_meet_the_tolerance(place, lines, order, tol, blow):
     true = ao.simulate(struck, *BLOWS[blow], tol=1e-6)
     budget = hit.error_budget
     assert budget.numerical <= tol  # the closed form is a beam as well
-    assert not any("inside" in note for note in budget.notes)
     for name in QUANTITIES:
         assert abs(getattr(hit, name) / getattr(true, name) - 1) <= budget[name].numerical
     dofs = [record["dofs"] for record in hit.model.info["strike"]]

@@ -202,7 +202,10 @@ from antiosc.recovery.place import (
 )
 
 # Sites and extraction.
-from antiosc.reduce.error.divided import (
+from antiosc.reduce.error.bisection import (
+    gathered as gathered,
+)
+from antiosc.reduce.error.division import (
     added_cells as added_cells,
 )
 from antiosc.reduce.error.model_errors import (

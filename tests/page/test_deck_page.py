@@ -19,7 +19,7 @@ from antiosc.base.progress import seconds_text
 from antiosc.extension import halvings
 from antiosc.fem.linalg.forecast import OF_SHELLS, before_meshing, of_factor
 from antiosc.fem.linalg.solver_choice import Plan
-from antiosc.reduce.error import divided
+from antiosc.reduce.error import division as divided
 from antiosc_app import conditions, inspection, live_meshes, opened as page, report, set_up
 from antiosc_app.inspecting import inspect_part
 from antiosc_app.opened import Opened

@@ -10,7 +10,7 @@ import pytest
 
 import antiosc as ao
 import sheets
-from antiosc.reduce.error import divided
+from antiosc.reduce.error import division as divided
 from antiosc_app import falls, live, results
 from antiosc_app.scene_file.run import error_budget
 

@@ -48,7 +48,7 @@ from antiosc.models.auto_contact import AUTO, AnyLaw
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.reduce.error import bisection
-from antiosc.reduce.error.model_errors import estimator
+from antiosc.reduce.error.model_errors import ModelErrors
 from antiosc.reduce.error.remeshing import MeshSource, source_of
 from antiosc.reduce.extraction.extract import extract
 from antiosc.reduce.site import Site
@@ -574,8 +574,8 @@ def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:
         return np.ones(compat.cell_map(mesh.dolfinx).size_local)
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
     significant = values > NEGLIGIBLE * values[-1]
-    shapes = answer.raw.model.shapes @ (vectors[:, significant] * np.sqrt(values[significant]))
-    return estimator(answer.structure).of_cells(shapes)
+    weights = vectors[:, significant] * np.sqrt(values[significant])
+    return ModelErrors(answer.structure).of_cells(answer.raw.model, weights)
 
 
 def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:

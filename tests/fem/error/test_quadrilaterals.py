@@ -12,8 +12,8 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from antiosc.models.body import coarse_cell
-from antiosc.reduce.error import divided as by_division, model_errors
-from antiosc.reduce.error.divided import answers, divided, finer, interpolation, lacking
+from antiosc.reduce.error import division as by_division, model_errors
+from antiosc.reduce.error.division import answers, divided, finer, interpolation, lacking
 from marks import FREE_ON_PURPOSE
 from sheets import NU as nu, RHO as rho, E, at, plate, rectangle, sheet
 

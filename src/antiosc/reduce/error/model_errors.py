@@ -1,122 +1,79 @@
-"""The error estimates that an extraction with error="estimate" adds to its models."""
+"""The error estimates that an extraction with error="estimate" adds to its models.
+
+Solids are judged by a recovery of their strains, beams, sheets and decks by the same mesh with each
+cell divided.
+"""
 
 from __future__ import annotations
 
 import time
 from dataclasses import replace
+from math import sqrt
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
+from antiosc.base._types import Array, IntArray
 from antiosc.base.errors import InputError
+from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.elements.shell import Shell
+from antiosc.fem.platform import compat
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import ShellDisc
 from antiosc.models.parameters import JOINTED
-from antiosc.reduce.error.beam import HalvedBeams
-from antiosc.reduce.error.divided import DividedDeck, DividedShells, divides, too_large
-from antiosc.reduce.error.joined import JoinedSolids, all_solids
-from antiosc.reduce.error.scheme import MeshErrors, StrainErrors
-from antiosc.reduce.error.shell import ShellErrors
-from antiosc.reduce.error.shell_facts import shell_facts
-from antiosc.reduce.error.solid import SolidErrors, refuse_one_cell
+from antiosc.reduce.error.division import Division, too_large
+from antiosc.reduce.error.patch import patch_of
+from antiosc.reduce.error.recovery import Recovery
 from antiosc.reduce.site import Functional
+from antiosc.reduce.site.sites import located
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
 
 #: Message for matrices.
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none."
-#: Element family -> reason why a recovery of strains does not show its errors.
-WHY = {
-    "beam": ("which are compared with a finer mesh: compare two element sizes"),
-    "truss": "whose nodes are hinges, so that no mesh could be finer",
-}
+TRUSS = "the nodes of a truss are hinges, so that no mesh could be finer."
+#: What no mesh tells of.
+OF_BEAMS = "Not included: the error of beam theory itself."
+OF_SHELLS = "Not included: the error of the shell model itself, for {}."
+#: Least cosine between the direction of a blow on a shell and the normal.
+ACROSS = 0.9
+#: Share of an element within which a site is at its end.
+AT_NODE = 1e-3
+#: Angles in degrees between neighbours, above rounding and below that of a sharp edge, between
+#: which straight cells are taken for a curve.
+SMOOTH = 0.2, 40.0
 
 
-def estimator(structure: Structure) -> StrainErrors:
-    """The estimator for the structure's element family; InputError if there is none."""
-    return _part_estimator(on_mesh(structure, NO_MESH))
-
-
-def _part_estimator(matrices: MeshedStructure) -> StrainErrors:
-    """The estimator for a part."""
-    if matrices.kind.name in WHY:
-        raise InputError(_refused(matrices))
-    refuse_one_cell(matrices)
-    if matrices.kind.sheet:
-        return ShellErrors(matrices)
-    return SolidErrors(matrices)
-
-
-def _of_structure(structure: Structure) -> MeshErrors:
-    """The estimator for the models of a structure."""
-    if structure.matrices.assembled:
-        matrices = cast("AssembledMatrices", structure.matrices)
-        return JoinedSolids(matrices) if all_solids(matrices) else DividedDeck(matrices)
-    part = on_mesh(structure, NO_MESH)
-    if part.kind.name == "beam":
-        return HalvedBeams(part)
-    if divides(part):
-        return DividedShells(part)
-    return _part_estimator(part)
+def _solids(matrices: MeshedParts) -> bool:
+    """Whether a structure consists of solids alone."""
+    if matrices.assembled and cast("AssembledMatrices", matrices).layout.condensed:
+        return False
+    return all(member.part.kind.outside for member in matrices.members())
 
 
 def refusal(structure: Structure) -> str:
     """Why the mesh's error of a structure is not estimated; "" if it is."""
-    if reason := _refusal(structure):
-        return reason
-    return _skipped(structure)
-
-
-def _refusal(structure: Structure) -> str:
-    """Why an assembly or trusses have no estimator; "" for others."""
-    if structure.matrices.assembled:
-        matrices = cast("AssembledMatrices", structure.matrices)
-        halved = matrices.halved is not None and matrices.preload is None
-        return "" if halved or all_solids(matrices) else JOINTED
-    if not structure.matrices.meshed:
+    if not (structure.matrices.meshed or structure.matrices.assembled):
         return ""
-    part = on_mesh(structure, NO_MESH)
-    return _refused(part) if part.kind.name == "truss" else ""
-
-
-def _skipped(structure: Structure) -> str:
-    """Why a mesh is too large for its estimator; "" if it is not."""
-    if structure.matrices.assembled:
-        solids = all_solids(cast("AssembledMatrices", structure.matrices))
-        return "" if solids else too_large(structure.size, "the deck")
-    if not structure.matrices.meshed:
+    matrices = with_parts(structure)
+    if not matrices.assembled and matrices.members()[0].part.kind.name == "truss":
+        return TRUSS
+    if _solids(matrices) and not (matrices.assembled and matrices.preload):
         return ""
-    part = on_mesh(structure)
-    if divides(part):
-        return too_large(part.rows, part.mesh.name)
-    return ""
-
-
-def _refused(part: MeshedStructure) -> str:
-    """Why a recovery of strains does not show the errors of a family."""
-    name = part.kind.name
-    return (
-        f"the error 'estimate' holds for solids, beams and shells; {part.mesh.name} is made of"
-        f" {name} elements, {WHY[name]}."
-    )
-
-
-def _struck(structure: Structure, site: Functional) -> MeshedStructure:
-    """The part of a structure that is struck."""
-    if not structure.matrices.assembled:
-        return on_mesh(structure, NO_MESH)
-    (member,) = cast("AssembledMatrices", structure.matrices).members(site.part)
-    return member.part
+    if matrices.assembled and (matrices.preload or not cast("AssembledMatrices", matrices).halved):
+        return JOINTED
+    return too_large(matrices)
 
 
 class ModelErrors:
-    """The mesh-error estimators for the models of one structure; InputError for a family without
-    one.
+    """The estimates of the mesh's error for the models of one structure.
 
     Attributes
     ----------
-    skipped : why the models of an assembly, or of a mesh that is too large for its estimator, get
-        no estimate, and their bars tell it; "" if they get one.
+    skipped : why the models get no estimate, which their bars tell; "" if they get one.
     """
 
     def __init__(self, structure: Structure, named_sites: int = 0) -> None:
@@ -124,29 +81,111 @@ class ModelErrors:
             raise InputError(
                 "the error 'estimate' is for models of one site: extract each site by itself."
             )
-        reason = _refusal(structure)
-        if reason and not structure.matrices.assembled:
-            raise InputError(reason)
-        self.skipped = reason or _skipped(structure)
         self._structure = structure
+        self._matrices = with_parts(structure, NO_MESH)
+        self.skipped = refusal(structure)
+        if self.skipped == TRUSS:
+            raise InputError(f"the error 'estimate' is of solids, beams and shells: {TRUSS}")
         if not self.skipped:
-            self._errors = _of_structure(structure)
-            self._errors.prepare()
+            estimator = Recovery if _solids(self._matrices) else Division
+            self._estimator: Recovery | Division = estimator(structure)
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`, and with the data of the error budget in `info`."""
         if self.skipped:
             return replace(model, info=replace(model.info, no_estimate=self.skipped))
         start_time = time.perf_counter()
-        estimate = self._errors.estimate(self._structure, model, site)
-        facts = dict(estimate.facts)
-        part = _struck(self._structure, site)
-        if part.kind.sheet:
-            facts["model"] = shell_facts(part, site)
-        seconds = {**(model.info.seconds or {}), "error": time.perf_counter() - start_time}
-        not_included = self._errors.not_included or None
-        facts |= {"no_estimate": None, "not_included": not_included, "seconds": seconds}
-        info = replace(model.info, **facts)
-        return replace(
-            model, strain_error=estimate.energies, strain_misfit=estimate.misfit, info=info
+        energies, misfit = self._estimator.energies(model, site.part)
+        (member,) = self._matrices.members(site.part if self._matrices.assembled else None)
+        part = member.part
+        info = replace(
+            model.info,
+            divided=self._estimator.divided,
+            patch=None if self._estimator.divided else patch_of(self._structure, site),
+            inside_element=part.mesh.tdim == 1 and _is_inside(part, site),
+            model=_of_theory(part, site),
+            not_included=flat_cells(part) or None,
+            no_estimate=None,
+            seconds={**(model.info.seconds or {}), "error": time.perf_counter() - start_time},
         )
+        return replace(model, strain_error=energies, strain_misfit=misfit, info=info)
+
+    def of_cells(self, model: AntiOscillators, weights: Array) -> Array:
+        """Energy (cells of this rank,) of the errors of the shapes times `weights` (N + 1, k)."""
+        return self._estimator.of_cells(model, weights)
+
+
+def _of_theory(part: MeshedStructure, site: Functional) -> ShellDisc | str | None:
+    """Data for the error of shell theory under a blow (`antiosc.impact.shell_error`), or what is
+    not included.
+    """
+    if part.kind.name == "beam":
+        return OF_BEAMS
+    if not part.kind.sheet or site.point is None or site.direction is None or site.radius is None:
+        return None
+    contact = located(
+        part, site.point[None], site.direction[None], np.array([site.radius])
+    ).contact
+    assert contact is not None  # with a radius
+    material = part.parts[int(contact.label[0])][0]
+    if not isinstance(material, Shell):
+        return OF_SHELLS.format("it is known of isotropic shells alone")
+    if abs(float(site.direction @ contact.normals[0])) < ACROSS:
+        return OF_SHELLS.format("the shell is not struck across its surface")
+    return {
+        "nu": material.nu,
+        "disc": site.radius / material.thickness,
+        "wave": material.thickness * sqrt(material.rho / material.E),
+        "compliance": 1 / (material.E * material.thickness),
+    }
+
+
+def _is_inside(part: MeshedStructure, site: Functional) -> bool:
+    """Whether a site lies within an element of a beam and not at a node."""
+    ends = part.mesh.geometry.nodes[:, :2]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    distances = np.linalg.norm(ends - site.point, axis=2) / lengths[:, None]
+    return bool(distances.min() > AT_NODE)
+
+
+def flat_cells(part: MeshedStructure) -> str:
+    """A sentence if straight cells seem to stand for a curved line or surface; otherwise empty."""
+    mesh = part.mesh
+    if mesh.order > 1:
+        return ""
+    dim = mesh.tdim - 1 if part.kind.outside else mesh.tdim
+    entities = (
+        compat.exterior_facets(mesh.dolfinx)
+        if part.kind.outside
+        else np.arange(compat.cell_map(mesh.dolfinx).size_local)
+    )
+    angles = _angles(mesh.dolfinx.geometry.x, compat.entity_vertices(mesh.dolfinx, dim)[entities])
+    small = angles[(angles > SMOOTH[0]) & (angles < SMOOTH[1])]
+    largest = max(mesh.comm.allgather(float(small.max(initial=0.0))))
+    if not largest:
+        return ""
+    return (
+        f"Not included: the straight cells of {mesh.name}, which meet at angles of up to"
+        f" {largest:.2g}°, if they stand for a curve; cells of order 2 have it curved."
+    )
+
+
+def _angles(x: Array, corners: IntArray) -> Array:
+    """Angles in degrees between lines or faces with these corners (n, v) that share a side, which
+    no third one has.
+    """
+    points = x[corners]
+    along = points[:, -1] - points[:, 0]
+    if corners.shape[1] > 2:
+        along = np.cross(along if corners.shape[1] == 4 else points[:, 1] - points[:, 0],
+                         points[:, 2] - points[:, 1 if corners.shape[1] == 4 else 0])
+    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
+    places = {2: [[0], [1]], 3: [[0, 1], [0, 2], [1, 2]], 4: [[0, 1], [0, 2], [1, 3], [2, 3]]}
+    sides = [corners[:, place] for place in places[corners.shape[1]]]
+    keys = np.sort(np.concatenate(sides), axis=1)
+    owner = np.tile(np.arange(len(corners)), len(sides))
+    _, side, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(side.ravel(), kind="stable")
+    pairs = owner[order][np.repeat(count == 2, count)].reshape(-1, 2)
+    cosine = np.abs(np.einsum("nd,nd->n", *unit[pairs.T]))
+    return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))

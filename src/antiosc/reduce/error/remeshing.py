@@ -27,7 +27,6 @@ from antiosc.io.by_gmsh import GEOMETRY, SizeField
 from antiosc.io.neutral import RawMesh
 from antiosc.io.reading import read
 from antiosc.io.request import GRADING as USUAL, Refinement
-from antiosc.reduce.error.beam import halved, with_node
 from antiosc.reduce.error.bisection import (
     DIVIDED,
     KIND_OF,
@@ -36,6 +35,7 @@ from antiosc.reduce.error.bisection import (
     gathered,
     refined,
 )
+from antiosc.reduce.error.division import finer
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000
@@ -205,50 +205,35 @@ class OfGeometry(MeshSource):
 
 
 class OfLines(MeshSource):
-    """A mesh of lines as source, whose cells are halved, or a geometry of lines.
-
-    The site becomes a node.
-    """
+    """A mesh of lines as source, whose cells are halved, or a geometry of lines."""
 
     def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
         self.coarsest = mesh
         self._path = path
         self._size = 0.0
-        self._site: Array | None = None
 
     def thickness(self) -> float:
         """0: a line has no thickness."""
         return 0.0
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
-        """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
-        if refine:
-            self._site = in_space(refine[0][0])
+        """At least `LINES` cells on the diagonal."""
         self._size = self.extent() / LINES
-        if self._path is not None:
-            return self._meshed(self._path)
-        mesh = self._struck(self.coarsest)
-        while largest(mesh) > self._size:
-            mesh = halved(mesh)
-        return mesh
+        return self._of_size(self.coarsest)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
         """All cells halved, as often as `ratio` requires, at least once."""
         smallest_ratio = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
-        for _ in range(max(1, round(-np.log2(smallest_ratio)))):
-            self._size /= 2
-            mesh = halved(mesh) if self._path is None else mesh
-        if self._path is None:
-            return mesh
-        return self._meshed(self._path)
+        self._size = largest(mesh) / 2 ** max(1, round(-np.log2(smallest_ratio)))
+        return self._of_size(mesh)
 
-    def _meshed(self, path: Path) -> Mesh:
-        return self._struck(read_mesh(path, size=self._size, order=1, comm=self.coarsest.comm))
-
-    def _struck(self, mesh: Mesh) -> Mesh:
-        if self._site is None:
-            return mesh
-        return with_node(mesh, self._site)
+    def _of_size(self, mesh: Mesh) -> Mesh:
+        """A mesh with lines of at most the wanted size."""
+        if self._path is not None:
+            return read_mesh(self._path, size=self._size, order=1, comm=self.coarsest.comm)
+        while largest(mesh) > (1 + 1e-9) * self._size:
+            mesh = finer(mesh)
+        return mesh
 
 
 def largest(mesh: Mesh) -> float:
