@@ -202,9 +202,6 @@ from antiosc.recovery.place import (
 )
 
 # Sites and extraction.
-from antiosc.reduce.error.bisection import (
-    gathered as gathered,
-)
 from antiosc.reduce.error.division import (
     added_cells as added_cells,
 )
