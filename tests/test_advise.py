@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from antiosc.base.errors import InputError
 from antiosc.models.closed_form import UniformBeam, free_free
 from antiosc.models.closed_form.plates import SupportedPlate
 from antiosc.strikes.advice import advise
-from antiosc_app.results import advice_of
 from paths import demo
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -47,21 +45,6 @@ def test_the_numbers_of_a_reason_keep_its_inequality():
         told = " ".join(advise(part, sphere(0.01, 1.0), **STEEL).reasons)
         (low, sign, high) = re.search(r"([\d.]+) ([≤≥<>]) ([\d.]+)", told).groups()
         assert {"≤": float.__le__, "≥": float.__ge__}[sign](float(low), float(high))
-
-
-@pytest.mark.fem
-def test_a_dry_run_says_where_the_error_of_a_simpler_family_is_told():
-    import sheets
-
-    steel = ao.material("steel S235", thickness=0.003)
-    part = ao.Structure(sheets.plate(4, 0.003).mesh, steel, sheets.SIMPLE)
-    told = [
-        dict(advice_of(SimpleNamespace(structure=part, impactor=sphere(0.01, speed))))
-        for speed in (3.0, 0.001)
-    ]
-    families = [rows["sufficient element family"] for rows in told]
-    assert "error of the present one" in families[0]
-    assert families[1] == "shell"
 
 
 @pytest.mark.parametrize(

@@ -22,24 +22,22 @@ from scipy.spatial import cKDTree
 
 import antiosc as ao
 import parts
-import sheets
 from antiosc.base.stresses import DEVIATOR, equivalent
 from antiosc.base.texts import engineering, on_page, percent
 from antiosc.fem.assembly import with_parts
 from antiosc.impact.histories.bars import ErrorBar, ErrorBudget
 from antiosc.models.doubts import EDGE, NEAR, NO_RESULT
 from antiosc.models.driving_point import stiffness_error
-from antiosc.reduce.error import division as divided
 from antiosc.reduce.site import functional
 from antiosc.reduce.site.map_sites import Resolved, number_of_sites, sites_of, surface, thinned
 from antiosc.reduce.site.sites import located
 from antiosc.strikes import impact_map as maps, map_results, map_stresses
 from antiosc.strikes.map_forecast import foreseen_map
 from antiosc.strikes.map_results import hardest, low_band
-from antiosc_app import live as verdict, live_meshes as sites, report
-from antiosc_app.live import COARSE_CELLS, headline_of_map
+from antiosc_app import headline, live_meshes as sites
+from antiosc_app.headline import headline_of_map
 from antiosc_app.results import presentations
-from antiosc_app.scene_file.run import SceneResults, error_budget
+from antiosc_app.scene_file.run import SceneResults
 
 pytestmark = pytest.mark.fem
 
@@ -267,14 +265,6 @@ def test_a_map_tells_the_blow_that_deflects_a_held_sheet_most(recwarn):
     assert f"(90, 30, 0) mm: 'structure' deflects by {ratio:.3g} mm, {ratio:.3g} times" in far[0]
 
 
-@pytest.mark.parametrize(("bar", "is_told"), [(0.48, True), (0.1, False), (None, False)])
-def test_forces_within_the_bar_of_the_largest_do_not_decide(bar, is_told):
-    """Of 60 sites of a plate between 1.12 and 1.28 kN ± 48 % one was told to be the worst."""
-    told = verdict._undecided(np.array([1120.0, 1200.0, 1280.0]), bar)
-    assert bool(told) == is_told
-    assert all("1.12 kN to 1.28 kN, lie within that bar" in sentence for sentence in told)
-
-
 def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     """In a corner of a face a quarter of the patch carries the whole force."""
     middle, corner = (0.06, 0.04, 0.03), (0.12, 0.08, 0.03)
@@ -295,7 +285,6 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     assert headline_of_map(timed).numbers[1:] == [
         ("peak force", "1.00 N to 1.00 N"), ("contact time", "1.00 s to 1.00 s")
     ]  # fmt: skip
-    assert headline_of_map(timed).caution.startswith("There is no error bar")
     struck = dataclasses.replace(timed, impactor=ao.RigidMass(0.01, 1.0))
     assert headline_of_map(struck, file="a.inp").about.endswith(" strikes a.inp.")
     assert (
@@ -675,7 +664,7 @@ def test_a_map_colours_by_danger():
     told = found.summary().splitlines()[-1]
     assert engineering(found.peak_stress[worst], "Pa", 3) in told
     assert "refine" in told
-    assert f"{found.exposure[worst]:.3g}" in " ".join(verdict.headline_of_map(found).sentences)
+    assert f"{found.exposure[worst]:.3g}" in " ".join(headline.headline_of_map(found).sentences)
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
@@ -712,24 +701,6 @@ def known_only_by(budget):
     return SimpleNamespace(error_budget=budget, run=SimpleNamespace(touches=False))
 
 
-def test_a_wide_bar_of_a_map_is_told_before_the_numbers_with_what_narrows_it(steel):
-    points, given = [(0.06, 0.04, 0.03)], {"direction": (0, 0, -1), "radius": 0.02}
-    found = ao.impact_map(steel, points, **given, accuracy=1e9)
-    hard = dataclasses.replace(found, peak_force=np.array([2.0]), contact_time=np.array([1.0]))
-    caution = headline_of_map(hard, steel, known={0: with_bar(0.65)}).caution
-    assert caution.startswith("The largest force is a rough one, ± 67 %")
-    assert "n in [map]" in caution  # a map has no [extract]
-    assert "(the field anti-oscillators)" in on_page(caution)
-    assert headline_of_map(hard, steel, known={0: with_bar(0.4)}).caution == ""
-
-
-def test_a_wide_bar_of_the_most_stressed_site_names_what_narrows_it():
-    assert verdict._narrowed_alone(0.05) == verdict._narrowed_alone(None) == []
-    (told,) = verdict._narrowed_alone(0.58)
-    assert "refine" in told
-    assert "(Strike this site, which makes the cells smaller)" in on_page(told)
-
-
 def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
     with pytest.warns(ao.AccuracyWarning, match="Z may be off") as told:
         ao.impact_map(steel, "top", n=2, accuracy=1e-9)
@@ -747,99 +718,17 @@ def test_what_reduces_the_error_of_a_map_is_on_the_page_or_in_a_scene(steel):
     assert not re.search(r"\b(more modes|band|scene)\b", on_page(text) + on_page(told))
 
 
-@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
-@pytest.mark.parametrize("largest", [0.95, 1.04])
-def test_a_map_and_the_blow_at_its_worst_site_have_one_verdict_on_yield(largest):
-    """Also where the exposure is below 1, and that with the errors of the blow above it."""
-
-    def told(strength):
-        part, found = struck(supports=True, yield_strength=strength)
-        known = {}
-        sentences = " ".join(verdict.headline_of_map(found, part, known=known).sentences)
-        hit = known[int(found.exposure.argmax())]
-        ((peak, force),) = verdict._stress_alone(part, hit)
-        return sentences, verdict._with_force(peak.worst_point, force)
-
-    _, worst = told(YIELD)
-    sentences, worst = told(YIELD * worst.bounds[1] / largest)
-    assert worst.exposure < 1
-    assert ("reached nowhere for certain, and may be at" in sentences) == (largest > 1)
-    assert ("yield may be reached" in worst.sentence.lower()) == (largest > 1)
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AccuracyWarning")  # a coarse mesh, few modes
-def test_the_stress_of_the_worst_site_stands_beside_its_force_and_is_no_surer():
-    part, found = struck(supports=True, yield_strength=YIELD)
-    known = {}
-    told = " ".join(verdict.headline_of_map(found, part, known=known).sentences)
-    worst = int(found.exposure.argmax())
-    hit = known[worst]
-    assert f"with a force of {hit.error_budget.shown('peak_force', 3)}: " in told
-    ((peak, _),) = verdict._stress_alone(part, hit)
-    for force in (0.0, 0.3, 0.67, 2.0):
-        below, above = verdict.stress_bar(peak, force)
-        assert above >= force
-        assert below >= min(force, 1.0)
-
-
-def test_a_map_whose_law_has_no_error_says_so_and_tells_the_other_errors(monkeypatch):
-    monkeypatch.setattr(verdict, "hardest", lambda impact_map: 4)
-    bar = ErrorBar(100.0, mesh=0.2, truncation=0.0, time=0.0, patch=0.04, law=None)
-    budget = ErrorBudget({"peak_force": bar}, 0.0, law="The total is not known: no strength.")
-    known = {4: known_only_by(budget)}
-    told = verdict._no_bar_of_map(SimpleNamespace(peak_force=[100.0]), known)
-    assert "numerical error of 24 %" in told
-    assert told.endswith(budget.law)
-    other = {3: known[4]}
-    assert "mesh's error is not estimated" in verdict._no_bar_of_map(
-        SimpleNamespace(peak_force=[100.0]), other
-    )
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-def test_a_map_has_no_bar_where_a_single_blow_has_none_for_its_cells(monkeypatch):
-    """The waves of the contact of a ball on a sheet of 1 mm have a length of some 60 mm."""
-    part = sheets.plate(4, 0.001, cell="quadrilateral")
-    ball = ao.Sphere(0.01, material="100Cr6", velocity=1.0)
-    site = (0.5, 0.5, 0.0)
-    monkeypatch.setattr(verdict, "ALONE", 10)  # of so few dofs
-    monkeypatch.setattr(divided, "MOST_DOFS", 0)  # as of a part too large to be divided
-    given = {"direction": (0, 0, -1), "n": 8, "accuracy": 1e9}
-    found = ao.impact_map(part, [site], ball, ao.Hertz(1e9), 1e-3, **given)
-    known = {}
-    head = headline_of_map(found, part, known=known)
-    alone = verdict.headline_of_history(known[0], part, error_budget(known[0]), {})
-    assert COARSE_CELLS in alone.caution
-    assert COARSE_CELLS in head.caution
-    assert alone.caution.count("are more than 0: compare with a mesh of larger cells") == 1
-    assert not any("±" in sentence for sentence in head.sentences)
-    assert verdict.bars_of_sites(known) == {}
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-def test_the_report_of_a_map_has_the_bars_of_the_sites_that_were_struck_by_themselves():
-    part, found = struck(supports=True, yield_strength=YIELD)
-    data, head = report._live(SceneResults(map=found, structure=part))
-    worst = str(hardest(found))
-    below, above = data["barred"][worst]["peak_force"]
-    assert f"± {percent(above)}" in head.sentences[0]
-    assert below == min(above, 1.0)
-
-
 def test_a_stress_has_the_error_of_the_force_also_without_that_of_the_law():
     bar = ErrorBar(100.0, mesh=0.4, truncation=0.2, time=0.0, patch=0.07, law=None)
     budget = ErrorBudget({"peak_force": bar}, 0.0, law="The total is not known: no strength.")
-    force = verdict.force_bar(budget)
+    force = headline.force_bar(budget)
     margin = ao.results.Margin("yield", 5e6, 50e6, np.zeros(3), 0.0, mesh_error=1e6)
     field = ao.results.PeakField(
         "von_mises", "Pa", np.zeros((1, 3)), np.array([5e6]), np.zeros(1), [], None, np.ones(1)
     )
     peak = dataclasses.replace(field, mesh_error=np.array([1e6]), _margin=margin)
     shares = (1 - 0.8 * (1 - 0.67), 1.2 * 1.67 - 1)
-    assert verdict.stress_bar(peak, force) == pytest.approx(shares)
-    assert "force, without that of the contact's law, this stress" in verdict.stress_note(
-        peak, force
-    )
+    assert headline.stress_bar(peak, force) == pytest.approx(shares)
 
 
 def test_fewer_sites_lie_apart_on_both_sides_of_a_plate():

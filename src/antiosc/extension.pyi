@@ -100,20 +100,13 @@ from antiosc.fields.probe import (
 )
 from antiosc.fields.probe_error import (
     ProbeError as ProbeError,
-    by_laws as by_laws,
-    error_of_largest as error_of_largest,
-    linear_run as linear_run,
-    share_by_law as share_by_law,
-    with_force as with_force,
 )
 from antiosc.fields.probe_spectra import (
-    compared as compared,
     spectra_at as spectra_at,
 )
 from antiosc.fields.second_order import (
     tensors_at_nodes as tensors_at_nodes,
 )
-from antiosc.fields.yield_speed import yield_speeds as yield_speeds
 
 # Impacts: bodies, scenes, and what a history tells.
 from antiosc.impact.batch import (
@@ -146,14 +139,12 @@ from antiosc.impact.histories.linear_theory import (
     is_far as is_far,
     may_stretch as may_stretch,
     taken_as_linear as taken_as_linear,
-    unstretched_text as unstretched_text,
 )
 from antiosc.impact.histories.run_end import (
     inexact_message as inexact_message,
     open_contacts as open_contacts,
 )
 from antiosc.impact.histories.site_motion import (
-    SiteMotion as SiteMotion,
     out_of_reach as out_of_reach,
 )
 from antiosc.impact.histories.verdict import (

@@ -14,7 +14,6 @@ from types import FrameType
 from antiosc.base.errors import AntioscError, labelled, warnings_to
 from antiosc.base.progress import print_text, with_time
 from antiosc_app import info
-from antiosc_app.words import of_scenes
 
 #: Command -> its description.
 COMMANDS = {
@@ -98,7 +97,7 @@ def _print_error(error: AntioscError) -> None:
     from antiosc_app.scene_file.document import SceneFileError
 
     is_of_scene = isinstance(error, SceneFileError)
-    print_text(of_scenes(str(error)) if is_of_scene else f"antiosc: {error}", sys.stderr)
+    print_text(str(error) if is_of_scene else f"antiosc: {error}", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

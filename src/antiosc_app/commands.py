@@ -24,7 +24,7 @@ from antiosc.base.progress import print_text
 from antiosc.base.texts import STOPPED, engineering, plain
 from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, check_point
 from antiosc.models.auto_contact import AUTO
-from antiosc_app import new, report, results
+from antiosc_app import new, presentation, report, results
 from antiosc_app.inspection import Forecast, forecast_of_parts
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
@@ -311,7 +311,7 @@ def _study(options: Namespace) -> int:
     written = [] if folder is None else report.write_output(computed, parts, folder)
     if page is not None:
         written += report.write_page(computed, parts, page)
-    for sentence in filter(weight, results.beside(computed, parts)):
+    for sentence in filter(weight, computed.warnings):
         print_text(labelled(sentence), sys.stderr)
     if written:
         print_text("wrote " + ", ".join(str(path) for path in written))
@@ -361,7 +361,7 @@ def _forecast(document: Document, scene: CompiledScene) -> str:
     if built.impactor is not None and built.contact is not None:
         rows += _impact_rows(scene, built)
     rows += [("warning", sentence) for sentence in built.warnings]
-    return results.format_rows(rows)
+    return presentation.format_rows(rows)
 
 
 def _told_before(

@@ -12,19 +12,13 @@ from antiosc.base._types import Array, IntArray
 from antiosc.base.cfc import SHOCK_FILTER
 from antiosc.base.errors import AntioscError
 from antiosc.base.texts import capitalised, engineering, percent, plain, point_text
-from antiosc_app.fall_caution import caution_of_fall, law_bar
-from antiosc_app.live import (
-    Data,
-    Headline,
-    bar_of_fall,
-    stress_sentences,
-    stresses_of_impacts,
-)
+from antiosc_app.headline import WIDE, Headline, margin_bar, stress_sentences
+from antiosc_app.live import Data
 from antiosc_app.live_meshes import geometry, surface
-from antiosc_app.results import how_it_ended
+from antiosc_app.results import bar_of_fall
 from antiosc_studies.drops.fall import WorstField
-from antiosc_studies.drops.pictures import at, surface_of
 from antiosc_studies.drops.impacts import force_of
+from antiosc_studies.drops.pictures import at, surface_of
 
 #: Number of times at which the page shows the part in one flight at most.
 OF_FLIGHT = 40
@@ -52,7 +46,7 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
     part = geometry(points, faces)
     if worst is not None:
         nearest = cKDTree(worst.points - fall.body.centre).query(points)[1]
-        part["values"] = np.minimum(worst.values / (_top(fall, worst) or 1.0), 1.0)[nearest]
+        part["values"] = np.minimum(worst.values / (_top(worst) or 1.0), 1.0)[nearest]
         part["values"] = part["values"].astype(np.float32)
     return {
         "fall": {
@@ -62,12 +56,24 @@ def data_of_fall(fall: Fall, worst: WorstField | None) -> Data:
             "places": np.array([state.centre for state in states], dtype=np.float32),
             "turns": np.array([state.R for state in states], dtype=np.float32),
             "impacts": [_impact(fall, k, times) for k in range(len(fall.impacts))],
-            "stresses": [one._asdict() for one in stresses_of_impacts(fall, worst)],
+            "stresses": _stresses(fall, worst),
             "stressed": None if worst is None else _stressed(worst),
-            "most": None if worst is None else _legend(fall, worst),
+            "most": None if worst is None else _legend(worst),
             "what": "" if worst is None else f"largest {worst.label} in all impacts",
         }
     }
+
+
+def _stresses(fall: Fall, worst: WorstField | None) -> list[Data]:
+    """The judged stress [Pa] of each impact with its bar; [] where none is judged by yield."""
+    if worst is None or worst.exposure is None or worst.margin().criterion != "yield":
+        return []
+    told = []
+    for span in worst.margin().spans:
+        known = fall.impacts[span.impact - 1].law_error is not None
+        bar = margin_bar(span, worst.mesh_error is not None and span.mesh_error > 0)
+        told.append({"stress": span.stress, "bar": bar if known else None})
+    return told
 
 
 def _stressed(worst: WorstField) -> list[float]:
@@ -75,22 +81,16 @@ def _stressed(worst: WorstField) -> list[float]:
     return [float(x) for x in worst.points[worst.judged]]
 
 
-def _top(fall: Fall, worst: WorstField) -> float:
+def _top(worst: WorstField) -> float:
     """The end of the scale of colours: the largest value, or what it exceeds at few points."""
-    largest = _largest(fall, worst)
+    largest = float(worst.values.max())
     usual = float(np.quantile(worst.values, USUAL))
     return usual if 0 < SPIKE * usual < largest else largest
 
 
-def _largest(fall: Fall, worst: WorstField) -> float:
-    """The largest value, with those of the impacts where these are stresses too."""
-    stresses = stresses_of_impacts(fall, worst) if worst.unit == "Pa" else []
-    return float(max([worst.values.max(), *(one.stress for one in stresses)]))
-
-
-def _legend(fall: Fall, worst: WorstField) -> str:
+def _legend(worst: WorstField) -> str:
     """Text at the end of the scale of colours."""
-    top, largest = (engineering(end(fall, worst), worst.unit) for end in (_top, _largest))
+    top, largest = (engineering(x, worst.unit) for x in (_top(worst), float(worst.values.max())))
     return top if top == largest else f"{top} and more, up to {largest}"
 
 
@@ -120,8 +120,8 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     samples = np.linspace(0.0, float(time[-1]), CURVE)
     return {
         **{name: getattr(impact, name) for name, _ in NUMBERS},
-        "bar": law_bar(impact),
-        "told": _done_to_part(fall, k),
+        "bar": impact.law_error or 0.0,
+        "told": f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}",
         "touches": impact.touches,
         "contact_time_note": impact.contact_time_note,
         "time": impact.time,
@@ -133,67 +133,42 @@ def _impact(fall: Fall, k: int, times: Array) -> Data:
     }
 
 
-def _done_to_part(fall: Fall, k: int) -> str:
-    """The dent of an impact, if there is one that is known, and the shock of the part."""
-    depth = float(fall.dents[k])
-    dent = "" if np.isnan(depth) else f"a dent of {engineering(depth, 'm')}"
-    shock = f"the centre of mass has {plain(fall.shocks[k].g, 3)} g through {SHOCK_FILTER}"
-    return "; ".join(filter(None, (dent, shock)))
-
-
 def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
     """The headline of a fall: the part, the strongest impact, and whether the part survives."""
     height = engineering(fall.setting.height, "m")
-    about = f"{part_text(fall)} falls from {height} onto {floor_text(fall)}."
-    impacts = fall.impacts
+    floor = floor_text(fall)
+    about = f"A part of {engineering(fall.body.mass, 'kg')} falls from {height} onto {floor}."
     hardest = fall.hardest
     if hardest is None:
         return Headline(about, [("impacts", "none")], [f"{fall.message}."])
-    strongest = impacts[hardest]
-    numbers = [("impacts", f"{len(impacts)}"), ("hardest", f"impact {hardest + 1}")]
-    values = [engineering(getattr(strongest, name), unit) for name, unit in NUMBERS[:3]]
-    if bar := law_bar(strongest):
-        values[0] += f" ± {percent(bar)}"
-    if note := strongest.contact_time_note:
-        values[1] += f" {note}"
-    labels = "peak force", "contact time", "impulse"
-    numbers += zip(labels, values, strict=True)
-    numbers.append(("lost in all", engineering(float(impacts.column("lost").sum()), "J")))
-    caution = caution_of_fall(fall)
-    sentences = [*_verdict(fall, worst, hardest), how_it_ended(fall.message)]
-    return Headline(about, numbers, sentences, caution=caution)
-
-
-def _verdict(fall: Fall, worst: WorstField | None, hardest: int) -> list[str]:
-    """Sentences on yielding of part and contacts, and on the limits of the accuracy."""
-    sentences = [contact := fall.contact_verdict]
+    strongest = fall.impacts[hardest]
+    numbers = [("impacts", f"{len(fall.impacts)}"), ("hardest", f"impact {hardest + 1}")]
+    for name, unit in NUMBERS[:3]:
+        value = engineering(getattr(strongest, name), unit)
+        if name == "peak_force" and strongest.law_error:
+            value += f" ± {percent(strongest.law_error)}"
+        numbers.append((name.replace("_", " "), value))
+    lost = float(fall.impacts.column("lost").sum())
+    numbers.append(("lost in all", engineering(lost, "J")))
+    sentences = [fall.contact_verdict, *fall.notes, f"the fall ended: {fall.message}"]
     if worst is not None and worst.exposure is not None:
-        sentences += stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
-        sentences += [fall.stress_limits, _other_order(fall, worst)]
-    sentences += (note for note in fall.notes[::-1] if note != contact)  # what was assumed
-    if fall.missed:
-        sentences.append(
-            f"in {fall.missed} of {len(fall.episodes)} contacts the forces did not reach tol"
-        )
-    plain = (sentence.rstrip(".") for sentence in sentences if sentence)
-    return [f"{capitalised(sentence)}." for sentence in plain]
+        sentences[1:1] = stress_sentences({worst.quantity: worst}, bar_of_fall(fall, worst))
+    told = [f"{capitalised(one.rstrip('.'))}." for one in dict.fromkeys(sentences) if one]
+    return Headline(about, numbers, told, caution=caution_of_fall(fall, hardest))
 
 
-def _other_order(fall: Fall, worst: WorstField) -> str:
-    """Sentence on an impact with a larger stress than one with a larger force; "" if none has."""
-    forces = fall.impacts.column("peak_force")
-    stresses = [one.stress for one in stresses_of_impacts(fall, worst)]
-    if not stresses or np.array_equal(np.argsort(forces), np.argsort(stresses)):
+def caution_of_fall(fall: Fall, hardest: int) -> str:
+    """What must be read before the numbers: that the bar of the hardest impact is missing or
+    wide, and of what it is made.
+    """
+    if reason := fall.no_bar(hardest):
+        return f"There is no error bar: {reason}."
+    bar = fall.impacts[hardest].law_error or 0.0
+    if bar < WIDE:
         return ""
-    return (
-        "the stresses of the impacts are not in the order of their forces: each strikes at another "
-        "place, and what is left out around its contact has another size"
-    )
-
-
-def part_text(fall: Fall) -> str:
-    """Text of the part: "A part of 120 g"."""
-    return f"A part of {engineering(fall.body.mass, 'kg')}"
+    shares = sorted(fall.error_shares(hardest).items(), key=lambda share: -share[1])
+    made = ", ".join(f"{cause} {percent(error)}" for cause, error in shares if error)
+    return f"The force is a rough one, ± {percent(bar)}: {made}."
 
 
 def floor_text(fall: Fall) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from antiosc.base._types import Array, BoolArray, IntArray
+from antiosc.base.errors import AntioscError
 from antiosc_app.guessed_sites import face_areas
 from antiosc_app.inspection import SAME_PLACE, rounded_to
-from antiosc_app.symmetry import held_motions
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -35,6 +35,28 @@ LARGEST_PLANE, LARGEST_SIDE = 0.6, 0.3
 SMALLEST_SIDE, LARGEST_OVERHANG = 0.002, 4.0
 #: Nodes lie on a plane if their distance is below this share of the part's size.
 ON_PLANE = 1e-6
+
+
+#: A number of which no two multiples have a common part behind the point.
+GOLDEN = 0.6180339887498949
+#: Largest rounding of a motion of 1 to 2: 1e-15 at the middles of edges of triangles.
+ROUNDING = 1e-9
+
+
+def held_motions(structure: Structure) -> tuple[Array, Array]:
+    """(nodes (N, 3) of a structure, motion (N, 3) of each if all free dofs move, each by another
+    number: 0 where it is held); empty for matrices alone.
+    """
+    from antiosc.extension import source
+
+    motion = 1.0 + (np.arange(structure.rows)[:, None] * GOLDEN) % 1.0  # none cancels another
+    motion[structure.fixed[structure.fixed < structure.rows]] = 0.0
+    try:
+        nodes, _, displacements = source(structure).at_nodes(structure, motion)
+    except AntioscError:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    moved = displacements[:, :, 0]
+    return nodes, np.where(np.abs(moved) > ROUNDING, moved, 0.0)
 
 
 def held_nodes(structure: Structure, x: Array, size: float) -> BoolArray:

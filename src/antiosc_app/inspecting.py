@@ -42,10 +42,9 @@ from antiosc_app.guessed_supports import (
     nodes_of,
     supporting_plane,
 )
+from antiosc_app.headline import without_bars
 from antiosc_app.inspection import DIMENSIONS, Inspection, largest_ball_on, rounded_to
-from antiosc_app.live import has_bars
 from antiosc_app.scene_file.outline import check_size
-from antiosc_app.symmetry import symmetry_note
 
 if TYPE_CHECKING:
     from antiosc import Mesh, Structure
@@ -120,10 +119,9 @@ def inspect_part(
     forecast = inspection.forecast()
     what = f"a model of {path.name} on {inspection.cells}, some {forecast.dofs:.2g} dofs,"
     require(forecast.bytes, what, TOO_LARGE, free_memory())
-    notes = (*part.notes, *filter(None, [symmetry_note(part.structure)]))
     return replace(
         inspection,
-        notes=notes,
+        notes=tuple(part.notes),
         pieces=part.pieces,
         inferred=part.inferred,
         modulus=part.modulus,
@@ -323,7 +321,7 @@ def _mean_thickness(corners: Array, normals: Array) -> float:
 
 def _has_bars(structure: Structure | None) -> bool:
     """Whether `extract(…, error="estimate")` accepts the part, as it does any mesh."""
-    return structure is None or has_bars(structure)
+    return structure is None or not without_bars(structure)
 
 
 def _flat(

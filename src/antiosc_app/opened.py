@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from dataclasses import asdict, replace
-from functools import partial, reduce
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -42,11 +42,10 @@ from antiosc.base.errors import (
 from antiosc.base.process import one_thread
 from antiosc.base.progress import print_text
 from antiosc.base.texts import (
-    FINER_CELLS,
-    SMALLER_CELLS,
     capitalised,
     count_text,
     engineering,
+    on_page,
     percent,
     plain,
     rounded_down,
@@ -64,10 +63,17 @@ from antiosc.models.body import ModelInfo, coarse_at, info_of
 from antiosc.models.doubts import NO_RESULT
 from antiosc.reduce.site.map_sites import Radius, Resolved
 from antiosc_app import falls, live, live_data, report, results
+from antiosc_app.headline import (
+    Headline,
+    force_bar,
+    headline_of_history,
+    headline_of_map,
+    largest_stress,
+    most_stressed,
+)
 from antiosc_app.inspecting import inspect_part, inspect_structure, of_mesh
 from antiosc_app.inspection import (
     CONTACT_TEXTS,
-    DIMENSIONS,
     LONG,
     Forecast,
     Inspection,
@@ -121,7 +127,6 @@ from antiosc_app.until_parted import (
     until_parted,
     why_more,
 )
-from antiosc_app.yielding import with_yield_speeds
 from antiosc_studies.drops.body import CORNER, MODES, RATIO, free_body
 
 if TYPE_CHECKING:
@@ -134,28 +139,6 @@ if TYPE_CHECKING:
 #: Share of the sites of a map that may stay without an answer, since their patch is too small for
 #: the force; above it the patches grow. On a pin of PLA with cells of 0.15 mm it was a third.
 UNANSWERED = 0.02
-#: Names in messages of a program -> the words of the page.
-PAGE_WORDS = {
-    "'structure'": "the part",
-    "'impactor'": "the striker",
-    "within max_steps = ": "within a number of steps of ",
-    "max_steps = ": "a number of steps of ",
-    "raise max_steps, or shorten": "shorten",
-    "leaves no finer run to compare with; raise it or shorten": "leaves no finer run; shorten",
-    "not tol = ": "more than ",
-    "give times in the part that matters, or shorten the run": "shorten the duration",
-    "The von_mises": "The von Mises stress",
-    "Damping ends them": "a damping ratio ends them",
-    "(damping)": "(damping ratio)",
-    "(corner_radius)": "(corner radius)",
-    '; take the stretch "auto" of extract or impact_map, which has these forces of a part of one'
-    " mesh": "; an explicit finite element program computes it",
-}
-#: A remedy for the stress -> that of a page whose cells are smaller at the site already.
-AT_STRESS = {
-    f"({SMALLER_CELLS})": "(Finer mesh at the largest stress, or cell size)",
-    FINER_CELLS: "Finer mesh at the largest stress, or cell size",
-}
 #: A step of an answer, a function of the set-up and of the other values that the page sends.
 Step: TypeAlias = Callable[[SetUp, Table], Data]
 
@@ -206,9 +189,6 @@ MOST_STEPS, STEP = 4, 1.5
 #: Rank that stands for all pieces joined, its words, and what another tab is told.
 JOINED, ALL = 0, "all joined"
 ANOTHER = "another piece of the file was opened meanwhile: load this page again."
-#: Where the yield strength of a deck is given, and of a structure that was made in Python.
-OF_DECK = 'the list "yields like", or the fields yield strength and its range'
-IN_PYTHON = "yield_strength and yield_range of its material"
 #: Sections of a scene on which the mesh depends, the structure, and its model.
 OF_MESH = ("geometry",)
 OF_STRUCTURE = ("geometry", "deck", "material", "supports")
@@ -299,14 +279,13 @@ class Opened:
         self._meshes: ResultCache[Mesh] = ResultCache(MESHES)
         self._models: ResultCache[AntiOscillators] = ResultCache(MODELS)
         self._impacts: ResultCache[PageImpact] = ResultCache(IMPACTS)
-        #: the stresses of the last impact, without and with the speeds from which they yield
+        #: the stresses of the last impact
         self._stresses: ResultCache[dict[str, PeakField]] = ResultCache(1)
-        self._yields: ResultCache[dict[str, PeakField]] = ResultCache(1)
         self._modes: ResultCache[FreeModeCache] = ResultCache(STRUCTURES)
         self._bodies: ResultCache[FreeBody] = ResultCache(STRUCTURES)
         #: key of a mesh, and the last free body on it, whose modes others may take
         self._falls: ResultCache[Dropped] = ResultCache(FALLS)
-        self._mapped: ResultCache[tuple[ImpactMap, dict[int, History]]] = ResultCache(1)
+        self._mapped: ResultCache[ImpactMap] = ResultCache(1)
         self._map_costs: ResultCache[MapForecast] = ResultCache(TABS)
         self._sites: ResultCache[Site | None] = ResultCache(TABS)
         self._source: InspectedFile | None = None
@@ -414,31 +393,8 @@ class Opened:
             source = self._source
             notes = [] if source is None else source.look.lasting_notes
             warnings = by_weight(messages, " ".join([caution, *verdict, *notes]))
-            remedy = ""
-            if source is not None:
-                is_finer = finer or result.get("taken", {}).get("finer", False)
-                remedy = _smaller_cells(source.look, self._given is None, is_finer)
-            fields = {
-                SMALLER_CELLS: remedy,
-                f"page: {FINER_CELLS}": f"page: {remedy}",
-                **PAGE_WORDS,
-            }
-            if source is not None and source.look.kept:
-                fields[live.COMPARED] = live.COMPARED_DECKS
-                fields["on the page: cell size)"] = (
-                    "on the page: in the program that made the mesh)"
-                )
-            if source is not None and source.look.of_deck:
-                fields[live.OWN_STRENGTH] = IN_PYTHON if self._given else OF_DECK
-                if self._given is None:
-                    fields[live.ASKED_STRENGTH] = (
-                        'choose what it yields like ("yields like"), or type the yield strength'
-                    )
-            told = {name: _in_words(value, fields) for name, value in result.items()}
-            texts = [
-                [weight(one), capitalised(str(_in_words(str(one), fields)))] for one in warnings
-            ]
-            return told | {"warnings": texts}
+            texts = [[weight(one), capitalised(on_page(str(one)))] for one in warnings]
+            return result | {"warnings": texts}
 
         self._count(1)
         try:
@@ -632,7 +588,7 @@ class Opened:
         except BaseException:
             self._piece, self._contact, self._whole, self._first, self._source = before
             raise
-        for known in (self._impacts, self._stresses, self._yields):  # of the part before
+        for known in (self._impacts, self._stresses):  # of the part before
             known.clear()
 
     def _pieces(self, look: Inspection) -> list[tuple[int, str]]:
@@ -845,34 +801,23 @@ class Opened:
         return self._judged(set_up, self._strengths_of(set_up))
 
     def _speeds(self, set_up: SetUp, _: Table) -> Data:
-        """The same with the speeds from which the part yields, which take longer."""
-        stresses = self._speeds_of(set_up)
+        """The same; the answer is whole, and free modes may be searched."""
         self._is_whole = True
         self._work.submit(self._search_modes)
-        return self._judged(set_up, stresses)
+        return self._verdict(set_up, {})
 
     def _strengths_of(self, set_up: SetUp) -> dict[str, PeakField]:
         """The stress fields of the impact of a set-up."""
         return self._stresses.of(repr(set_up), lambda: _strengths(self._struck(set_up)))
 
-    def _speeds_of(self, set_up: SetUp) -> dict[str, PeakField]:
-        """The same with the speeds from which they yield."""
-
-        def sought() -> dict[str, PeakField]:
-            return _with_speeds(self._struck(set_up), self._strengths_of(set_up))
-
-        return self._yields.of(repr(set_up), sought)
-
     def _judged(self, set_up: SetUp, stresses: Mapping[str, PeakField]) -> Data:
         """The verdict by stress fields."""
         blow = self._struck(set_up)
-        force = live.force_bar(run.error_budget(blow.hit))
-        judged = live.largest_stress(stresses, force)
+        force = force_bar(run.error_budget(blow.hit))
+        judged = largest_stress(stresses, force)
         head = _headline(blow, stresses)
         caution = _joined(head.caution, self._coarse(blow))
         told: Data = {"verdict": head.sentences, "caution": caution}
-        if _taken(blow)["finer"] and _stressed_elsewhere(self._opened(), set_up, judged):
-            told = {name: _in_words(text, AT_STRESS) for name, text in told.items()}
         narrows = self._narrows(set_up, judged)
         return {**told, "judged": judged, "taken": _taken(blow), "narrows": narrows}
 
@@ -898,11 +843,11 @@ class Opened:
             ends = self._map_cost(set_up, blow, group, most).ends
             self._ends = ends if ends[-1] > LONG else ()
         work = partial(self._impact_map, set_up, blow, group, most)
-        impact_map, alone = self._mapped.of(key, lambda: (work(), {}))
+        impact_map = self._mapped.of(key, work)
         if stress:
             options = {"sharp_edges": False, "worst": True}
             impact_map = with_stresses(blow.structure, impact_map, stress, **options)
-        return self._told_of_map(impact_map, blow.structure, values, alone)
+        return self._told_of_map(impact_map, blow.structure, values)
 
     def _map_of(self, set_up: SetUp, values: Table) -> tuple[PageImpact, str | None, int | None]:
         """(impact of the site, group of faces, most sites) of a map."""
@@ -992,24 +937,21 @@ class Opened:
         impact_map: ImpactMap,
         structure: Structure,
         values: Table,
-        alone: dict[int, History],
     ) -> Data:
         """A map as data for the page, with headline and the offer of stresses."""
         data = live_data.data_of_map(impact_map, structure)
         if data is None:
             raise InputError("this map has too many sites for the page: map one face.")
-        began = time.perf_counter()
-        headline = live.headline_of_map(impact_map, structure, live.ON_PAGE, alone, self._file())
-        took = time.perf_counter() - began
+        headline = headline_of_map(impact_map, structure, self._file())
         where = "the part" if values.get("where") is None else str(values["where"])
         about = f"{headline.about} {len(impact_map)} sites of {where}, {_lasting(impact_map)}."
         return {
-            "map": {**data, "barred": live.bars_of_sites(alone)},
-            "worst": live.most_stressed(impact_map),
+            "map": data,
+            "worst": most_stressed(impact_map),
             "about": about,
             "caution": headline.caution,
             "verdict": [*headline.sentences, *_with_stress(impact_map)],
-            "offer": _offer(impact_map, structure, took),
+            "offer": _offer(impact_map, structure, 0.0),
         }
 
     def _forecast(self, values: Table) -> Data:
@@ -1164,7 +1106,7 @@ class Opened:
             page_results.model = result.model
             page_results.history = result.hit
             page_results.impactor = result.hit.impactor
-            page_results.stresses = self._speeds_of(set_up)
+            page_results.stresses = self._strengths_of(set_up)
         report.write_page(page_results, results.presentations(page_results), page)
         name = f"report_{len(self.reports) + 1}"
         self.reports[name] = page.resolve()
@@ -1326,28 +1268,6 @@ def _first_material(look: Inspection) -> str:
     return "" if look.of_deck else f"The material {FIRST} is a guess: the file has none."
 
 
-def _smaller_cells(look: Inspection, has_size: bool, finer: bool) -> str:
-    """What makes the cells of an opened part smaller, by the fields of its page that are left."""
-    if look.meshed and finer:
-        return "cell size"
-    if look.meshed:
-        return "Finer mesh here, or cell size"
-    size = live.halved("cell size", DIMENSIONS[look.family] * (has_size and not look.kept))
-    if not look.divides or not has_size or finer:
-        return size
-    return "Finer mesh here" if look.kept else f"Finer mesh here, or {size}"
-
-
-def _in_words(value: object, fields: Mapping[str, str]) -> object:
-    """A text, a list of such, or the texts of a table, in which the page's words replace others."""
-    if isinstance(value, dict):
-        texts = {name: _in_words(one, fields) for name, one in value.items() if type(one) is str}
-        return value | texts
-    if isinstance(value, str):
-        return reduce(lambda text, pair: text.replace(*pair), fields.items(), value)
-    return [_in_words(one, fields) for one in value] if isinstance(value, list) else value
-
-
 def _may_yield(structure: Structure) -> bool:
     """Whether a material can have a yield strength; layers of fibres have none."""
     members = with_parts(structure).members()
@@ -1446,17 +1366,10 @@ def _strengths(blow: PageImpact) -> dict[str, PeakField]:
     return {}
 
 
-def _with_speeds(blow: PageImpact, stresses: dict[str, PeakField]) -> dict[str, PeakField]:
-    """Stress fields with the speeds from which they yield, where these are known."""
-    with contextlib.suppress(AntioscError):
-        return with_yield_speeds(blow.structure, blow.hit, stresses)
-    return stresses
-
-
-def _headline(blow: PageImpact, stresses: Mapping[str, PeakField]) -> live.Headline:
+def _headline(blow: PageImpact, stresses: Mapping[str, PeakField]) -> Headline:
     """The headline of an impact."""
     budget = run.error_budget(blow.hit)
-    return live.headline_of_history(blow.hit, blow.structure, budget, stresses, blow.file)
+    return headline_of_history(blow.hit, blow.structure, budget, stresses, blow.file)
 
 
 def _told(blow: PageImpact) -> Data:
@@ -1513,7 +1426,7 @@ def _taken(blow: PageImpact) -> Data:
     }
 
 
-def _said(head: live.Headline, settled: bool) -> list[str]:
+def _said(head: Headline, settled: bool) -> list[str]:
     """The sentences of a headline that the table lacks; that on the bars once they are known."""
     told = {"contacts"} if settled else {"contacts", "accuracy"}
     pairs = zip(head.kinds, head.sentences, strict=True)

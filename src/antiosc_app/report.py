@@ -37,21 +37,25 @@ from antiosc.base.errors import (
 from antiosc.base.process import loading
 from antiosc.base.texts import capitalised, piece_told
 from antiosc_app import info, live, live_data
+from antiosc_app.headline import (
+    Headline,
+    force_bar,
+    headline_of_history,
+    headline_of_map,
+    largest_stress,
+)
 from antiosc_app.live import Data
-from antiosc_app.results import (
+from antiosc_app.presentation import (
     Columns,
     Presentation,
-    advice_of,
     drawn_pictures,
     format_number,
-    presentations,
     with_prefixes,
-    with_remedy,
 )
+from antiosc_app.results import advice_of, presentations
 from antiosc_app.scene_file.run import SceneResults, error_budget, on_first
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
 from antiosc_app.scene_file.schema import Output
-from antiosc_app.yielding import with_yield_speeds
 
 if TYPE_CHECKING:
     from antiosc import Structure
@@ -233,9 +237,7 @@ def _results_of(reported: Any, structure: Structure | None, title: str) -> Scene
         page_results.impactor = None if isinstance(reported, SceneHistory) else reported.impactor
         if page_results.structure is not None:
             with contextlib.suppress(AntioscError):  # without shapes, or elements
-                fields = by_strengths(page_results.structure, reported)
-                known = page_results.structure, reported, fields
-                page_results.stresses = with_yield_speeds(*known)
+                page_results.stresses = by_strengths(page_results.structure, reported)
     return page_results
 
 
@@ -255,10 +257,8 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
     one_view = data is not None and data.get("part") is not None
     if headline is not None:
         for part_shown in parts:
-            headline = headline.beside(*part_shown.asked)
-    told = () if headline is None else (headline.caution, *headline.sentences)
-    cautions = [one.caution for one in parts if one.caution and headline is None]
-    warnings = by_weight(results.warnings, " ".join(told))
+            headline = headline._replace(numbers=[*headline.numbers, *part_shown.asked])
+    warnings = by_weight(results.warnings)
     program = f"antiosc {info.version()}"
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     python = f"Python {platform.python_version()}, NumPy {np.__version__}"
@@ -283,13 +283,11 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         Path(__file__).with_name("page") / "report.html",
         title=results.title,
         origin=f"{', '.join(names)}. All numbers are in SI units.",
-        first=[*cautions, *(capitalised(one) for one in warnings if not weight(one))],
+        first=[capitalised(one) for one in warnings if not weight(one)],
         warnings=[capitalised(one) for one in warnings if 0 < weight(one) < NOTE],
         choices=[capitalised(one) for one in warnings if weight(one) == NOTE],
         headline=headline,
-        sections=_untold(
-            (picture for part_shown in parts for picture in part_shown.sections.items()), headline
-        ),
+        sections=[section for part_shown in parts for section in part_shown.sections.items()],
         details=[(n, [advice_of(results), *blocks]) for n, blocks in model.sections.items()],
         still=stills[0] if stills else None,
         pictures=[picture for picture in pictures if picture not in stills[:1]],
@@ -301,40 +299,7 @@ def page(results: SceneResults, parts: Sequence[Presentation]) -> str:
         live="" if data is None else live.embedded(data),
         drawn="" if data is None else live.caption(data),
     )
-    return with_remedy(html, results).replace(place, script)
-
-
-def _untold(
-    sections: Iterable[tuple[str, list[Any]]], headline: live.Headline | None
-) -> list[tuple[str, list[Any]]]:
-    """The sections without the sentences that the headline already contains."""
-    in_headline = {
-        live.comparable(sentence) for sentence in (headline.sentences if headline else ())
-    }
-    remaining = []
-    for heading, blocks in sections:
-        kept_blocks: list[Any] = []
-        for block in blocks:
-            if isinstance(block, list):
-                kept_blocks.append(_rows_untold(block, in_headline))
-            elif live.comparable(str(block)) not in in_headline:
-                kept_blocks.append(block)
-        remaining.append((heading, kept_blocks))
-    return remaining
-
-
-def _rows_untold(rows: list[tuple[str, object]], in_headline: set[str]) -> list[tuple[str, object]]:
-    """The rows whose values are not in the headline; a row without a name gets the name above
-    it.
-    """
-    remaining = []
-    name = ""
-    for row_name, value in rows:
-        name = row_name or name
-        if live.comparable(str(value)) not in in_headline:
-            remaining.append((name, value))
-            name = ""
-    return remaining
+    return html.replace(place, script)
 
 
 def _uncommented(scene: str) -> str:
@@ -343,7 +308,7 @@ def _uncommented(scene: str) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
 
 
-def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
+def _live(results: SceneResults) -> tuple[Data | None, Headline | None]:
     """(data of the live page, headline); None for scenes and sweeps."""
     fall = results.fall
     if fall is not None and hasattr(fall, "episodes"):
@@ -351,12 +316,8 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
 
         return falls.data_of_fall(fall, results.worst), falls.headline_of_fall(fall, results.worst)
     if results.map is not None:
-        alone: dict[int, History] = {}
-        file = _file_of(results)
-        headline = live.headline_of_map(results.map, results.structure, known=alone, file=file)
-        data = live_data.data_of_map(results.map, results.structure)
-        barred = {"barred": live.bars_of_sites(alone)}
-        return None if data is None else data | barred, headline
+        headline = headline_of_map(results.map, results.structure, _file_of(results))
+        return live_data.data_of_map(results.map, results.structure), headline
     hit = results.history
     if hit is None or isinstance(hit, SceneHistory):
         return None, None
@@ -364,10 +325,8 @@ def _live(results: SceneResults) -> tuple[Data | None, live.Headline | None]:
     data = live_data.data_of_history(hit, results.structure, budget)
     stresses = results.stresses or {}
     if data is not None:
-        data |= live.largest_stress(stresses, live.force_bar(budget))
-    return data, live.headline_of_history(
-        hit, results.structure, budget, stresses, _file_of(results)
-    )
+        data |= largest_stress(stresses, force_bar(budget))
+    return data, headline_of_history(hit, results.structure, budget, stresses, _file_of(results))
 
 
 def _file_of(results: SceneResults) -> str:

@@ -18,7 +18,6 @@ from antiosc.engine.contact.peak_error import TABOR, error_of_peak
 from antiosc.engine.contact.surfaces import RIGID, Matter, Surface, ball, matter_of
 from antiosc.impact.histories.bars import differences
 from antiosc.impact.law_error import strain_rate
-from antiosc_app import results
 
 YIELDING = [name for name in materials.names() if materials.record(name).yield_strength]
 STIFF = [name for name in materials.names() if not name.startswith(("wood", "rubber"))]
@@ -254,15 +253,6 @@ def test_nothing_prints_a_bar_without_the_error_of_its_law():
             assert ("(no error bar)" in text) != bool(barred)
         assert ("law" in budget.causes) == complete
     assert "give the yield strength or a material" in str(budgets()["unknown"].error_budget)
-
-
-def test_the_column_of_bars_of_a_sweep_has_none_where_the_law_s_error_is_not_known():
-    known, unknown, given = (budgets()[name].error_budget for name in ("known", "unknown", "given"))
-    (bars,) = results._bar_column([known, unknown]).values()
-    assert bars == pytest.approx([100 * known["peak_force"].total, np.nan], nan_ok=True)
-    assert results._bar_column([unknown, None]) == {}
-    assert results._without_bars([known, unknown, unknown, given]) == [unknown.footnote]
-    assert list(results._bar_column([given])) == ["± without the law (%)"]
 
 
 def test_the_row_of_the_law_is_what_other_strengths_change():

@@ -12,7 +12,7 @@ import antiosc as ao
 from antiosc.fem.mesh.room import largest_ball
 from antiosc.models.auto_contact import piercing
 from antiosc.reduce.site.surface import surface_at
-from antiosc_app.live import headline_of_history
+from antiosc_app.headline import headline_of_history
 
 pytestmark = pytest.mark.fem
 #: A base of 60 × 40 × 10 mm with a wall at x < 10 mm, 40 mm high.

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import ctypes
 import json
-import re
 import socket
 import time
 from types import SimpleNamespace
@@ -270,19 +268,3 @@ def test_a_striker_that_leaves_a_sheet_slowly_has_not_parted_from_it():
     assert not parted(run(0.5, end=2e-4))  # they touch
     assert not parted(run(0.19), least=0.2)
     assert parted(run(0.21), least=0.2)
-
-
-@pytest.mark.slow
-def test_remedies_on_the_page_begin_with_names_of_its_fields_and_buttons():
-    """Each alternative of `where_to_change`, by the strings of the page's program and its tags."""
-    page = "".join((SOURCE / "antiosc_app/page" / name).read_text() for name in PAGE_FILES)
-    names = {name for name in re.findall(r'["`>]([A-Za-z][^"`<$]+)', page) if len(name) > 2}
-    told = []
-    for path in SOURCE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "where_to_change":
-                told += [one.value for one in node.args[1:] if isinstance(one, ast.Constant)]
-    assert len(told) > 8
-    alternatives = [one.removeprefix("the field ") for text in told for one in text.split(", or ")]
-    unknown = [one for one in alternatives if not any(map(one.startswith, names))]
-    assert not unknown

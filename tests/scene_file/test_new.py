@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 import tomllib
 import warnings
@@ -453,28 +452,6 @@ def _sheet_with_a_tied_cell(path: Path) -> None:
     a, b = numbers_of[-1, :2].tolist()
     lines.append(inp.tied_cell({b: (1 / across, 2.0), a: (0.0, 2.0)}, (0.0, 0.25), "ALL"))
     path.write_text("\n".join([*lines, "*BOUNDARY", "FOOT, 1, 6", ""]))
-
-
-@pytest.mark.slow
-def test_a_deck_of_a_sheet_with_ties_tells_why_it_has_no_bar_of_the_mesh(tmp_path, capsys):
-    deck = tmp_path / "sheet.inp"
-    _sheet_with_a_tied_cell(deck)
-    scene = tmp_path / "a.toml"
-    assert cli.main(["new", str(scene), str(deck)]) == 0
-    # a slower contact: the cells are not too large for its waves
-    scene.write_text(scene.read_text().replace("radius = 0.04 ", "radius = 0.2 "))
-    page = tmp_path / "a.html"
-    out = ["--out", str(tmp_path / "out"), "--report", str(page)]
-    assert cli.main(["run", str(scene), *out]) == 0
-    report = re.sub("<script.*?</script>", "", page.read_text(), flags=re.DOTALL)
-    for told, below in ((capsys.readouterr().out, "site"), (report, 'class="verdict"')):
-        reason = "ties of nodes to others in their place keep the elements of a deck"
-        told = html.unescape(told)
-        number = told.index("N (no error bar)")
-        lack = told.index("There is no error bar. The mesh's error")
-        assert number < lack < told.index(reason) < told.index(below, number)
-        assert told.count("The mesh's error, and that of beams") == 1
-        assert "a finer deck" in told  # `size` is refused
 
 
 def test_a_deck_of_a_solid_with_a_rigid_body_has_a_bar_of_the_mesh(tmp_path, capsys):

@@ -348,7 +348,6 @@ def test_a_yield_strength_has_its_verdict(
     assert page.index("The contact yields: a dent") < page.index("which itself yields")
     (by_law,) = set(re.findall(r"that force may be off by ([\d.]+) %", page))
     (bar,) = set(re.findall(r"<dd[^>]*>[\d.]+ k?N ± ([\d.]+) %", page))
-    assert f"in impact 1 (± {bar} % by the force; that by" in page
     assert bar == by_law
     margin = json.loads((box_folder / "out/result.json").read_text())["worst"]["margin"]
     assert "outside 3 radii of the contact" in margin["sentence"]
@@ -519,10 +518,7 @@ def test_a_run_tells_the_margin_of_safety_and_probes_their_component(tmp_path, c
     assert margin["exposure"] == pytest.approx(float(judged) / 240, rel=5e-3)
     assert 0 < margin["exposure"] <= found["stress"]["von_mises"]["value"] / 240e6
     assert margin["reached"] == (margin["exposure"] >= 1) == (margin["margin"] <= 0)
-    sharp = margin["sharp"]  # what the sentence tells of the places that are left out
     assert margin["scope"] in margin["sentence"]
-    assert f"at {sharp['names']} an elastic stress has no limit" in margin["sentence"].lower()
-    assert f"up to {engineering(sharp['value'], 'Pa')}" in margin["sentence"]
     path.write_text(BRACKET + HIT.replace("2e-3", "3e-4") + '[stress]\nquantity = "stress"\n')
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     assert list(numbers(tmp_path / "out")["stress"]) == ["stress"]

@@ -13,7 +13,6 @@ import html.parser
 import io
 import json
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,16 +20,22 @@ import pytest
 
 import antiosc as ao
 import parts
-from antiosc.base.texts import engineering, percent
-from antiosc.impact.histories.bars import QUANTITIES, ErrorBar, ErrorBudget
-from antiosc_app import info, live as assets, report as output, results as shown
+from antiosc.base.texts import engineering
+from antiosc_app import (
+    headline,
+    info,
+    live as assets,
+    presentation,
+    report as output,
+    results as shown,
+)
 from antiosc_app.new import write_scene
 from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.run import SceneResults
 from antiosc_app.scene_file.scene import CompiledScene
 from antiosc_app.scene_file.schema import Output
 from browser import BROWSER, browse
-from scene_files import BEAM, PROBE, antiosc, numbers, table, written
+from scene_files import BEAM, PROBE, antiosc, numbers, written
 
 RNG = np.random.default_rng(5)
 MODEL = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[0.05], omega=[2e3])
@@ -146,22 +151,24 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     found = results(tmp_path, asked, map=Map(**{**vars(TWO), "plot": broken}))
     assert output.write_output(found, shown.presentations(found), tmp_path) == []
     assert found.warnings == ["map.png is not drawn: no colours."]
-    write = shown.Picture("a", "b", lambda path: path.write_bytes(b"png"))
-    fails, behind = (shown.Picture("c", "d", broken, same_view=k) for k in (False, True))
-    one, two = shown.drawn_pictures([write, fails, behind])
+    write = presentation.Picture("a", "b", lambda path: path.write_bytes(b"png"))
+    fails, behind = (presentation.Picture("c", "d", broken, same_view=k) for k in (False, True))
+    one, two = presentation.drawn_pictures([write, fails, behind])
     assert one[:3] == ("a", "b", f"data:image/png;base64,{base64.b64encode(b'png').decode()}")
     assert two[:3] == ("c", "Not drawn: no colours.", "")
 
 
 def test_bars_are_printed_with_two_digits():
-    text = shown.format_columns({"peak force (N)": [490.12, 1050.0], "± (%)": [5.2968, np.nan]})
+    text = presentation.format_columns(
+        {"peak force (N)": [490.12, 1050.0], "± (%)": [5.2968, np.nan]}
+    )
     assert text.splitlines()[1].split() == ["0.49012", "5.3"]
     assert text.splitlines()[2].split() == ["1.05", "–"]
 
 
 def test_names_in_pictures_are_no_formulas():
-    assert shown.escaped("$a$\n") == r"\$a\$?"
-    assert shown.escaped("x" * 61) == "x" * 57 + "…"
+    assert presentation.escaped("$a$\n") == r"\$a\$?"
+    assert presentation.escaped("x" * 61) == "x" * 57 + "…"
 
 
 def test_names_with_control_characters_are_refused(tmp_path):
@@ -231,9 +238,7 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
     assert "".join(page.text["pre"]) == BEAM + PROBE
     headings = ["Results", "Errors", "Pictures", "Model", "Origin", "Scene"]
     assert page.text["h2"] == headings
-    whole = ["Displacements", "Energies"]  # each is folded over the whole run, too
-    charts = [text for name in whole for text in (name, f"{name} over the whole run")]
-    pictures = ["Contact force", *charts, "Probes", "Deformed structure"]
+    pictures = ["Contact force", "Displacements", "Energies", "Probes", "Deformed structure"]
     assert page.text["h3"] == [*pictures, "Anti-oscillators", "Dynamic stiffness"]
     cells = page.text["td"]
     result = numbers(folder)
@@ -251,21 +256,10 @@ def test_the_page_holds_scene_model_errors_tables_and_pictures(made):
 def test_long_tables_and_the_time_after_the_contacts_are_folded(tmp_path):
     model = ao.AntiOscillators(m0=2e-3, k0=5e5, m=[5e-3] * 30, omega=2e3 * np.arange(1, 31) ** 3)
     late = ao.simulate(model, ao.RigidMass(0.02, 1.5), ao.Hertz(1e9), 0.1)
-    release = late.contacts[-1][1]
-    assert release < 0.02
     page = Page(ao.write_report(late, tmp_path / "late.html").read_text(encoding="utf-8"))
-    folded = ["Displacements over the whole run", "Energies over the whole run", "20 more rows"]
-    assert page.text["summary"] == folded
+    assert page.text["summary"] == ["20 more rows"]
     heads = [text for text in page.text["th"] if text.startswith("frequency")]
     assert heads == ["frequency (kHz)", "frequency (MHz)"]
-    axes = shown.new_figure((7.0, 3.4), shown=False).subplots()
-    shown.begun(lambda ax: shown.plot_motion(late, ax), 2 * release / 0.1, axes)
-    assert axes.get_xlim()[1] == pytest.approx(2e3 * release)  # in ms
-    low, high = axes.get_ylim()
-    for line in axes.lines:
-        seen = line.get_ydata()[line.get_xdata() <= 2e3 * release]
-        assert low < seen.min()
-        assert seen.max() < high
     early = Page(ao.write_report(HIT, tmp_path / "early.html").read_text(encoding="utf-8"))
     assert "summary" not in early.text
 
@@ -296,7 +290,7 @@ def test_hostile_names_are_text(tmp_path):
     assert page.tags.count("script") == 2
     assert "".join(page.text["h1"]).startswith("</pre><script>")
     assert "".join(page.text["pre"]) == text
-    assert len(page.images) == 8
+    assert len(page.images) == 6
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),")
 
 
@@ -323,7 +317,7 @@ def test_a_browser_shows_the_page(tmp_path):
     # the page as it is: its title has not been taken, and nothing of it was removed
     seen = browse("--disable-gpu", profile, "--dump-dom", f"file://{tmp_path}/report.html")
     assert "<title>taken" not in seen
-    assert seen.count("<figure ") == 8
+    assert seen.count("<figure ") == 6
     # a copy that may run one script, which measures what is shown
     probe = """<script>addEventListener("load", () => { document.title = "measured " +
         [...document.images].filter(i => !i.closest("details"))
@@ -400,31 +394,18 @@ def struck_beam(tmp_path_factory):
     return told.getvalue(), numbers(folder / "out"), (folder / "r.html").read_text()
 
 
-def test_the_speed_from_which_a_part_yields_is_told_everywhere(struck_beam):
-    told, found, report = struck_beam
-    speeds = found["stress"]["von_mises"]["yield_speeds"]
-    assert 2.0 < speeds["possible"] < speeds["certain"]
-    ends = (engineering(speeds[name], "m/s", 2) for name in ("possible", "certain"))
-    sentence = "may be reached from about {} on, and is certain from about {} on".format(*ends)
-    assert f"yield outside the contact {sentence}" in told
-    assert f"Yield outside the contact {sentence}" in html.unescape(report)
-
-
 def test_a_sweep_has_the_verdict_of_the_scenes_own_impact(struck_beam, tmp_path):
     """A clip had a table of forces up to ten times those at which it yields, without a word."""
     (tmp_path / "line.geo").write_text(LINE)
-    possible = struck_beam[1]["stress"]["von_mises"]["yield_speeds"]["possible"]
-    sweep = f"[sweep]\nimpactor.velocity = [{possible / 2}, {possible * 2}]\n"
+    sweep = "[sweep]\nimpactor.velocity = [1.0, 4.0]\n"
     path = written(tmp_path, STRUCK_BEAM + sweep)
     told = io.StringIO()
     with contextlib.redirect_stdout(told):
         assert antiosc("sweep", path, "--out", tmp_path, "--report", tmp_path / "r.html") == 0
     page = html.unescape((tmp_path / "r.html").read_text())
-    (sentence,) = re.findall(r"may be reached from about .*? on", struck_beam[0])
     for text in (told.getvalue(), page):
         assert shown.OWN_IMPACT in text
-        assert f"yield outside the contact {sentence}" in text
-        assert "of the 2 blows 50 % are at or above" in text
+        assert "yield is " in text
     stress = numbers(tmp_path)["nominal"]["stress"]
     assert stress == struck_beam[1]["stress"]
 
@@ -441,53 +422,25 @@ def test_a_study_has_the_errors_and_verdicts_of_the_run_without_random_values(
     with contextlib.redirect_stdout(told):
         assert antiosc("monte-carlo", path, "--out", tmp_path / "out") == 0
     of_run = {re.sub(r"^[a-z ]*  +", "", line) for line in struck_beam[0].splitlines()}
-    of_study = told.getvalue().partition("without random values:")[2].split("wrote ")[0]
+    of_study = told.getvalue().partition(shown.OWN_IMPACT)[2].split("wrote ")[0]
     lines = [re.sub(r"^[a-z ]*  +", "", line) for line in of_study.splitlines() if line]
-    (shares,) = set(lines) - of_run
-    for start in ("peak force ", "The contact yields", "yield is", "yield outside the contact"):
+    assert set(lines) <= of_run
+    for start in ("peak force ", "The contact yields", "yield is"):
         assert any(line.startswith(start) for line in lines)
     found = numbers(tmp_path / "out")
     assert found["monte_carlo"]["quantile"][:3] == [0.5, 0.95, 0.99]
-    speeds = np.abs(table(tmp_path / "out/monte_carlo.csv")["impactor.velocity"])
-    limits = found["nominal"]["stress"]["von_mises"]["yield_speeds"]
-    for end in ("possible", "certain"):
-        share = percent(np.mean(speeds >= limits[end]))
-        assert f"{share} are at or above {engineering(limits[end], 'm/s', 2)}" in shares
     assert found["nominal"]["result"]["peak_force"] == struck_beam[1]["result"]["peak_force"]
-
-
-def test_a_quantile_has_the_errors_of_runs_and_model_in_one_line():
-    """The factors of the model's error multiply the ends of the bar by the runs."""
-    drawn = SimpleNamespace(quantiles=(0.95,), quantile=lambda *_: SimpleNamespace(**ends))
-    ends = {"value": 288.64, "low": 285.62, "high": 294.14}
-    causes = dict.fromkeys(("mesh", "truncation", "time"), 0.0)
-    bars = {name: ErrorBar(1.0, **causes, patch=0.2) for name in QUANTITIES}
-    told = shown._quantiles_told(drawn, {"peak_force": "N"}, ErrorBudget(bars, 0.0))
-    assert told["value"] == ["289 N"]
-    assert told[shown.WHOLE_BAR] == ["228 N to 353 N"]
-    unknown = {name: replace(bar, law=None) for name, bar in bars.items()}
-    told = shown._quantiles_told(drawn, {"peak_force": "N"}, ErrorBudget(unknown, 0.0))
-    assert shown.WHOLE_BAR not in told
-
-
-def test_a_report_has_the_longest_cell_of_the_mesh_and_not_the_one_that_would_do(struck_beam):
-    report = re.sub(r"<[^>]+>", "|", struck_beam[2])
-    (told,) = re.findall(r"longest side or diagonal of an element\|+\s*\|*([\d.]+) mm", report)
-    (cells,) = re.findall(r"(\d+) interval cells", struck_beam[0])
-    assert float(told) == pytest.approx(1500 / int(cells), rel=0.01)  # they are alike
-    assert "elements suffice up to" in report
 
 
 def test_only_a_striker_chosen_by_name_has_the_name_of_a_standard(struck_beam):
     """A steel mass of 5 kg with a tip of 50 mm at 2 m/s has the energy of IK09, and is none."""
-    assert "striker       rigid mass of 5.00 kg at 2.00 m/s, tip radius 50.0 mm" in struck_beam[0]
     assert "A rigid mass of 5.00 kg at 2.00 m/s strikes" in struck_beam[2]
     told = re.sub(
         r"<[^>]*>|[\w+/=]{200,}", " ", struck_beam[0] + struck_beam[2]
     )  # without its data
     assert not re.search("IK\\d+", told)
-    assert assets.striker_text(ao.named_impactor("IK09")) == "IK09 hammer of 5.00 kg at 2.00 m/s"
-    assert "hammer" not in assets.striker_text(ao.named_impactor("IK09", 3.0))
+    assert headline.striker_text(ao.named_impactor("IK09")) == "IK09 of 5.00 kg at 2.00 m/s"
+    assert "IK" not in headline.striker_text(ao.named_impactor("IK09", 3.0))
 
 
 def test_a_run_tells_the_shares_of_the_force_once(struck_beam):
@@ -511,7 +464,7 @@ def test_the_force_has_one_error_in_a_summary():
 
 def test_a_probe_tells_where_it_lies(struck_beam):
     """The axis of the beam is 13 mm off the point given."""
-    off = "it lies at (300, 0, 0) mm, 13.0 mm from the point given"
+    off = "it lies at (300, 0, 0) mm"
     assert off in struck_beam[0]
     assert off in struck_beam[2]
     np.testing.assert_allclose(struck_beam[1]["probes"]["p"]["point"], [0.3, 0, 0], atol=1e-12)

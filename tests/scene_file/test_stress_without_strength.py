@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc_app import live, results
+from antiosc_app import headline, results
 from antiosc_app.scene_file.scene import by_strengths
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")]
@@ -28,7 +28,7 @@ def held(part, site, striker=DROPPED, strength=None):
     law = ao.Hertz(stiffness() if striker is BALL else 2e9)
     hit = ao.simulate(model, striker, law, 1e-3)
     fields = by_strengths(structure, hit)
-    judged = live.largest_stress(fields, live.force_bar(hit.error_budget))
+    judged = headline.largest_stress(fields, headline.force_bar(hit.error_budget))
     return judged, fields, structure, hit
 
 
@@ -43,8 +43,8 @@ def test_a_largest_stress_is_that_of_the_same_blow_on_a_part_with_a_strength(par
     names = ("stress", "stress_bar", "stress_note", "scope", "stress_place", "stress_time")
     assert {name: bare[name] for name in names} == {name: known[name] for name in names}
     (row, *_) = results._stress_rows(fields, 0.0)
-    told = live.stress_sentences(fields, 0.0)[0]
-    head = live.headline_of_history(same, structure, same.error_budget, fields)
+    told = headline.stress_sentences(fields, 0.0)[0]
+    head = headline.headline_of_history(same, structure, same.error_budget, fields)
     for text in (row[1], told, " ".join(head.sentences)):
         assert "no yield strength" in text
         assert ("rigidly held faces" in text) == (part == "solid")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from dataclasses import replace
 from html import unescape
@@ -14,8 +13,7 @@ import pytest
 
 import antiosc as ao
 import sheets
-import stretched
-from abaqus_decks import plate_deck, tied_cell
+from abaqus_decks import plate_deck
 from antiosc.base.errors import (
     AccuracyWarning,
     ChoiceWarning,
@@ -28,10 +26,8 @@ from antiosc.base.errors import (
 )
 from antiosc.base.texts import percent
 from antiosc.impact import stretching
-from antiosc.impact.histories.bars import CAUSES
 from antiosc.models.stretch import NARROWED
-from antiosc_app import cli, live
-from antiosc_app.opened import Opened
+from antiosc_app import cli
 from antiosc_app.scene_file import run
 from scene_files import antiosc, written
 
@@ -82,76 +78,6 @@ def test_what_questions_the_numbers_comes_first_and_nothing_twice():
     with run.collected_warnings(again):
         pass
     assert again == in_order
-
-
-@pytest.mark.fem
-@pytest.mark.parametrize("strength", ["", STRENGTH])
-@pytest.mark.slow
-def test_a_run_and_its_report_tell_the_doubt_of_the_force_before_it(tmp_path, capsys, strength):
-    written(tmp_path, plate_deck(6), "plate.inp")
-    scene = written(tmp_path, SCENE.format(strength=strength))
-    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
-    said = capsys.readouterr()
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for text in (said.out, page):
-        force = re.search("[\n>]peak force", text).start()
-        first = text.index("There is no error bar")
-        assert first < text.index("The cell at the site measures") < force
-        assert text.count("The cell at the site measures") == 1
-        assert (
-            "(refine in [deck], or size in [deck], which halves all cells: each time 4 times as"
-            in text
-        )
-        assert "refine, or size" not in text
-        assert "adds to it, and is not known" in text  # the force of the stress
-    assert said.err.startswith("warning: of plate.inp are not taken")
-    assert "The cell at the site" not in said.err
-    assert page.index("are not taken") > force
-
-
-@pytest.mark.fem
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-@pytest.mark.slow
-def test_a_deck_that_keeps_its_elements_is_not_told_to_compare_two_cell_sizes(tmp_path, capsys):
-    tied = tied_cell({49: (1.0, 1.0), 42: (1.0, 5 / 6)}, (0.2, 0.0), "all")
-    written(tmp_path, plate_deck(6).replace("*STEP", f"{tied}\n*STEP"), "plate.inp")
-    scene = written(tmp_path, SCENE.format(strength=STRENGTH))
-    assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
-    for text in (capsys.readouterr().out, (tmp_path / "page.html").read_text(encoding="utf-8")):
-        assert live.COMPARED not in text
-        assert "size in [deck]" not in text
-    part = Opened(tmp_path / "plate.inp", unit="m")
-    try:
-        setup = json.loads(json.dumps(part.calls["look"]({})["setup"])) | {"n": 10}
-        asked = {"tab": "a", "turn": 1, "setup": setup | {"duration": 0.02}}
-        about = part.calls["settle"](asked)["about"]
-        told = part.calls["verdict"](asked)
-        judged = told["judged"]
-    finally:
-        part.close()
-    assert "strikes plate.inp at" in about
-    assert "assembly of" not in about
-    assert "force not estimated" in judged["stress_note"]
-    assert live.COMPARED not in " ".join([judged["stress_note"], *told["verdict"]])
-
-
-@pytest.mark.fem
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-@pytest.mark.parametrize("cell", sheets.CELLS)
-def test_the_remedy_of_a_bar_that_lacks_the_mesh_is_one_that_exists(cell):
-    part = sheets.plate(8, 0.001, cell=cell)
-    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
-    model = ao.extract(part, site, n=10, stretch="auto")
-    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e8), 5e-3)
-    budget = hit.error_budget
-    note = budget.no_mesh
-    possible = "extract with stretch and the error 'estimate'" in note
-    assert possible == live.has_bars(part)
-    assert "compare two sizes of the cells" in note or possible
-    headline = live.headline_of_history(hit, part, budget, {})
-    assert headline.footnote == f"There is no error bar. {note}"
-    assert "±" not in "".join(dict(headline.numbers).values())
-    assert note not in " ".join([headline.caution, *headline.sentences])
 
 
 @pytest.mark.fem
@@ -250,43 +176,6 @@ def test_a_peak_before_the_sheet_stretches_has_no_share_of_its_later_deflection(
     assert early["impulse"] == late["impulse"]
 
 
-@pytest.mark.fem
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-@pytest.mark.parametrize("stretch", [2, "auto"])
-def test_more_second_order_modes_are_the_remedy_only_where_there_are_more(stretch):
-    part = sheets.plate(12, 0.001)
-    site = ao.Site((0.5, 0.45, 0.0), (0, 0, -1))
-    model = ao.extract(part, site, n=100, stretch=stretch)
-    hit = ao.simulate(model, ao.RigidMass(0.2, 3.0), ao.Hertz(1e7), 1e-2)
-    verdict = " ".join(live.headline_of_history(hit, None, hit.error_budget, {}).sentences)
-    told = verdict.split("comes from the stretch, ")[1].split(":")[0]
-    bar = hit.error_budget["peak_force"]
-    large = [share for c in CAUSES if (share := getattr(bar, c)) >= live.LEAST_TOLD]
-    assert re.findall(r"\S+ %", told) == [percent(share) for share in sorted(large)[::-1]]
-    assert ("larger number of motions" in verdict) == (stretch == 2)
-    assert (NARROWED in verdict) == (stretch == "auto")
-
-
-@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")
-@pytest.mark.parametrize("tol", [1e-3, 0.5])
-def test_a_smaller_tol_is_no_remedy_where_no_more_motions_are_taken(tol, monkeypatch):
-    """Those of the last motions have no bounded energy, so that fewer than there are remain."""
-    body = stretched.model("auto", size=5)
-    marched = stretching.with_rows
-
-    def with_unbounded(a, by_body):
-        (forces,) = by_body.values()
-        sign = -1e3 if forces.size == body.stretch.size else 1.0
-        return marched(a, {"structure": replace(forces, cubic=sign * forces.cubic)})
-
-    monkeypatch.setattr(stretching, "with_rows", with_unbounded)
-    law = ao.Power(5e8, 1.5)
-    hit = ao.simulate(body, ao.RigidMass(0.3, velocity=1.0), law, 0.008, tol=tol)
-    assert hit.assembly.stretched["structure"].size < body.stretch.size
-    assert ("smaller tol" in live._remedy_of_stretch(hit)) == (tol == 0.5)
-    assert (NARROWED in live._remedy_of_stretch(hit)) == (tol == 1e-3)
-
-
 def test_a_warning_that_no_command_collects_is_one_line_and_told_once(capsys, monkeypatch):
     def warning(_arguments: object) -> int:
         for _ in range(2):
@@ -307,7 +196,5 @@ def test_the_program_of_a_report_is_the_one_that_its_policy_permits(tmp_path):
     assert antiosc("run", scene, "--report", tmp_path / "page.html") == 0
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     (program,) = re.findall(r"<script>(.+?)</script>", html, re.S)
-    assert live.ASKED_STRENGTH in program
     digest = hashlib.sha256(program.encode()).digest()
     assert f"'sha256-{base64.b64encode(digest).decode()}'" in unescape(html)
-    assert "give yield_strength in [deck]" in html

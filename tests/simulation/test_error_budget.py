@@ -26,7 +26,8 @@ from antiosc.impact.histories import bars
 from antiosc.impact.histories.bars import CAUSES, FLOOR, NO_BAR, NO_ERROR, QUANTITIES, differences
 from antiosc.impact.reference import Refinement
 from antiosc.models.body import ModalModel, ModelInfo
-from antiosc_app.live import _bars, force_bar
+from antiosc_app.headline import force_bar
+from antiosc_app.live import _bars
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

@@ -30,7 +30,7 @@ from antiosc.impact.stretching import (
 )
 from antiosc.impact.truncation import WARN_SHARE, truncation_share
 from antiosc.models.stretch import Stretch
-from antiosc_app import live
+from antiosc_app import headline, live
 from stretched import model
 
 DURATION = 0.008
@@ -382,4 +382,4 @@ def test_what_stretches_is_told_and_a_striker_that_does_is_not_on_the_page():
     other = ao.simulate(rigid, struck, LAW, DURATION, initial_velocity=1.0)
     assert other.assembly.stretched
     assert live.blow_of_history(other, None) is None
-    assert set(live.REMEDIES) >= set(CAUSES)
+    assert set(headline.REMEDIES) >= set(CAUSES)

@@ -70,7 +70,6 @@ DOING_UNASKED = {
     "by_strengths": DOING["stress"],
     "worst_by_strengths": DOING["stress"],
     "Nominal": "simulating the scene's own impact",
-    "with_yield_speeds": "looking for the speed from which the part yields",
     "_stretching.<locals>.stretching": "computing the second-order forces",
     "_model.<locals>.model_without_shapes": DOING["extract"],
 }

@@ -22,7 +22,6 @@ from antiosc_app.scene_file.scene import (
     worst_by_strengths,
 )
 from antiosc_app.scene_file.schema import SECTIONS, SOURCES, headed
-from antiosc_app.yielding import with_yield_speeds
 
 _MANY = "contacts bodies run"
 _ONE = "simulate strike"
@@ -121,9 +120,6 @@ def compiled(document: Document) -> CompiledScene:
         scene.impactor, scene.contact = pair(build)
         single(build, scene)
     set_requested(build, scene)
-    if scene.stresses is not None:
-        known = {"structure": scene.structure, "history": scene.history, "fields": scene.stresses}
-        scene.stresses = Call(with_yield_speeds, known)
     if "drop" in build.data:
         scene.fall = build.table("drop", given={"part": scene.structure})
         arguments = {"self": scene.fall}

@@ -40,7 +40,6 @@ from antiosc_app.scene_file.schema import (
     VARIED,
     parameters,
 )
-from antiosc_app.words import of_scenes
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -87,12 +86,12 @@ def results(
 
 @contextlib.contextmanager
 def collected_warnings(sentences: list[str]) -> Iterator[None]:
-    """Context that collects warnings in the words of a scene, each once, by weight; after an error
-    they are printed, as they may explain it.
+    """Context that collects warnings, each once, by weight; after an error they are printed, as
+    they may explain it.
     """
 
     try:
-        with warnings_to(lambda sentence: sentences.append(of_scenes(sentence))):
+        with warnings_to(sentences.append):
             yield
     except AntioscError:
         for sentence in by_weight(sentences):

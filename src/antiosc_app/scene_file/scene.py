@@ -28,6 +28,7 @@ from antiosc.base._types import Array
 from antiosc.base.errors import (
     AccuracyWarning,
     AntioscError,
+    InputError,
     Message,
     finite_element_packages,
     warn,
@@ -544,7 +545,10 @@ def shock(
         from antiosc.extension import spectra_at
     messages: list[str] = []
     with warnings_to(messages.append):
-        found = spectra_at(structure, history, **asked)
+        try:
+            found = antiosc.probe_srs(structure, history, **asked)
+        except InputError:  # without bars where the impact cannot be repeated
+            found = spectra_at(structure, history, **asked)
     for message in messages:
         warn(Message(f"probe {name}: {message}", AccuracyWarning))
     return replace(found, asked=_told_at(told_at))

@@ -29,7 +29,7 @@ from antiosc.recovery.mesh_fields import recovered
 from antiosc.recovery.place import Place
 from antiosc.reduce.extraction.stretching import second_order_energies, with_stretch
 from antiosc.strikes import second_order
-from antiosc_app import live
+from antiosc_app import headline
 from antiosc_app.live_meshes import sites_of_map
 from antiosc_app.scene_file.scene import by_strengths
 from antiosc_decks.shared_nodes import SharedNodes
@@ -750,7 +750,7 @@ def test_a_blow_far_beyond_second_order_strain_is_refused_at_once(solid, monkeyp
     assert budget["peak_force"].total is None
     assert budget.no_mesh.startswith("The part deflects by ")
     assert by_strengths(part, hit) == {}
-    assert live.cautions_of(hit, part, budget, {}).startswith("The part deflects by ")
+    assert headline.caution_of(hit, budget).startswith("The part deflects by ")
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1, None])

@@ -100,5 +100,3 @@ def test_interpolated_rigid_motions_have_no_strain(order):
     assert np.allclose(up @ np.ones(up.shape[1]), 1.0)
     moved = up @ part.rigid_modes
     assert np.abs(K @ moved).max() < 1e-9 * abs(K).max() * np.abs(moved).max()
-
-

@@ -10,7 +10,6 @@ import pytest
 import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.platform import compat
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.reduce.error.model_errors import _angles, flat_cells
 from antiosc.reduce.error.recovery import STRAIN_PLACES, gram, stiffness, strain_errors
@@ -22,7 +21,9 @@ pytestmark = pytest.mark.filterwarnings(
 )
 
 
-@pytest.mark.parametrize(("y", "radius", "factor"), [(0.04, 0.018, 2**0.5), (0.04, 0.036, 0.5**0.5)])
+@pytest.mark.parametrize(
+    ("y", "radius", "factor"), [(0.04, 0.018, 2**0.5), (0.04, 0.036, 0.5**0.5)]
+)
 @pytest.mark.filterwarnings("ignore:an edge cuts the patch")
 def test_second_radius_is_a_second_extraction(y, radius, factor):
     """The change of the part's compliance between two radii, from two models."""

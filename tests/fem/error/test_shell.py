@@ -8,21 +8,16 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.platform import compat
-from antiosc.fem.structure.structure import on_mesh
 from antiosc.impact.histories.bars import QUANTITIES, differences
 from sheets import (
     NU,
     RHO,
-    RIB,
     SHEET,
     E,
     at,
     edges,
     flipped,
-    grouped,
-    interpolated,
     plate,
     rectangle,
     sheet,

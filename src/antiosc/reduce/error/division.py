@@ -111,9 +111,7 @@ class Division:
         of_input = np.bincount(parent, np.maximum(energies, 0.0))
         return np.asarray(of_input[coarse.original_cell_index])
 
-    def _loaded(
-        self, model: AntiOscillators, part: str | None
-    ) -> tuple[Structure, Array, Array]:
+    def _loaded(self, model: AntiOscillators, part: str | None) -> tuple[Structure, Array, Array]:
         """(the divided structure, the shapes of a model as its displacements (rows, N + 1), their
         loads).
         """

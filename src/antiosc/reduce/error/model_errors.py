@@ -123,9 +123,7 @@ def _of_theory(part: MeshedStructure, site: Functional) -> ShellDisc | str | Non
         return OF_BEAMS
     if not part.kind.sheet or site.point is None or site.direction is None or site.radius is None:
         return None
-    contact = located(
-        part, site.point[None], site.direction[None], np.array([site.radius])
-    ).contact
+    contact = located(part, site.point[None], site.direction[None], np.array([site.radius])).contact
     assert contact is not None  # with a radius
     material = part.parts[int(contact.label[0])][0]
     if not isinstance(material, Shell):
@@ -177,8 +175,10 @@ def _angles(x: Array, corners: IntArray) -> Array:
     points = x[corners]
     along = points[:, -1] - points[:, 0]
     if corners.shape[1] > 2:
-        along = np.cross(along if corners.shape[1] == 4 else points[:, 1] - points[:, 0],
-                         points[:, 2] - points[:, 1 if corners.shape[1] == 4 else 0])
+        along = np.cross(
+            along if corners.shape[1] == 4 else points[:, 1] - points[:, 0],
+            points[:, 2] - points[:, 1 if corners.shape[1] == 4 else 0],
+        )
     unit = along / np.linalg.norm(along, axis=1, keepdims=True)
     places = {2: [[0], [1]], 3: [[0, 1], [0, 2], [1, 2]], 4: [[0, 1], [0, 2], [1, 3], [2, 3]]}
     sides = [corners[:, place] for place in places[corners.shape[1]]]

@@ -1,0 +1,203 @@
+"""How a result is shown: pictures, tables as text, and the parts of its presentation."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from antiosc import AntiOscillators
+from antiosc.base import progress
+from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError
+from antiosc.base.texts import prefixed
+from antiosc.plot.charts import legend_beside, new_figure, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Most curves of one chart.
+CURVES = 12
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a report.
+
+    Attributes
+    ----------
+    heading, caption : description of the picture, with units.
+    draw : function that writes it to a file with this ending.
+    same_view : whether it shows the same as the previous picture, and is left out if that failed.
+    """
+
+    heading: str
+    caption: str
+    draw: Callable[[Path], object]
+    ending: str = ".png"
+    same_view: bool = False
+
+
+class Drawn(NamedTuple):
+    """A picture with its data URL, which is empty if it could not be drawn; the caption says
+    why.
+    """
+
+    heading: str
+    caption: str
+    data: str
+
+
+def drawn_pictures(pictures: Iterable[Picture]) -> Iterator[Drawn]:
+    """Draw pictures as data URLs; every rank must call it, since fields are distributed."""
+    data_url = ""
+    for picture in pictures:
+        if picture.same_view and not data_url:
+            continue
+        caption = picture.caption
+        data_url = ""
+        with progress.doing(f"drawing: {picture.heading}"), tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / f"picture{picture.ending}"
+            try:
+                picture.draw(path)
+                kind = {".svg": "svg+xml"}.get(picture.ending, "png")
+                content = base64.b64encode(path.read_bytes()).decode("ascii")
+                data_url = f"data:image/{kind};base64,{content}"
+            except (AntioscError, ValueError) as error:  # ValueError: a name read as a formula
+                caption = f"Not drawn: {error}"
+        yield Drawn(picture.heading, caption, data_url)
+
+
+def chart(heading: str, caption: str, fill: Callable[[Axes], object]) -> Picture:
+    """A picture that a function draws into new axes."""
+
+    def draw(path: Path) -> None:
+        figure = new_figure((7.0, 3.4), shown=False)
+        fill(figure.subplots())
+        save_figure(figure, path)
+
+    return Picture(heading, caption, draw, ".svg")
+
+
+def curves(series: Iterable[tuple[str, Array, Array]], y: str, ax: Axes) -> None:
+    """Draw curves over time: (name, times in s, values)."""
+    for name, time, values in islice(series, CURVES):
+        ax.plot(1e3 * time, values, lw=1.2, label=escaped(name))
+    ax.set_xlabel("time (ms)")
+    ax.set_ylabel(y)
+    legend_beside(ax)
+
+
+def spectrum(model: AntiOscillators, ax: Axes) -> None:
+    """Draw frequency and mass of each anti-oscillator."""
+    has_sites = np.ndim(model.k0) > 0
+    height = model.mass_shares if has_sites else model.m
+    ax.vlines(model.omega / (2 * np.pi), 0, height, lw=1.5)
+    ax.plot(model.omega / (2 * np.pi), height, "o", ms=4)
+    if model.n and np.max(model.omega) > 30 * np.min(model.omega[model.omega > 0], initial=np.inf):
+        ax.set_xscale("log")
+    ax.set_ylim(bottom=0)
+    ax.set_xlabel("frequency (Hz)")
+    ax.set_ylabel("share of the static mass" if has_sites else "mass (kg)")
+
+
+def escaped(name: str) -> str:
+    """A name from the scene as plain text in a picture, without formulas."""
+    printable = "".join(c if c.isprintable() else "?" for c in name.replace("$", r"\$"))
+    if len(printable) <= 60:
+        return printable
+    return f"{printable[:57]}…"
+
+
+#: (name, value) rows; a table as name of a column -> its values.
+Rows: TypeAlias = list[tuple[str, str]]
+Columns: TypeAlias = dict[str, Any]
+#: A block below a heading: names and values, a table of columns, a sentence, or nothing.
+Block: TypeAlias = Rows | Columns | str
+
+#: Largest number of rows of a table that are printed; the files contain all.
+ROWS = 30
+# -- texts and tables
+
+
+def format_rows(rows: Rows) -> str:
+    """Names and values in two columns."""
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
+
+
+def format_columns(table: Columns) -> str:
+    """A table as text, units with prefixes; only the first rows of a long one."""
+    columns = with_prefixes(table)
+    rows = list(zip(*columns.values(), strict=True))
+    cells = [list(columns), *([format_number(value) for value in row] for row in rows[:ROWS])]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    pairs = [zip(row, widths, strict=True) for row in cells]
+    text = ["  ".join(f"{cell:>{width}}" for cell, width in row).rstrip() for row in pairs]
+    if len(rows) > ROWS:
+        text.append(f"… and {len(rows) - ROWS} more rows (the .csv file has all)")
+    return "\n".join(text)
+
+
+def with_prefixes(table: Columns) -> dict[str, list[object]]:
+    """The columns of a table with units in the prefix that suits the largest value."""
+    return dict(_column(name, list(values)) for name, values in table.items())
+
+
+def _column(name: str, values: list[object]) -> tuple[str, list[object]]:
+    """(name, values) of a column named as "contact time (s)", scaled to "(µs)" if that fits."""
+    title, _, unit = name.partition(" (")
+    if unit == "%)":  # error bars: their further digits mean nothing
+        return name, [float(f"{value:.2g}") for value in values]
+    if not unit or not all(isinstance(v, float | np.floating) for v in values):
+        return name, values
+    numbers = np.array(values, dtype=float)
+    largest = max(np.abs(numbers[np.isfinite(numbers)]), default=0.0)
+    factor, prefixed_unit = prefixed(largest, unit.rstrip(")"))
+    return f"{title} ({prefixed_unit})", list(factor * numbers)
+
+
+def format_number(value: object) -> str:
+    """A number to five digits; a dash if it is not finite."""
+    if isinstance(value, float | np.floating):
+        if np.isfinite(value):
+            return f"{value:.5g}"
+        return "–"
+    return str(value)
+
+
+def spaced(name: str) -> str:
+    """The name with blanks in place of underscores."""
+    return name.replace("_", " ")
+
+
+@dataclass
+class Presentation:
+    """The parts of a result's presentation, made on every rank since fields are distributed.
+
+    Attributes
+    ----------
+    text : text for the terminal.
+    asked : numbers that stand beside those of the headline of a report.
+    tables : file -> its columns.
+    numbers : numbers for result.json.
+    plotted : name of a file -> object with a method `plot`.
+    fields : file -> function that writes it.
+    sections : heading of a report -> blocks below it.
+    pictures : pictures of a report.
+    """
+
+    text: Sequence[str] = ()
+    asked: Sequence[tuple[str, str]] = ()
+    tables: dict[str, Columns] = field(default_factory=dict)
+    numbers: dict[str, object] = field(default_factory=dict)
+    plotted: dict[str, object] = field(default_factory=dict)
+    fields: dict[str, Callable[[Path], Path]] = field(default_factory=dict)
+    sections: dict[str, list[Block]] = field(default_factory=dict)
+    pictures: Sequence[Picture] = ()

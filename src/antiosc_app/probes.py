@@ -1,0 +1,267 @@
+"""The probes of a scene: values by component, the largest value with its bar, spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antiosc import SceneHistory
+from antiosc.base._types import Array
+from antiosc.base.errors import AntioscError, without_warnings
+from antiosc.base.plausible import GRAVITY
+from antiosc.base.texts import engineering, plain, point_text, prefixed
+from antiosc.extension import ProbeError
+from antiosc_app.presentation import CURVES, Columns, Rows, curves, spaced
+from antiosc_app.scene_file.build import Call, Evaluation
+from antiosc_app.scene_file.run import SceneResults
+from antiosc_app.scene_file.scene import place_of, probe_times
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from antiosc import ProbeSpectra
+
+#: Units of the quantities of probes.
+UNITS = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s²",
+    "rotation": "rad",
+    "stress": "Pa",
+    "von_mises": "Pa",
+}
+#: Number of section forces -> their names and units.
+SECTION_FORCES = {
+    1: {"N": "N"},
+    3: {"N": "N", "V": "N", "M": "N m"},
+    6: {"N": "N", "Vy": "N", "Vz": "N", "T": "N m", "My": "N m", "Mz": "N m"},
+    8: dict.fromkeys(("N1", "N2", "N12"), "N/m")
+    | dict.fromkeys(("M1", "M2", "M12"), "N m/m")
+    | dict.fromkeys(("Q1", "Q2"), "N/m"),
+}
+
+
+class Probe:
+    """One probe: its quantity, filter, times [s], and values (n, c) by component.
+
+    `error` : the error of its largest value; None if it is not known.
+    `point` : where it lies [m]; None if that is not known.
+    `shock` : its shock response spectra, if the scene asks for them.
+    """
+
+    def __init__(self, results: SceneResults, name: str) -> None:
+        call = results.compiled.probes[name]
+        given = call.arguments
+        self.name = name
+        self.shock: ProbeSpectra | None = results.spectra.get(name)
+        self.quantity: str = given.get("quantity", "displacement")
+        self.filter: str | None = given.get("filter")
+        times = given.get("times", results.history.time)
+        times = probe_times(results.history) if isinstance(times, Call) else times
+        self.times = np.reshape(times, -1).astype(float)
+        values: Array = np.asarray(results.probes[name])
+        self.tensor = values.ndim == 3
+        if self.tensor:  # the components of a symmetric one
+            values = values[:, *np.triu_indices(values.shape[1])]
+        self.scalar = values.ndim == 1
+        self.values = values.reshape(len(values), -1)
+        self.error = _error(results, call)
+        self.point = _point(results, call)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether its largest value is that of the magnitude."""
+        return self.quantity in UNITS and not self.tensor and len(self.units()) > 1
+
+    def units(self) -> dict[str, str]:
+        """Component -> unit, one for each column; "" is the component of a scalar."""
+        unit = UNITS.get(self.quantity, "")
+        count = self.values.shape[1]
+        if self.scalar:
+            return {"": unit}
+        if self.tensor:
+            names = "xx xy xz yy yz zz" if count == 6 else "xx xy yy"
+            return dict.fromkeys(names.split(), unit)
+        if self.quantity == "section_forces":
+            return SECTION_FORCES[count]
+        in_plane = (self.quantity, count) == ("rotation", 1)
+        return dict.fromkeys("z" if in_plane else "xyz"[:count], unit)
+
+    def table(self) -> Columns:
+        """The components as columns of a file."""
+        columns: Columns = {}
+        for (component, unit), values in zip(self.units().items(), self.values.T, strict=True):
+            told = ", ".join(filter(None, (unit, self.filter)))
+            heading = f"{self.name} {component}".rstrip()
+            columns[f"{heading} ({told})" if told else heading] = values
+        return columns
+
+    def shock_table(self) -> Columns:
+        """The frequencies and the largest absolute responses as columns of a file."""
+        assert self.shock is not None
+        unit = ", ".join(filter(None, ("m/s²", self.filter)))
+        columns: Columns = {"frequency (Hz)": self.shock.largest.frequency}
+        for component, spectrum in self.shock.spectra.items():
+            columns[f"{self.name} {component} ({unit})"] = spectrum.maximax
+            if spectrum.bar is not None:
+                columns[f"{self.name} {component} ± ({unit})"] = spectrum.bar
+        return columns
+
+    def peak(self) -> Columns:
+        """The largest value: of a vector its magnitude, of other quantities one component.
+
+        Keys: quantity, filter, component ("magnitude"; "" of a scalar), value, unit, time, g of
+        accelerations, axis: component, value and time of the largest component of a vector;
+        truncation, force, error: the shares of its relative error and their sum, None if unknown.
+        """
+        values, units = self.values, self.units()
+        if self.is_vector:
+            values = np.linalg.norm(values, axis=1)[:, None]
+            units = {"magnitude": next(iter(units.values()))}
+        component, row, value = _largest_of(values, units)
+        error = self.error
+        peak: Columns = {
+            "quantity": self.quantity,
+            "filter": self.filter,
+            "component": component,
+            "value": value,
+            "unit": units[component],
+            "time": float(self.times[row]),
+            "truncation": None if error is None else error.truncation,
+            "force": None if error is None else error.force,
+            "error": None if error is None or error.force is None else float(error),
+        }
+        if self.is_vector:
+            axis, row, along = _largest_of(self.values, self.units())
+            peak["axis"] = {"component": axis, "value": along, "time": float(self.times[row])}
+        if self.quantity == "acceleration":
+            peak["g"] = value / GRAVITY
+        return peak
+
+    def numbers(self) -> Columns:
+        """The largest value, its point, and that of the spectrum."""
+        numbers = self.peak()
+        if self.point is not None:
+            numbers["point"] = self.point
+        if self.shock is not None:
+            numbers["srs"] = self.shock.numbers()
+        return numbers
+
+    def rows(self) -> Rows:
+        """The largest value with its bar, where it lies, and its spectrum, in words."""
+        rows = [(f"probe {self.name}", self.text())]
+        if self.point is not None:
+            rows.append(("", f"it lies at {point_text(self.point)}"))
+        if self.shock is not None:
+            rows.append(("", self.shock.sentence))
+        return rows
+
+    def text(self) -> str:
+        """The largest value in words."""
+        peak = self.peak()
+        label = f"{spaced(peak['quantity'])} {peak['component']}".rstrip()
+        through = f" through {peak['filter']}" if peak["filter"] else ""
+        value = engineering(peak["value"], peak["unit"], 4)
+        bar = "" if self.error is None else f" {self.error}"
+        g = f" ({plain(peak['g'], 4)} g)" if "g" in peak else ""
+        told = f"{label}{through}: largest {value}{bar}{g} at {engineering(peak['time'], 's')}"
+        if "axis" not in peak:
+            return told
+        axis = engineering(peak["axis"]["value"], peak["unit"], 4)
+        return f"{told}; largest component {peak['axis']['component']}, {axis}"
+
+    def fact(self) -> tuple[str, str]:
+        """Name and largest value with its bar, for a headline."""
+        peak = self.peak()
+        name = ", ".join(filter(None, (f"{self.name}: {spaced(self.quantity)}", self.filter)))
+        bar = "" if self.error is None else f" {self.error}"
+        return name, f"{engineering(peak['value'], peak['unit'])}{bar}"
+
+    def signal(self) -> tuple[str, Array, Array, str]:
+        """(name, times, values, unit) of the component with the largest value."""
+        k = int(np.argmax(np.abs(self.values).max(axis=0)))
+        component, unit = list(self.units().items())[k]
+        name = " ".join(filter(None, (self.name, component, self.filter)))
+        return name, self.times, self.values[:, k], unit
+
+
+def probes_of(results: SceneResults) -> list[Probe]:
+    """The probes of a scene. All ranks must call it."""
+    return [Probe(results, name) for name in results.probes or ()]
+
+
+def files_of(probes: Sequence[Probe]) -> dict[str, Columns]:
+    """File -> columns: signals and spectra; those over the same first column are in one file."""
+    signals = [{"time (s)": probe.times, **probe.table()} for probe in probes]
+    spectra = [probe.shock_table() for probe in probes if probe.shock is not None]
+    return _joined("probes", signals) | _joined("srs", spectra)
+
+
+def draw_signals(probes: Sequence[Probe], ax: Axes) -> None:
+    """Draw the signals of probes in their unit; with several units as shares of their maxima."""
+    signals = [probe.signal() for probe in probes[:CURVES]]
+    largest = [float(np.abs(values).max()) for _, _, values, _ in signals]
+    kinds = {(probe.quantity, signal[3]) for probe, signal in zip(probes, signals, strict=False)}
+    if len(kinds) == 1:
+        ((quantity, unit),) = kinds
+        factor, scaled = prefixed(max(largest), unit)
+        series = [(name, time, factor * values) for name, time, values, _ in signals]
+        curves(series, f"{spaced(quantity)} ({scaled})" if scaled else spaced(quantity), ax)
+        return
+    shares = [
+        (f"{name}, at most {engineering(most, unit)}", time, values / (most or 1.0))
+        for (name, time, values, unit), most in zip(signals, largest, strict=True)
+    ]
+    curves(shares, "share of the largest value", ax)
+
+
+def _joined(stem: str, tables: Iterable[Columns]) -> dict[str, Columns]:
+    """File -> columns; tables whose first columns are equal are in one file."""
+    files: list[Columns] = []
+    for table in tables:
+        first = next(iter(table))
+        for file in files:
+            if np.array_equal(file[first], table[first]):
+                file |= table
+                break
+        else:
+            files.append(table)
+    return {f"{stem}.csv" if not k else f"{stem}_{k + 1}.csv": x for k, x in enumerate(files)}
+
+
+def _error(results: SceneResults, call: Call) -> ProbeError | None:
+    """The error of the largest value of a probe; None where the impact cannot be repeated."""
+    hit = results.history
+    if results.structure is None or isinstance(hit, SceneHistory):
+        return None
+    from antiosc import probe_error  # it needs the finite elements
+
+    evaluate = Evaluation(results.compiled.document)
+    evaluate.register(results.compiled.structure, results.structure)
+    evaluate.register(results.compiled.history, hit)
+    with suppress(AntioscError), without_warnings():
+        error: ProbeError = evaluate(replace(call, make=probe_error))
+        return error
+    return None
+
+
+def _point(results: SceneResults, call: Call) -> tuple[float, ...] | None:
+    """The point [m] of the part at which a probe lies; None if it is not known."""
+    if results.structure is None:
+        return None
+    from antiosc.extension import probed_point
+
+    with suppress(AntioscError):
+        x: Any = probed_point(results.structure, **place_of(call))
+        return None if x is None else tuple(x.tolist())
+    return None
+
+
+def _largest_of(values: Array, names: Iterable[str]) -> tuple[str, int, float]:
+    """(component, row, value) of the largest of values (n, c)."""
+    row, k = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
+    return list(names)[k], int(row), float(values[row, k])
