@@ -1,8 +1,8 @@
-"""Exported runs in other programs: FMPy, MuJoCo and a C compiler beside a scene's run.
+"""Exported runs in other programs: FMPy and a C compiler beside a scene's run.
 
 Random impacts are exported, and their forces and seconds compared with those of `Scene.run`.
 
-    .venv/bin/python -m pip install fmpy mujoco        (neither is in Debian)
+    .venv/bin/python -m pip install fmpy        (it is not in Debian)
     .venv/bin/python benchmarks/exports.py --scenes 20
 """
 
@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 
 import fmpy
-import mujoco
 import numpy as np
 from fmpy.validation import validate_fmu
 
@@ -64,9 +63,6 @@ def _impact(folder: Path, rng: np.random.Generator, k: int) -> dict[str, float]:
         row |= {f"FMI {fmi}: {name}": x for name, x in _in_fmpy(file, hit, duration).items()}
     ao.export(model, folder / "a.c", ball, law, duration=duration, tol=TOL)
     row["C file: force, L2"] = _in_c(folder, hit)
-    if k % 4 < 2:
-        ao.export(model, folder / "a.xml", ball, law, duration=duration)
-        row["MuJoCo, steps of 1e-6 s: peak force"] = _in_mujoco(folder / "a.xml", hit, duration)
     return row
 
 
@@ -102,18 +98,6 @@ def _in_c(folder: Path, hit: ao.ContactHistory) -> float:
     table = subprocess.run([folder / "a.out"], capture_output=True, text=True, check=True).stdout
     rows = np.array([line.split() for line in table.splitlines()], dtype=float)
     return _difference(hit, rows[:, 0], rows[:, 1])
-
-
-def _in_mujoco(file: Path, hit: ao.ContactHistory, duration: float) -> float:
-    world = mujoco.MjModel.from_xml_path(str(file))
-    world.opt.timestep = min(1e-6, world.opt.timestep)
-    data = mujoco.MjData(world)
-    mujoco.mj_resetDataKeyframe(world, data, 0)
-    peak = 0.0
-    while data.time < duration:
-        mujoco.mj_step(world, data)
-        peak = max(peak, float(np.sum(data.efc_force)) if data.ncon else 0.0)
-    return abs(peak / hit.peak_force - 1)
 
 
 if __name__ == "__main__":

@@ -25,8 +25,7 @@ COMMANDS = {
     "monte-carlo": "simulate the impact for random values, of the section [monte_carlo]",
     "map": "simulate the impact at every point of the section [map]",
     "tradeoff": "error against seconds and memory of the impact of a scene file",
-    "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
-    "schema": "print the JSON schema of scene files, for editors",
+    "export": "write the impact of a scene file for another program: FMU or C",
 }
 
 
@@ -121,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--no-browser", action="store_true", help="print the address and open no browser"
             )
-        elif name != "schema":
+        else:
             command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
         if name == "new":
             command.add_argument(
@@ -153,7 +152,7 @@ def _parser() -> argparse.ArgumentParser:
             about_time = "limit of reading and meshing the file (default: by its kind and size)"
             command.add_argument("--timeout", type=float, metavar="SECONDS", help=about_time)
         if name == "export":
-            ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
+            ends = "the file to write; its ending decides what: .fmu or .c"
             command.add_argument("out", metavar="OUT", help=ends)
             command.add_argument(
                 "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
@@ -190,11 +189,6 @@ def _results(command: argparse.ArgumentParser) -> None:
     """Add the options of commands that produce results."""
     command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
     _report(command, "write a report: one page, one file")
-    command.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="print what would be computed and what it costs, instead of running",
-    )
 
 
 def _report(command: argparse.ArgumentParser, about: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 import traceback
@@ -10,39 +9,25 @@ from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import antiosc
-from antiosc import impact_band
 from antiosc.base import checks
 from antiosc.base.errors import AntioscError, InputError, labelled, weight
-from antiosc.base.plausible import GRAVITY
-from antiosc.base.process import free_memory
 from antiosc.base.progress import print_text
-from antiosc.base.texts import STOPPED, engineering, plain
-from antiosc.extension import BAND_OVER_PULSE, DEFAULT_TOL, FIRST_STEPS, check_point
-from antiosc.models.auto_contact import AUTO
-from antiosc_app import new, presentation, report, results
-from antiosc_app.inspection import Forecast, forecast_of_parts
+from antiosc.base.texts import STOPPED, plain
+from antiosc.extension import check_point
+from antiosc_app import new, report, results
 from antiosc_app.scene_file import outline, run
 from antiosc_app.scene_file.build import Call, Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document, Table, read
 from antiosc_app.scene_file.scene import STUDIES, CompiledScene, place_of
-from antiosc_app.scene_file.schema import schema
 from antiosc_app.scene_file.settled import Settled, settled
-from antiosc_app.until_parted import counts_from
-from antiosc_studies.drops.body import MODES
 
 if TYPE_CHECKING:
-    from antiosc import Structure
-    from antiosc.extension import MapForecast, Tradeoff, TradeoffMember
-
-
-#: Seconds from which the time of a run is told before it.
-LONG_RUN = 60.0
+    from antiosc.extension import Tradeoff, TradeoffMember
 
 
 def guarded(options: Namespace) -> int:
@@ -117,7 +102,7 @@ def _export(options: Namespace) -> int:
     """`antiosc export`: write an impact, a scene or a model alone for another program."""
     from antiosc_app.export import ending_of
 
-    model_alone = ending_of(options.out) == ".mo"
+    ending_of(options.out)
     scene, evaluate = settled(read(options.file))
     source = scene.scene or scene.model
     options_of_run = {} if scene.history is None else scene.history.arguments
@@ -129,13 +114,12 @@ def _export(options: Namespace) -> int:
             " a scene of several contacts."
         )
     arguments = {"path": options.out, "source": source, "fmi": options.fmi}
-    if not model_alone:
-        if scene.impactor is not None:
-            arguments |= {"impactor": scene.impactor, "contact": scene.contact}
-        shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
-        arguments |= {
-            name: options_of_run[name] for name in ("duration", *shared) if name in options_of_run
-        }
+    if scene.impactor is not None:
+        arguments |= {"impactor": scene.impactor, "contact": scene.contact}
+    shared = ("initial_velocity", "gravity", "gap") if scene.scene is None else ()
+    keys = {"duration", *shared} & set(options_of_run)
+    arguments |= {name: options_of_run[name] for name in keys}
+
     with run.collected_warnings(scene.warnings):
         evaluate(Call(antiosc.export, arguments))
     for sentence in scene.warnings:
@@ -253,12 +237,6 @@ def one_impact(scene: CompiledScene, path: str) -> Table:
     return {"source": scene.structure, "site": site, "tol": USUAL_TOL, **common}
 
 
-def _schema(_options: Namespace) -> int:
-    """Run `antiosc schema`; returns the exit code."""
-    print_text(json.dumps(schema(), indent=1, ensure_ascii=False, default=str))
-    return 0
-
-
 def _page(options: Namespace) -> Path | None:
     """The path of the report that is asked for; without a name, the scene's with .html."""
     if options.report is None:
@@ -277,7 +255,7 @@ def _check_probes(begun: Settled) -> None:
 
 
 def _study(options: Namespace) -> int:
-    """`antiosc run`, `sweep`, `map`, …: compute, print and write, or with --dry-run forecast."""
+    """`antiosc run`, `sweep`, `map`, …: compute, print and write."""
     document = read(options.file)
     if options.command == "monte-carlo":
         document = run.prepared_for_draws(document)
@@ -285,9 +263,6 @@ def _study(options: Namespace) -> int:
     study = STUDIES[options.command]
     if getattr(scene, study.result) is None:
         raise InputError(f"{options.file} has {study.lacking}.")
-    if options.dry_run:
-        print_text(_forecast(document, scene))
-        return 0
     page = _page(options)
     # --out, or a folder named after a scene that has [output]
     target = f"{Path(options.file).stem}_out" if scene.output is not None else None
@@ -299,8 +274,6 @@ def _study(options: Namespace) -> int:
         run.refuse_draws(document, first.structure)
     scene.warnings[:] = first.warnings
     _check_probes(begun)
-    if told := _told_before(options.command, document, scene, first.structure):
-        print_text(f"antiosc: {told}.", sys.stderr)
     scene, evaluate = settled(document, begun)
     if getattr(options, "store", None) is not None:
         scene = _stored(scene, options.store)
@@ -336,150 +309,10 @@ def _stored(scene: CompiledScene, path: str) -> CompiledScene:
     return replace(scene, sample=replace(scene.sample, arguments=arguments))
 
 
-# -- `--dry-run`: the size and cost of a scene, without a factorization
-
-
-def _forecast(document: Document, scene: CompiledScene) -> str:
-    """Text of family, dofs, n, step and cost; the structure is built but not factored."""
-    built = run.results(scene, ("structure", "impactor", "contact"))
-    run.refuse_draws(document, built.structure)
-    rows: list[tuple[str, str]] = []
-    if built.structure is not None:
-        dofs = f"{built.structure.dofs}"
-        rows += [*results.advice_of(built), ("dofs", dofs), ("factor", _factor(built.structure))]
-    foreseen = _of_run(document, scene, built.structure)
-    rows += [] if foreseen is None else [("time", foreseen.text())]
-    of_map = _of_map(scene, built.structure)
-    rows += [] if of_map is None else [("map", of_map.text())]
-    rows += [
-        (f"box of {outline_of_part.name}", outline_of_part.text())
-        for outline_of_part in outline.outlines(scene)
-    ]
-    rows += _model_rows(scene, built)
-    if scene.fall is not None:
-        rows += _fall_rows(scene.fall.arguments)
-    if built.impactor is not None and built.contact is not None:
-        rows += _impact_rows(scene, built)
-    rows += [("warning", sentence) for sentence in built.warnings]
-    return presentation.format_rows(rows)
-
-
-def _told_before(
-    command: str, document: Document, scene: CompiledScene, structure: Structure | None
-) -> str:
-    """What is told of the cost of a run or a map that takes long; else ""."""
-    if command == "run":
-        of_run = _of_run(document, scene, structure)
-        return f"the part has {of_run.text()}" if of_run and of_run.answer > LONG_RUN else ""
-    of_map = _of_map(scene, structure) if command == "map" else None
-    return f"the map has {of_map.text()}" if of_map and of_map.ends[-1] > LONG_RUN else ""
-
-
-#: Arguments of a map that its forecast has too.
-OF_MAP = ("where", "direction", "radius", "most_sites", "modes")
-
-
-def _of_map(scene: CompiledScene, structure: Structure | None) -> MapForecast | None:
-    """Forecast of the map of a scene; None without one."""
-    if scene.map is None or structure is None:
-        return None
-    from antiosc.extension import foreseen_map
-
-    return foreseen_map(structure, *(scene.map.arguments.get(name) for name in OF_MAP))
-
-
-def _of_run(
-    document: Document, scene: CompiledScene, structure: Structure | None
-) -> Forecast | None:
-    """Forecast of the models of a scene and of the whole run; None where no part has a mesh."""
-    if scene.model is None or structure is None:
-        return None
-    n = _count(scene, structure)
-    is_auto = document.data.get("extract", {}).get("n") == AUTO
-    return forecast_of_parts(structure, counts_from(n, structure.dofs) if is_auto else [n])
-
-
-def _count(scene: CompiledScene, structure: Structure) -> int:
-    """The number of anti-oscillators of a scene; the usual one where a band gives it."""
-    from antiosc.extension import DEFAULT_COUNT
-
-    section = scene.document.data.get("extract", {})
-    return int(section.get("n", min(DEFAULT_COUNT, structure.dofs - 1)))
-
-
-def _factor(structure: Structure) -> str:
-    """Forecast of the Cholesky factor as text, and of the iterative solver that may replace it."""
-    from antiosc.extension import missing
-
-    if missing is not None or not hasattr(structure.K, "getSizes"):
-        return "by SciPy; not forecast"
-    from antiosc.extension import foreseen
-
-    forecast = foreseen(structure.K, structure.matrices.coarser)
-    return f"{forecast}; {free_memory() / 1e9:.3g} GB are free"
-
-
-def _model_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[str, str]]:
-    """Rows on the reduced model."""
-    if scene.model is None or results.structure is None:
-        return []
-    section = scene.document.data.get("extract", {})
-    sites = len(scene.document.data.get("sites", {}))
-    if "band" in section:
-        highest = engineering(section["band"], "Hz")
-        return [("anti-oscillators", f"as many as needed up to {highest}")]
-    n = _count(scene, results.structure)
-    return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
-
-
-def _fall_rows(section: Table) -> list[tuple[str, str]]:
-    """Rows on a fall."""
-    height = section["height"]
-    gravity = section.get("gravity", GRAVITY)
-    rows = [
-        ("free modes", f"{section.get('modes', MODES)}: most of the cost of one fall"),
-        ("first touch", f"after {engineering(sqrt(2 * height / gravity), 's')}"),
-        ("speed", f"{sqrt(2 * height * gravity):.4g} m/s there, without [drop] velocity"),
-    ]
-    if "ensemble" in section:
-        rows.append(("falls", f"{section.get('n', 100)}"))
-    return rows
-
-
-def _impact_rows(scene: CompiledScene, results: run.SceneResults) -> list[tuple[str, str]]:
-    """Rows on an impact: contact time, band, step."""
-    section = scene.document.data.get("simulate", {})
-    from antiosc.reduce.site.surface import PlaneOf
-
-    rows = []
-    if "strike" in scene.document.data:
-        tol = scene.document.data["strike"].get("tol")
-        rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
-    try:
-        surface = None if results.structure is None else PlaneOf(results.structure)
-        band = impact_band(results.impactor, results.contact, surface)
-    except AntioscError as error:
-        rows.append(("contact time", f"not forecast: {error}"))
-        return rows
-    time = BAND_OVER_PULSE / (2 * band)
-    rows.append(("contact time", f"at least {engineering(time, 's')}, that on a rigid wall"))
-    rows.append(("band of the impact", f"up to {engineering(band, 'Hz')}"))
-    if "strike" not in scene.document.data:
-        step = section.get("step", time / FIRST_STEPS)
-        tol = section.get("tol", DEFAULT_TOL)
-        step_rule = "given" if "step" in section else f"halved until tol = {tol:g} is met"
-        rows.append(("step", f"{engineering(step, 's')}, {step_rule}"))
-    impacts = len(next(iter(run.varied(scene).values()), [0]))
-    if impacts > 1:
-        rows.append(("sweep", f"{impacts} impacts"))
-    return rows
-
-
 _OTHERS = {
     "new": _new,
     "open": _open,
     "check": _check,
     "tradeoff": _tradeoff,
     "export": _export,
-    "schema": _schema,
 }

@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -370,16 +369,6 @@ def test_a_contact_that_yields_is_exported_as_it_runs(model, tmp_path, fmi):
     assert found == pytest.approx(wanted, rel=1e-5)
 
 
-def test_the_contact_of_mujoco_has_the_peak_of_a_law_that_yields():
-    """On a wall the peak of a linear contact is v sqrt(K m)."""
-    from antiosc_app.export import equal_stiffness
-
-    wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
-    peak = ao.simulate(wall, BALL, YIELDS, duration=DURATION, tol=1e-6).peak_force
-    found = equal_stiffness(wall, BALL, YIELDS)
-    assert BALL.velocity * (found * BALL.mass) ** 0.5 == pytest.approx(peak, rel=1e-3)
-
-
 def test_an_exported_run_lasts_until_the_bodies_part(model, tmp_path):
     """A heavy body stays in contact for longer than its contact on a rigid wall lasts."""
     heavy = ao.RigidMass(mass=20.0, velocity=1.0)
@@ -407,60 +396,15 @@ def test_an_fmu_is_built_from_its_sources(struck, tmp_path):
     assert (tmp_path / "own.so").stat().st_size > 0
 
 
-def stiffness(m0, k0, m, k, x):
-    """Z of masses on springs at x = omega^2."""
-    m, k = np.asarray(m)[:, None], np.asarray(k)[:, None]
-    return k0 - x * m0 - np.sum(k * x * m / (k - x * m), axis=0)
-
-
-def test_mujoco_and_modelica_have_the_dynamic_stiffness_of_the_model(model, tmp_path):
-    w = np.linspace(10.0, 2 * model.omega[3], 50)
-    expected = model.dynamic_stiffness(w)
-    ao.export(tmp_path / "blow.xml", model, BALL, LAW, duration=DURATION)
-    world = ET.parse(tmp_path / "blow.xml").getroot().find("worldbody")
-    site = world.find("body[@name='site']")
-    masses = [float(each.attrib["mass"]) for each in site.iter("inertial")]
-    springs = [float(each.attrib["stiffness"]) for each in site.iter("joint")]
-    found = stiffness(masses[0], springs[0], masses[1:], springs[1:], w**2)
-    assert found == pytest.approx(expected, rel=1e-9)
-    ao.export(tmp_path / "beam.mo", model)
-    text = (tmp_path / "beam.mo").read_text()
-    m0, k0 = (float(re.search(rf" {name} = (\S+)", text)[1]) for name in ("m0", "k0"))
-    m, omega = (
-        np.fromstring(re.search(rf" {name}\[8\] = {{(.*?)}}", text)[1], sep=",")
-        for name in ("m", "omega")
-    )
-    assert stiffness(m0, k0, m, omega**2 * m, w**2) == pytest.approx(expected, rel=1e-9)
-
-
-def test_the_contact_of_mujoco_has_the_peak_of_the_law():
-    """Of Hertz's law on a rigid wall: K = 1.25 F/delta."""
-    from antiosc_app.export import equal_stiffness
-
-    wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
-    k, (mass, speed) = LAW.stiffness, (BALL.mass, BALL.velocity)
-    depth = (1.25 * mass * speed**2 / k) ** 0.4
-    expected = 1.25 * k * depth**0.5
-    assert equal_stiffness(wall, BALL, LAW) == pytest.approx(expected, rel=1e-3)
-
-
 @pytest.mark.parametrize(
     ("name", "given", "word"),
     [
         ("x.txt", (BALL, LAW), "fmu"),
         ("x.fmu", (BALL,), "both"),
-        ("x.mo", (BALL, LAW), "flange"),
-        ("x.xml", (ao.Obstacle(), LAW), "RigidMass"),
+        ("x.xml", (BALL, LAW), "fmu"),
     ],
 )
 def test_what_cannot_be_exported_is_told_and_nothing_written(model, tmp_path, name, given, word):
     with pytest.raises(ao.InputError, match=word):
         ao.export(tmp_path / name, model, *given)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_model_for_modelica_is_masses_on_springs(model, tmp_path):
-    with pytest.raises(ao.InputError, match="AntiOscillators"):
-        ao.export(tmp_path / "ball.mo", BALL)
-    with pytest.warns(ao.AccuracyWarning, match="damping"):
-        ao.export(tmp_path / "damped.mo", replace(model, damping=ao.Damping(0.01)))

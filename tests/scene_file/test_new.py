@@ -312,8 +312,6 @@ def test_the_mass_of_a_part_is_that_of_its_material(kind, corners, wanted, tmp_p
     told = f"mass {engineering(7850 * wanted, 'kg', 4)}"
     row = next(line for line in capsys.readouterr().out.splitlines() if " mass " in line)
     assert " ".join(row.split()).startswith(f"{told}, if it is of steel S235")
-    assert antiosc("run", tmp_path / "a.toml", "--dry-run") == 0
-    assert told in [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
 
 
 @pytest.mark.parametrize("given", [[], ["--drop"]])

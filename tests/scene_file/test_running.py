@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import pickle
 import re
 import subprocess
@@ -16,16 +15,13 @@ from scipy.signal import StateSpace, lsim
 import antiosc as ao
 from antiosc.base.texts import engineering, percent
 from antiosc_app import commands
-from antiosc_app.inspection import forecast_of_parts
 from antiosc_app.scene_file import outline
-from antiosc_app.scene_file.build import Call, Evaluation
+from antiosc_app.scene_file.build import Call
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import read
 from antiosc_app.scene_file.outline import Outline
 from antiosc_app.scene_file.scene import by_strengths, worst_by_strengths
-from antiosc_app.scene_file.schema import SECTIONS, parameters, schema
-from antiosc_app.scene_file.settled import settled
-from antiosc_app.until_parted import OSCILLATORS
+from antiosc_app.scene_file.schema import SECTIONS, parameters
 from fmus import OK, Fmu
 from paths import MESHES
 from scene_files import (
@@ -379,9 +375,6 @@ def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, caps
         assert antiosc(command, path, *([MESHES / part] if command == "new" else [])) == 0
         told = capsys.readouterr().out
         assert box in told
-    if part.endswith("msh"):
-        assert antiosc("run", path, "--dry-run") == 0
-        assert box + "clamp, base, eye" in capsys.readouterr().out
     text = path.read_text()
     own = re.search(r"^point = .*\]", text, re.M)[0]
     for old, new, found in (
@@ -399,75 +392,6 @@ def test_names_that_differ_in_their_number_are_told_by_the_first_and_the_last():
     told = outline.text().partition("; ")[2]
     assert told == "groups: face 1 … face 112 (112), hole 6 mm (1), hole 6 mm (2), side4"
     assert outline.text(1).endswith("face 112 (112) and 3 more, which the scene lists")
-
-
-def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):
-    path = written(tmp_path, BEAM + SWEEP)
-    assert antiosc("run", path, "--dry-run") == 0
-    told = capsys.readouterr().out
-    unknown = "not known: the total mass is known only of free bodies"
-    for held in ("32 dofs", unknown, "6 of 1 site(s)", "contact time", "step", "3 impacts"):
-        assert held in told
-    assert "peak force" not in told
-
-
-@pytest.mark.slow
-def test_a_long_run_tells_its_time_first(tmp_path, capsys, monkeypatch):
-    """In the words of the dry run; a short run does not."""
-    path = written(tmp_path, f"{BRACKET}[extract]\nn = 4\n{HIT}")
-    assert antiosc("run", path) == 0
-    assert "a model takes about" not in capsys.readouterr().err
-    assert antiosc("run", path, "--dry-run") == 0
-    (foreseen,) = re.findall(r"time +(some .* dofs: a model takes .*)", capsys.readouterr().out)
-    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
-    assert antiosc("run", path) == 0
-    told = capsys.readouterr().err
-    assert told.startswith(f"antiosc: the part has {foreseen.partition(' of memory')[0]}")
-
-
-@pytest.mark.slow
-def test_a_map_tells_its_sites_and_its_time_first(tmp_path, capsys, monkeypatch):
-    """In the words of the dry run; as many sites as the map then has."""
-    chosen = '[map]\nwhere = "eye"\nradius = 4e-3\nn = 4\nmodes = 8\nmost_sites = 6\n'
-    path = written(tmp_path, BRACKET + chosen)
-    assert antiosc("map", path, "--dry-run") == 0
-    told = re.search(r"map +(\d+) sites, about .* s", capsys.readouterr().out)
-    assert antiosc("map", path) == 0
-    here = capsys.readouterr()
-    assert "the map has" not in here.err
-    assert f" of {told[1]} sites: " in here.out
-    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
-    assert antiosc("map", path) == 0
-    assert f"antiosc: the map has {told[1]} sites, about " in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_time_of_a_number_that_a_run_chooses_is_told_before_it_is_chosen(
-    tmp_path, capsys, monkeypatch
-):
-    """Once, from that of the first number to that of all that the force may need, on one factor."""
-    path = written(tmp_path, f'{BRACKET}[extract]\nn = "auto"\n{HIT}')
-    scene = compiled(read(path))
-    structure = Evaluation(scene.document)(scene.structure)
-    all_in_turn, *one_by_one = (
-        forecast_of_parts(structure, counts).seconds
-        for counts in (OSCILLATORS, *([n] for n in (0, *OSCILLATORS)))
-    )
-    of_factor, *of_models = one_by_one
-    assert all_in_turn - of_factor == pytest.approx(sum(one - of_factor for one in of_models))
-    told = []
-
-    def chooses(*arguments):
-        told.append(capsys.readouterr().err)
-        return settled(*arguments)
-
-    monkeypatch.setattr(commands, "LONG_RUN", 0.0)
-    monkeypatch.setattr(commands, "settled", chooses)
-    assert antiosc("run", path) == 0
-    assert "models of 20, 60, 150, 400 anti-oscillators" in told[0]
-    assert "dofs: " not in capsys.readouterr().err
-    assert antiosc("run", path, "--dry-run") == 0
-    assert told[0].partition("has ")[2].partition(" GB")[0] in capsys.readouterr().out
 
 
 def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
@@ -500,23 +424,6 @@ def ao_parameters(call) -> list[str]:
     import inspect
 
     return list(inspect.signature(call).parameters)
-
-
-@pytest.mark.fem
-def test_the_schema_knows_every_section_and_key(capsys):
-    assert antiosc("schema") == 0
-    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
-    found = schema()
-    assert list(found["properties"]) == list(SECTIONS)
-    assert found["additionalProperties"] is False
-    laws = found["properties"]["contact"]["anyOf"]
-    kinds = [one["properties"]["kind"].get("const") for one in laws]
-    assert {"Hertz", "Hertz.from_radii", "Linear", "Tabulated"} <= set(kinds)
-    assert "trust" not in json.dumps(found["properties"]["geometry"])
-    site = found["properties"]["sites"]["additionalProperties"]
-    simulate = found["properties"]["simulate"]
-    for section, key in ((site, "radius"), (simulate, "duration")):
-        assert {"const": "auto"} in section["properties"][key]["anyOf"]
 
 
 def test_an_impactor_by_name(tmp_path, capsys):

@@ -16,7 +16,7 @@ import pkgutil
 import re
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -30,19 +30,18 @@ from antiosc.models.modal import as_damping
 
 # -- kinds of values
 
-#: Name of a kind -> types of its values, in words, several of them in words, JSON schema.
-_KINDS: dict[str, tuple[tuple[type, ...], str, str, dict[str, object]]] = {
-    "number": ((int, float), "a number", "numbers", {"type": "number"}),
-    "whole": ((int,), "a whole number", "whole numbers", {"type": "integer"}),
-    "text": ((str,), 'a text in "quotes"', "texts", {"type": "string"}),
-    "path": ((str,), 'a file name in "quotes"', "file names", {"type": "string"}),
-    "flag": ((bool,), "true or false", "true or false", {"type": "boolean"}),
-    "object": ((dict,), "a table { … }", "tables { … }", {"type": "object"}),
+#: Name of a kind -> types of its values, in words, several of them in words.
+_KINDS: dict[str, tuple[tuple[type, ...], str, str]] = {
+    "number": ((int, float), "a number", "numbers"),
+    "whole": ((int,), "a whole number", "whole numbers"),
+    "text": ((str,), 'a text in "quotes"', "texts"),
+    "path": ((str,), 'a file name in "quotes"', "file names"),
+    "flag": ((bool,), "true or false", "true or false"),
+    "object": ((dict,), "a table { … }", "tables { … }"),
     "data": (
         (int, float, str, list),
         "a number, a list of numbers or a text",
         "numbers or texts",
-        {"type": ["number", "string", "array"]},
     ),
 }
 
@@ -533,112 +532,3 @@ STRUCTURAL = (
 #: Sections of which [monte_carlo] draws values, and its input whose values are points of a map.
 DRAWN = ("impactor", "contact", "material", "structure", "parts")
 POINT = "point"
-
-# -- the JSON schema, for editors
-
-
-def schema() -> dict[str, object]:
-    """The schema of a whole scene file (JSON Schema, draft 2020-12)."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "antiosc scene",
-        "description": "An impact on a structure; all numbers are in SI units.",
-        **_sections(SECTIONS),
-    }
-
-
-def _closed(properties: Mapping[str, object]) -> dict[str, object]:
-    return {"type": "object", "additionalProperties": False, "properties": dict(properties)}
-
-
-def _many(schema: object) -> dict[str, object]:
-    return {"type": "object", "additionalProperties": schema}
-
-
-def _sections(known: Mapping[str, SceneSection]) -> dict[str, object]:
-    return _closed({n: {"description": s.about, **_section(n, s)} for n, s in known.items()})
-
-
-def _section(name: str, section: SceneSection) -> dict[str, object]:
-    given_names = section.given.split()
-    if section.form == "text":
-        return {"type": "string"}
-    if name == "points":
-        return _any(parameters("assemble")[name].kinds)
-    if name == "sweep":  # of a named section: tables of lists
-        return _closed(dict.fromkeys((*VARIED, *STRUCTURAL), _many({"type": ["array", "object"]})))
-    if name == "monte_carlo":
-        properties = {n: _parameter(p) for n, p in parameters(name).items() if n not in given_names}
-        inputs = {key: {"type": "object"} for key in DRAWN}
-        return _closed(properties | inputs | {POINT: _one_of(["impact_map"], ["structure"])})
-    if section.inner:
-        return _many(_sections(section.inner))
-    schema = _one_of(section.makes, given_names, methods=name == "contact")
-    if section.form == "list":
-        return {"type": "array", "items": schema}
-    if section.form == "named":
-        if section.alone:
-            return {"anyOf": [schema, _many(schema), _NAME, _many(_NAME)]}
-        return _many(schema)
-    return schema
-
-
-#: A material by its name.
-_NAME = {"type": "string"}
-#: Function and parameter of the numbers that a scene may leave to its runs.
-AUTOMATIC = ("Site.radius", "extract.n", "simulate.duration")
-
-
-def _one_of(
-    makes: Sequence[str], passed: Iterable[str] = (), methods: bool = False
-) -> dict[str, object]:
-    """JSON schema of a table of several kinds; `methods`: whether laws of bodies are kinds too."""
-    tables = []
-    for name in makes:
-        keys = {n: p for n, p in parameters(name).items() if n not in set(passed)}
-        kind: dict[str, object] = {KIND: {"const": name}} if len(makes) > 1 else {}
-        required_keys = [*kind, *(n for n, p in keys.items() if p.needed)]
-        values = {n: _parameter(p, f"{name}.{n}" in AUTOMATIC) for n, p in keys.items()}
-        table = _closed(kind | values)
-        tables.append(table | ({"required": required_keys} if required_keys else {}))
-    if methods:  # as "impactor.hertz"
-        kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
-        tables.append({"type": "object", "required": [KIND], "properties": kind})
-        tables.append(_closed({KIND: {"const": "auto"}}))
-    if len(tables) == 1:
-        return tables[0]
-    return {"anyOf": tables}
-
-
-def _parameter(parameter: Parameter, automatic: bool = False) -> dict[str, object]:
-    """JSON schema of a value; `automatic`: whether it may be "auto", too."""
-    kinds = _any(parameter.kinds)
-    if automatic:
-        kinds = {"anyOf": [kinds, {"const": "auto"}]}
-    if parameter.about:
-        kinds["description"] = parameter.about
-    if isinstance(parameter.default, bool | int | float | str) and parameter.default != "":
-        kinds["default"] = parameter.default
-    return kinds
-
-
-def _any(kinds: Sequence[ValueKind]) -> dict[str, object]:
-    schemas = [_kind(kind) for kind in kinds]
-    if len(schemas) == 1:
-        return schemas[0]
-    return {"anyOf": schemas}
-
-
-def _kind(kind: ValueKind) -> dict[str, object]:
-    if kind.each:
-        entries = [_any(entry) for entry in kind.each]
-        return {"type": "array", "prefixItems": entries, "minItems": len(entries)}
-    if kind.name == "list":
-        return {"type": "array", "items": _any(kind.items)}
-    if kind.name == "table":
-        return _many(_any(kind.items))
-    if kind.name == "choice":
-        return {"enum": list(kind.options)}
-    if kind.name == "object" and (makes := constructors_of(kind.kind)):
-        return _one_of(makes, methods="Hertz" in makes)
-    return dict(_KINDS[kind.name][3])
