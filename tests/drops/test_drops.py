@@ -167,7 +167,7 @@ def test_each_impact_has_its_dent_and_its_g() -> None:
     alloy = ao.drop(HARD, 0.5, floor=ao.Floor(SOFT), until=2)
     dents = [one.history.contact_histories[0].dent.depth for one in alloy.episodes]
     assert results.fall_table(alloy)["dent (m)"] == pytest.approx(dents)
-    for k, one in enumerate(falls.data_of_fall(alloy, None)["fall"]["impacts"]):
+    for one in falls.data_of_fall(alloy, None)["fall"]["impacts"]:
         assert one["told"].startswith("the centre of mass")
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
+from scipy.special import j1
 
 import antiosc as ao
 from antiosc.base.texts import engineering, plus_minus
@@ -354,8 +356,6 @@ def test_an_impact_of_several_touches_says_of_which_its_contact_time_is(chatteri
     of_all = "of all contacts, flights included"
     ends = [f"{of_all}; the hardest touch takes {engineering(t, 's')}" for t in durations]
     assert notes == ["" if n == 1 else end for n, end in zip(touches, ends, strict=True)]
-    numbers = dict(falls.headline_of_fall(chattering, None).numbers)
-    hardest = int(np.argmax(chattering.impacts.column("peak_force")))
     told = falls.data_of_fall(chattering, None)["fall"]["impacts"]
     assert [(one["touches"], one["contact_time_note"]) for one in told] == [
         *zip(touches, notes, strict=True)

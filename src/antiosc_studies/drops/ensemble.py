@@ -1,4 +1,4 @@
-"""Ensembles of falls: `Tilts` of their starts, and `Drops` with the distributions of their results."""
+"""Ensembles of falls: `Tilts` of their starts, `Drops` with the distributions of results."""
 
 from __future__ import annotations
 

@@ -151,7 +151,9 @@ class FreeBody:
                 self.shapes[rows], r, self.radii[rows] = self.residual(new)
             patches = zip(self.shapes[rows], r, self.radii[rows], strict=True)
             self._known.update(zip(new, patches, strict=True))
-        phi, r, _ = (np.array(column) for column in zip(*map(self._known.get, which.tolist())))
+        phi, r, _ = (
+            np.array(column) for column in zip(*map(self._known.get, which.tolist()), strict=True)
+        )
         return phi, r
 
     def alone(self) -> FreeBody:

@@ -90,7 +90,7 @@ class Division:
         """(energies and products (N + 1, N + 1) that the mesh lacks in the shapes of a model, those
         that it has in excess, or None); `part`: that is struck.
         """
-        fine, motions, forces = self._loaded(model, part)
+        fine, _, forces = self._loaded(model, part)
         flexibility = forces.T @ answers(fine, forces)
         lack, surplus = lacking(np.append(model.k0, model.k), flexibility)
         lines = all(member.part.mesh.tdim == 1 for member in self._matrices.members())
@@ -118,7 +118,7 @@ class Division:
         point, direction = model.info.point, model.info.direction
         if point is None or direction is None:
             raise InputError(
-                "the error 'estimate' of beams and shells needs a Site with a point and a direction."
+                "the error 'estimate' of beams and shells needs a Site with point and direction."
             )
         fine = divided(self._matrices)
         place = Site(point, direction, radius=cast("float | None", model.radius), part=part)
