@@ -44,7 +44,7 @@ OSCILLATORS = (20, 60, 150, 400)
 #: Expansion points are at this share of the inverse of the contact time, or down to half of it. Of
 #: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
 #: anti-oscillators about the static point, 2.5 and 0.2 % with a share of 0.67. With twice as much
-#: later impacts on it were 25 % off at an estimate of 8 % (benchmarks/expansion_points.py).
+#: later impacts on it were 25 % off at an estimate of 8 % (measured).
 EXPANSION = 0.7
 MOST_TRUNCATION = 0.1
 #: Largest product of dofs and anti-oscillators: 3.4e7 took 85 s for this sheet, beside other work.

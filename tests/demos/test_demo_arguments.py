@@ -55,15 +55,3 @@ def test_a_measurement_is_loaded_with_what_it_imports(name):
         pytest.importorskip("fmpy")
         pytest.importorskip("mujoco")
     assert demo(name).__doc__
-
-
-@pytest.mark.fem
-@pytest.mark.parametrize("fine", [0.05, 0.5, 0.7])
-def test_the_ladder_of_models_has_meshes_however_coarse(fine):
-    ladder = demo("fidelity")
-    for case in ladder.CASES.values():
-        for size, cells in (((case.length, case.width), (28, 4)), (case.size, (32, 8, 4))):
-            mesh = ladder.graded(size, tuple(round(n * fine) for n in cells), case.thickness / 8)
-            x = mesh.geometry.x[:, : len(size)]
-            assert x.min() >= 0
-            assert x.max(axis=0) == pytest.approx(size)

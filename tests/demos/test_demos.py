@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import warnings
 
 import numpy as np
@@ -71,18 +70,6 @@ def test_forces_are_within_the_tolerance_in_49_of_50_scenes() -> None:
     assert min(result["errors"]) > 1e-4  # the truth is another run
 
 
-def test_plate_impact(pictured):
-    """No reflection returns on the large plate: Zener's restitution, within 1 %."""
-    numbers = demo("plate_impact").main(
-        inelasticities=(0.1, 0.3, 0.5), sizes=(3.0, 8.0), elements=20, n=40, out=pictured
-    )
-    for lam in ("0.1", "0.3", "0.5"):
-        assert numbers[f"{lam} 8"] == pytest.approx(numbers[f"{lam} zener"], rel=1e-2)
-    # on the small one waves return within the contact
-    assert abs(numbers["0.5 3"] / numbers["0.5 zener"] - 1) > 0.05
-    assert 0 < numbers["off-centre"] < 1
-
-
 @pytest.mark.filterwarnings("ignore:.*deflects by")  # half its thickness
 def test_stiffened_panel(pictured):
     """Stiffeners as beams or as shells: two models of one panel."""
@@ -127,23 +114,6 @@ def test_measured_part(pictured):
     assert found["L2"] < 0.03
 
 
-@pytest.mark.parametrize("kind", ["bar", "plate", "solid"])
-def test_parts_of_the_benchmark(kind):
-    omega, b, mass = demo("measured_frf").KINDS[kind](np.random.default_rng(0))
-    assert np.all(np.diff(omega) >= 0)
-    free = omega == 0
-    # a free body is not easier to move than its half
-    assert np.sum(b[free] ** 2) < 8 / mass
-    assert np.mean(b[~free][:40] ** 2) == pytest.approx(1 / mass, rel=0.9)
-
-
-def test_measured_frf(tmp_path):
-    (case,) = demo("measured_frf").main(parts=1, kinds=("bar",), page=str(tmp_path / "page.md"))[:1]
-    assert case["passive"]
-    assert case["L2"] < 0.01
-    assert "| bar, 1% |" in (tmp_path / "page.md").read_text()
-
-
 def test_tip_damper(pictured):
     found = demo("tip_damper").main(modes=12, n=10, out=pictured)
     assert found["error"] < 1e-3
@@ -154,12 +124,3 @@ def test_find_blow(pictured):
     errors = demo("find_blow").main(out=pictured)
     assert errors["place"] < 2e-3
     assert abs(errors["peak force"]) < 0.05
-
-
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX")
-@pytest.mark.filterwarnings("ignore:the signals determine")  # a half-sine has no Hertz contact
-def test_signals_of_calculix():
-    errors = demo("find_impact_calculix").main()
-    assert errors["place over the side"] < 0.02
-    assert abs(errors["peak force"]) < 0.05
-    assert abs(errors["impulse"]) < 0.03

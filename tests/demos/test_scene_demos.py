@@ -15,36 +15,6 @@ from paths import demo
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
-def test_drop_on_corners(pictured: Path) -> None:
-    numbers = demo("drop_on_corners").main(n=40, size=0.025, out=pictured)
-    assert len(numbers) == 26
-    for name, row in numbers.items():
-        kind = name.split()[0]
-        assert row["corners"] == {"face": 4, "edge": 2, "corner": 1}[kind]
-        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-3)
-        assert row["lost"] > 0
-    # the heavy part lies off the middle, but the box and its boards are the same from both sides
-    for axis in "xyz":
-        one, other = numbers[f"face +{axis}"], numbers[f"face -{axis}"]
-        assert one["peak force"] == pytest.approx(other["peak force"], rel=0.05)
-    # four corners share what one carries alone
-    assert numbers["face -z"]["peak force"] / 4 < 0.6 * numbers["corner -x-y-z"]["peak force"]
-
-
-def test_tube_between_stops(pictured: Path) -> None:
-    numbers = demo("tube_between_stops").main(
-        gaps=(0.406e-3, 10.0), n=40, duration=0.06, out=pictured
-    )
-    near, far = numbers["0.406 mm"], numbers["10000 mm"]
-    assert near["impacts"] > 10
-    assert near["drift"] < 1e-2
-    # the plates hold the tube to about their gap; without them it swings further
-    assert near["end"] < 0.406e-3 + 1.5 * near["peak force"] / 1e5
-    assert far["impacts"] == 0
-    assert far["peak force"] == 0
-    assert far["end"] > 2 * near["end"]
-
-
 def test_oblique_blow(pictured: Path) -> None:
     mu, speed = 0.25, 2.0
     numbers = demo("oblique_blow").main(
@@ -107,34 +77,6 @@ def test_machine_guard(tmp_path: Path) -> None:
         assert (tmp_path / name).stat().st_size > 0
 
 
-def test_assembly_accuracy(pictured: Path) -> None:
-    """With one element the joined halves err as the solid with this element does, Rigid more."""
-    bar, strip = demo("assembly_accuracy").main(most=2, out=pictured)
-    for found, joined in ((bar, "beam on Mean"), (strip, "shell on Tie")):
-        for ours, mesh in zip(found[joined], found["solid throughout"], strict=True):
-            assert np.abs(ours).max() < 1e-2
-            np.testing.assert_allclose(ours, mesh, atol=0.3 * mesh[0])
-            assert abs(ours[1]) < 0.4 * abs(ours[0])
-    assert (bar["beam on Rigid"][0] > bar["beam on Mean"][0]).all()
-
-
-def test_spiders(tmp_path: Path) -> None:
-    """Elimination and multipliers give one compliance; the factor of Rigid is leaner eliminated."""
-    found = demo("spiders").main(
-        sizes=(12,), out=tmp_path
-    )  # a mean of more dofs than `layout.DENSE_ROW`
-    assert set(found) == {"Mean of 625 nodes", "Rigid of 625 nodes"}
-    for ways in found.values():
-        exact = ways["bordered"]["compliance"]
-        for way in set(ways) - {"block alone"}:
-            assert ways[way]["compliance"] == pytest.approx(exact, rel=1e-9)
-    mean, rigid = found.values()
-    entries = "of the factor, MUMPS"
-    assert mean["as assemble does"][entries] <= mean["eliminated, no basis"][entries]
-    assert rigid["as assemble does"][entries] < rigid["bordered"][entries]
-    assert "| Mean, 625 |" in (tmp_path / "spiders.md").read_text()
-
-
 def test_random_parts(tmp_path):
     out = tmp_path / "cases.jsonl"
     main = demo("error_budget").main
@@ -147,42 +89,6 @@ def test_random_parts(tmp_path):
     rows = [json.loads(row) for row in out.read_text().splitlines()]
     assert [row["number"] for row in rows] == [0, 1, 2, 3]
     assert out.with_suffix(".png").exists()
-
-
-def test_strike_over_lines(tmp_path):
-    page = tmp_path / "beams.md"
-    rows = demo("strike_beams").main(cases=2, seed=1, tols=(0.01,), page=str(page))
-    assert len(rows) == 2
-    for row in rows:
-        assert row["true"] <= row["promised"] <= row["asked"]
-        assert row["ratio"] <= 1
-    assert "| 1.0% | 2 | 100% | 100% | 100% |" in page.read_text()
-
-
-def test_random_shells(tmp_path, capsys):
-    script = demo("shell_error_bars")
-    script.HALVINGS, script.COSTLY, script.ROUNDS = 1, {"plate": 0.3}, 1
-    out, page = tmp_path / "shells.jsonl", tmp_path / "page.md"
-    (first,) = script.main(shells=1, seed=3, out=str(out))
-    cases = script.main(shells=2, seed=3, out=str(out), page=str(page))
-    assert [case.number for case in cases] == [0, 1]
-    assert cases[0] == first
-    assert all(case.holds and not case.refused for case in cases)
-    told = capsys.readouterr().out
-    assert "| all | 2 | 100% |" in told
-    assert "| all | 2 | 100% |" in page.read_text()
-    assert "| plate |" in page.read_text()
-
-
-@pytest.mark.filterwarnings("ignore:the facets at the site")  # of a coarse mesh
-def test_beams_beside_solid_bars(tmp_path):
-    page = tmp_path / "model.md"
-    (found,) = demo("beam_model").main(bars=1, fine=0.6, page=str(page))
-    pairs = [pair for blow in found["blows"] for pair in blow.values()]
-    assert max(true / share for true, share in pairs) <= 1
-    assert max(true for true, _ in pairs) > 0.03
-    assert found["compliance"] < -0.5
-    assert "30 of 30" in page.read_text()
 
 
 @pytest.mark.mpi

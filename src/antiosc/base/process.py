@@ -12,8 +12,7 @@ elsewhere configures nothing.
 synchronise in busy loops, thousands of times in one sparse factorization. If another program uses
 one of the cores, they wait for it as well, and two threads take up to nine times as long as one. If
 all cores are free, only large fronts become faster. A number of threads that the user has set in
-the environment is respected; other libraries are not changed. `benchmarks/blas_threads.py` measures
-it.
+the environment is respected; other libraries are not changed.
 
 **Memory.** The free memory, the share of it that a run may use, and the message if it is too small.
 """

@@ -12,7 +12,7 @@ The truncation error is that of `antiosc.impact.truncation`.
 "model": the error of Timoshenko's beam theory for a solid bar. A point load on a solid bar deforms
 the section around it. In addition to the half-space compliance in the contact law, this changes
 three properties. They were measured on solid bars of rectangular section against closed forms
-(`benchmarks/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the height; x is a
+(lengths of 5 to 40 heights, widths of half to twice the height; x is a
 frequency over the lowest one at which the section deforms):
 
     compliance of the site    by up to LOCAL/(E √A)
@@ -178,7 +178,7 @@ def _softer_and_stiffer(
     return ModalModel(beam(1.0, modes.r + local)), ModalModel(beam(-1.0, modes.r), local)
 
 
-#: Error bar, in standard deviations over the bodies (benchmarks/measured_frf.py).
+#: Error bar, in standard deviations over the bodies (measured).
 BAR = 2.0
 #: Least product of the top of the band [Hz] and the time of the pulse.
 LEAST_PRODUCT = 1.0
@@ -260,7 +260,7 @@ SAFETY_COARSE = 3.0
 COARSE = 0.1
 #: or the faces under the patch exceed this times its radius (the factor then grows in proportion).
 RESOLVED = 1.2
-#: Both factors of shells by recovery over the usual ones (benchmarks/shell_error_bars.py).
+#: Both factors of shells by recovery over the usual ones (measured).
 SHELL = 1.5
 #: Impacts that are too short for the cells of a shell cause errors that neither the raw nor the
 #: corrected model shows: if the strain errors exceed this share of the energy, a bar is at least
@@ -276,7 +276,7 @@ LEAST = 1e-6
 MOST = 1e-4
 #: Factor on the energy of second-order strain in the bars of a solid that is taken as linear, and
 #: the least share: 30 random blows changed by up to twice the energy, and by 0.2 % where it was
-#: nearly 0 (benchmarks/slight_stretching.py).
+#: nearly 0 (measured).
 LEFT_OUT_SAFETY, LEFT_OUT_LEAST = 2.5, 5e-3
 #: Instants of the contact at which the amplitudes of the shapes are taken.
 INSTANTS = 200

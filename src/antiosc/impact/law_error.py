@@ -37,7 +37,7 @@ UNKNOWN_CURVATURE = (
     " elements around the site)."
 )
 #: Factor for errors of the law that grow with the depth: these change the peak by up to 1.29 times
-#: as much as the same error at all depths (benchmarks/elastoplastic/pairs.py).
+#: as much as the same error at all depths (measured).
 GROWS = 1.4
 #: Largest relative error of the force with which the impact is repeated.
 MOST = 0.9

@@ -41,7 +41,7 @@ LEAST_TOL = 2e-3
 #: waves, the motions that move most miss the dent.
 SPACE = 12
 #: Steps of two modes that must agree: one may by chance, and had an error of 15 % in one of 25
-#: random sheets (benchmarks/thin_sheets.py).
+#: random sheets (measured).
 AGREE = 2
 #: Factor on the least energy that second-order forces release in a run, beyond which the motion of
 #: another ran away; and the change between two of these above which they did so by chance.
@@ -57,7 +57,7 @@ WARN = 1e-2
 #: Error above which another program is advised.
 ROUGH = 0.5
 #: Factor of safety on that change in the error budget, and the least change: 56 of 58 random sheets
-#: have bars that cover the error (benchmarks/random_sheets.py); with 3 and 1e-3 55 of them.
+#: have bars that cover the error (measured); with 3 and 1e-3 55 of them.
 STRETCH_SAFETY = 4.5
 STRETCH_LEAST = 2.5e-3
 #: What decides on their number, and how much more it may change than the force; contact times,

@@ -26,7 +26,7 @@ from antiosc.engine.stretch import stretch_energy, stretch_forces
 Count = int | Literal["auto"]
 
 #: Most second-order modes of an impact, those to compare with included. Of 58 random sheets
-#: (benchmarks/random_sheets.py) 1 is told to need more, with 12 of them 30 were.
+#: (measured) 1 is told to need more, with 12 of them 30 were.
 MOST = 20
 #: Most that a user may ask for: two more estimate their error.
 MOST_ASKED = MOST - 2

@@ -433,7 +433,7 @@ PROBABLE = 20.0
 #: Number of bodies that always count.
 FEW_BODIES = 3
 #: Least squared rigid-body motion over the modes' mean, if the lowest line shows none: without
-#: noise spurious motions of 1e-11 to 1e-3 appear in the fit (benchmarks/measured_frf.py).
+#: noise spurious motions of 1e-11 to 1e-3 appear in the fit (measured).
 LEAST_MOTION = 0.01
 #: Share of the lowest line that may be neither mass nor spring if the line shows which of the two.
 NEITHER = 0.5

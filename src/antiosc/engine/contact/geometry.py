@@ -88,7 +88,7 @@ def equivalent_circle(E_star: float, A: float, B: float) -> Circle:
     pi R delta. In full plasticity the area of the ellipse is 2 pi delta/(2 sqrt(A B)), larger by 2,
     6, 13 % for B/A = 3, 10, 50; the pressure of a line is (2 + pi)/sqrt(3) Y, 6 % above a ball's
     2.8 Y (R. Hill, The Mathematical Theory of Plasticity, 1950). The error is the sum of both; by
-    finite elements it is 1 and 4 % for B/A = 3 and 10 (benchmarks/elastoplastic/ellipse.py).
+    finite elements it is 1 and 4 % for B/A = 3 and 10 (measured).
     """
     if A == B:
         return Circle(E_star, 1 / (2 * A), 0.0)

@@ -14,14 +14,14 @@ TABOR = 0.2
 #: Relative change of Hertz's force by large strains over the root of indentation by radius, and the
 #: range of this ratio in which it holds: a rigid sphere on an elastic half-space (nu = 0.3) has
 #: 3.8, 5.4, 6.7, 7.9 and 11.5 % less force at 0.01, 0.02, 0.04, 0.05 and 0.1, with 1.5 % of it by
-#: the grid (benchmarks/elastoplastic/finite_strain.py elastic).
+#: the grid (measured).
 STRAINED = 0.38
 LEAST_STRAIN = 0.01
 LARGEST_STRAIN = 0.1
 #: The same for a soft ball: more peak force at equal work, over the root and over the ratio itself,
 #: of which the larger holds. A rubber hemisphere (nu = 0.48) on a rigid mass has 3.3, 9.4, 15, 27,
 #: 41 and 57 % more at 0.01, 0.05, 0.1, 0.2, 0.3 and 0.4, a ball between two flats 1.2 to 31 %
-#: (benchmarks/elastoplastic/soft_ball.py).
+#: (measured).
 STRAINED_BALL = 0.49, 1.5
 LARGEST_BALL = 0.4
 #: The peak force grows with the stiffness to this power, at equal work.

@@ -2,7 +2,7 @@
 
 A product with an assembled matrix reads 80 entries per row from memory on quadratic tetrahedra and
 180 on hexahedra; one from the cells reads a tenth of that and computes the rest
-(benchmarks/products.py). Straight isotropic tetrahedra have a kernel of their own (`tetrahedra`),
+(measured). Straight isotropic tetrahedra have a kernel of their own (`tetrahedra`),
 other cells the compiled action of their form (`compiled_cells`); `products` chooses. The two-level
 solver also needs the diagonal blocks of the nodes and the assembled matrix of the linear elements.
 A factorization needs all entries and assembles them (`with_entries`).

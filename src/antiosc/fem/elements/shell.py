@@ -320,7 +320,7 @@ def _dropped_of_cubics() -> Array:
 FOR_SHEAR = 10.0
 FOR_MEMBRANE = 1000.0
 #: Default radius of a site's patch over the thickness: with it, a plate deforms as a solid without
-#: the half-space deformation under its patch (compared by benchmarks/fidelity.py).
+#: the half-space deformation under its patch (measured).
 PATCH_RADIUS = 1.0
 
 

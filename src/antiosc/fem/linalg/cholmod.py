@@ -5,7 +5,7 @@ load is that of its own branch of the elimination tree (`antiosc.fem.linalg.comp
 ordering is computed on the graph of the nodes. If the library cannot be called directly
 (`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solver_choice.ByPetsc`).
 
-The table in benchmarks/speed/cholmod_or_mumps.md compares it with MUMPS: whole maps are 1.6
+Compared with MUMPS, whole maps are 1.6
 times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).

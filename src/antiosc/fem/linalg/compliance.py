@@ -5,7 +5,7 @@ elimination tree from the columns of b to the root (Gilbert and Peierls, SIAM J.
 9 (1988) 862). Neighbouring sites share most of that branch and are solved as one block: an eighth
 of the operations of separate solves, on a bracket of 10⁵ dofs. On such a bracket a patch takes
 1.1 ms, MUMPS's solve for sparse right-hand sides 8.5 ms, and the entries of the inverse that MUMPS
-computes 62 ms (benchmarks/speed/cholmod_or_mumps.md).
+computes 62 ms (measured).
 
 The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
 contribution of the known modes follows from them; only that of the truncated modes is computed,

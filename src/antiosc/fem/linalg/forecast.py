@@ -3,8 +3,7 @@
 The cost of a factor follows from the number of its entries, which a symbolic analysis gives; that
 of two levels from the size of their matrices and the iterations of one trial solve. These depend on
 Poisson's ratio, on thinness, slivers, directions of the material and springs, and a random load
-takes within 20 % of the iterations of the loads of a model (benchmarks/forecasts.py, whose table
-the constants follow).
+takes within 20 % of the iterations of the loads of a model (measured).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ the ranks, a dense solve, and a backward substitution (Przemieniecki, AIAA J. 1 
 
 On two ranks MUMPS takes 1.8 to 3 times as long for the factor of a bracket, 4 to 10 times as long
 for a solve and 4 to 7 times as long for 16, in half of the memory
-(benchmarks/speed/cholmod_or_mumps.md).
+(measured).
 
 K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
 energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε

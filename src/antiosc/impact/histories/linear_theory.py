@@ -64,7 +64,7 @@ def beyond_linear(name: str, deflection: float, thickness: float) -> str:
     )
 
 
-#: Deflection over the thickness up to which forces to third order hold (benchmarks/thin_sheets.py).
+#: Deflection over the thickness up to which forces to third order hold (measured).
 QUARTIC = 3.0
 #: Share of that up to which the ends of steps tell enough: a body that stretches has no flights.
 FAR = 0.8

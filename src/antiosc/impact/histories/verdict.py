@@ -38,7 +38,7 @@ CONTACT_RADII = 3.0
 OVER_CONTACT = 1.8
 #: Least thickness of a part over the radius of a contact with which the largest stress at that
 #: distance is within `EDGE_ERROR` of the half-space's, on a rigid base or held at its rim: of
-#: thinner plates it is 0.07 to 31 times that (benchmarks/plate_under_contact.py).
+#: thinner plates it is 0.07 to 31 times that (measured).
 HALF_SPACE = 6.0
 EDGE_ERROR = 0.1
 #: Thickness under a point of a patch over that of the part there, below which a hollow lies there;
@@ -178,7 +178,7 @@ class YieldingZone(NamedTuple):
 
         The larger of those on a half-space and of a plate of this thickness: the largest stress of
         plates held at the rim becomes 0.98 to 1.65 times the right one, with the half-space alone
-        0.35 to 1.14 times (benchmarks/plate_under_contact.py). Where a point lies deeper than the
+        0.35 to 1.14 times (measured). Where a point lies deeper than the
         plate is thick, the part is no thinner than that depth. Of an unknown direction the largest
         error counts.
         """

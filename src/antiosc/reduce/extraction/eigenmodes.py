@@ -6,7 +6,7 @@ Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shif
 transformation. No row is deleted and there is only one factorization. Without the constraint the
 same solver computes the natural modes of the structure. For those of a map, block Lanczos takes
 half of SLEPc's time to the same residual, but a whole map with 20 modes is 1.14 (43 263 dofs) and
-1.11 times (175 470) as fast, with 60 modes 1.40 times (benchmarks/speed/free_modes.md).
+1.11 times (175 470) as fast, with 60 modes 1.40 times (measured).
 """
 
 from __future__ import annotations

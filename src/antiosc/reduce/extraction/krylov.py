@@ -27,7 +27,7 @@ converges first; Φ stays static, so that K0 and M_st are exact, and every m_i i
 semidefinite as before. A blow on a large thin plate is over before its waves return: on a plate of
 0.5 × 0.33 m × 1 mm, struck by a ball for 41 µs, 60 and 150 anti-oscillators have 120 and 36 % of
 error of the peak force with s = 0, 2.5 and 0.2 % with √s = 2π · 16 kHz
-(benchmarks/expansion_points.py). A shift inside the band (s < 0) would save at most a fifth
+(measured). A shift inside the band (s < 0) would save at most a fifth
 of the steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for
 1e-3), but requires an indefinite factorization, whose solves are slower.
 
