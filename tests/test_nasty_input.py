@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
-from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
+from nasty import EXTREMES, TYPES, parameters, public, sound, unmade, verdict
 
 plt.switch_backend("Agg")
 
@@ -41,14 +41,15 @@ DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith(ROO
 #: Parameters that take the caller's own function: what that raises is the caller's.
 OWN_FUNCTIONS = {"make", "run", "build", "part"}
 
-QUICK = settings(
-    max_examples=3,
+SETTINGS = settings(
+    max_examples=60,
     derandomize=True,
     database=None,
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )
-LARGE = settings(QUICK, max_examples=6)
+#: The calls in parts, so that several processes share them.
+PARTS = [[*CALLS][k::8] for k in range(8)]
 
 
 @pytest.fixture(autouse=True)
@@ -74,30 +75,15 @@ def attempt(name: str, change: dict[str, int]) -> str:
 
 
 @st.composite
-def changes(draw: Any, name: str, numbers: range) -> dict[str, int]:
-    """One to three parameters of a call, each with the number of a value."""
-    names = st.lists(st.sampled_from(names_of(name)), min_size=1, max_size=3, unique=True)
-    return {p: draw(st.sampled_from(numbers)) for p in draw(names)}
+def nasty_calls(draw: Any, names: list[str], numbers: range) -> tuple[str, dict[str, int]]:
+    """A call, and one to three of its parameters, each with the number of a value."""
+    name = draw(st.sampled_from([name for name in names if names_of(name)]))
+    changed = draw(st.lists(st.sampled_from(names_of(name)), min_size=1, max_size=3, unique=True))
+    return name, {p: draw(st.sampled_from(numbers)) for p in changed}
 
 
-def cases(*, dear: bool) -> list[Any]:
-    """The calls that take arguments; those that cost much are left to the slow run."""
-    return [
-        pytest.param(name, marks=[pytest.mark.fem] if is_fem(name) else [])
-        for name in CALLS
-        if names_of(name) and (dear or name not in DEAR)
-    ]
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in DEAR))
-        for name in CALLS
-        if name != "Mesh.group"
-    ],
-)
-def test_sound_arguments_are_taken(name):
+def take_sound(name: str) -> None:
+    """Call with sound arguments."""
     arguments = sound(name, CALLS[name])
     own = [arguments.pop("self")] if "self" in arguments else []
     with warnings.catch_warnings():
@@ -105,25 +91,34 @@ def test_sound_arguments_are_taken(name):
         CALLS[name](*own, **arguments)
 
 
-@pytest.mark.parametrize("name", cases(dear=False))
-@QUICK
-@given(data=st.data())
-def test_some_nasty_arguments(name, data):
-    assert not attempt(name, data.draw(changes(name, ANY)))
+@pytest.mark.fem
+@pytest.mark.parametrize("names", PARTS, ids=range(len(PARTS)))
+def test_sound_arguments_are_taken(names):
+    for name in sorted({*names} - DEAR - {"Mesh.group"}):
+        take_sound(name)
 
 
+@pytest.mark.fem
 @pytest.mark.slow
-@pytest.mark.parametrize("name", cases(dear=True))
-def test_every_nasty_argument(name):
-    step = 8 if name in DEAR else 2  # from one parameter to the next other values
-    tried = [(p, k) for i, p in enumerate(names_of(name)) for k in ANY[i % step :: step]]
-    found = {(p, k): attempt(name, {p: k}) for p, k in tried}
-    assert not {key: wrong for key, wrong in found.items() if wrong}
+@pytest.mark.parametrize("name", sorted(DEAR & {*CALLS}))
+def test_sound_arguments_are_taken_where_they_cost_much(name):
+    take_sound(name)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", cases(dear=True))
-@LARGE
+@pytest.mark.fem
+@pytest.mark.parametrize("names", PARTS, ids=range(len(PARTS)))
+@SETTINGS
 @given(data=st.data())
-def test_extremes_together(name, data):
-    assert not attempt(name, data.draw(changes(name, OF_EXTREMES)))
+def test_some_nasty_arguments(names, data):
+    name, changed = data.draw(nasty_calls(sorted({*names} - DEAR), ANY))
+    assert not attempt(name, changed)
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.parametrize("names", PARTS, ids=range(len(PARTS)))
+@SETTINGS
+@given(data=st.data())
+def test_nasty_arguments_together(names, data):
+    name, changed = data.draw(nasty_calls(names, OF_EXTREMES))
+    assert not attempt(name, changed)
