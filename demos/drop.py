@@ -10,7 +10,6 @@ the bound below which 99 % of their peak forces lie.
 from __future__ import annotations
 
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import command_line
@@ -54,11 +53,10 @@ def main(
         "seconds": time.perf_counter() - started,
     }
     if falls > 1:
-        with ProcessPoolExecutor(2) as pool:
-            many = ao.drop(
-                fall.body, height, until=impacts, tol=1e-2, **given,
-                ensemble=ao.Tilts(sigma=2.0), n=falls, executor=pool,
-            )  # fmt: skip
+        tilts = ao.Tilts(sigma=2.0)
+        many = ao.drop(
+            fall.body, height, until=impacts, tol=1e-2, **given, ensemble=tilts, n=falls
+        )  # fmt: skip
         print("99 % of the peak forces are below", many.quantile("peak_force", 0.99))
     print(", ".join(f"{name} {value:.4g}" for name, value in numbers.items()))
     out.mkdir(parents=True, exist_ok=True)

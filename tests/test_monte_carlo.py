@@ -1,8 +1,7 @@
-"""Monte Carlo: distributions, bars and indices against closed forms; campaigns that break off."""
+"""Monte Carlo: distributions, bars and indices against closed forms."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -118,47 +117,6 @@ def test_indices_are_those_of_ishigamis_function():
     assert np.all(true <= found.bars[:, 1] + 0.02)
 
 
-def test_a_campaign_that_breaks_off_goes_on(tmp_path):
-    path, calls, stored = tmp_path / "campaign.csv", [], []
-
-    def run(x):
-        calls.append(x)
-        stored.append(len(path.read_text().splitlines()))
-        if len(calls) == 250:
-            raise KeyboardInterrupt
-        return {"square": x**2}
-
-    inputs = {"x": ao.normal(0.0, 1.0)}
-    with pytest.raises(KeyboardInterrupt):
-        ao.monte_carlo(run, inputs, 400, store=path)
-    assert [stored[k] for k in (0, 99, 100, 200, 249)] == [1, 11, 11, 111, 211]
-    many = ao.monte_carlo(run, inputs, 400, store=path)
-    assert len(calls) == 250 + 190  # what was finished, 10 and parts of 100, is not made again
-    assert np.array_equal(many.values["square"], many.inputs["x"] ** 2)
-    more = ao.monte_carlo(run, inputs, 500, store=path)
-    assert len(calls) == 250 + 290
-    assert np.array_equal(more.inputs["x"][:400], many.inputs["x"])
-    with pytest.raises(ao.InputError, match="name a new file"):
-        ao.monte_carlo(run, inputs, 500, seed=1, store=path)
-    for wrong in (path.read_bytes()[:-9], b"\xff\xfe", b"run,x,error\n0,1\n"):
-        path.write_bytes(wrong)
-        with pytest.raises(ao.InputError, match="name a new file"):
-            ao.monte_carlo(run, inputs, 10, store=path)
-
-
-def test_a_line_that_lost_a_cell_is_told_by_its_number(tmp_path):
-    path, speeds = tmp_path / "campaign.csv", {"v": ao.uniform(1.0, 2.0)}
-    whole = ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
-    lines = path.read_bytes().splitlines(keepends=True)
-    for broken in (lines[3].replace(b",-", b"-"), b"\xff" + lines[3], lines[3][:9] + b"\n"):
-        path.write_bytes(b"".join([*lines[:3], broken, *lines[4:]]))
-        with pytest.raises(ao.InputError, match=r"^line 4 of .*: remove the line"):
-            ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
-    path.write_bytes(b"".join([*lines[:3], *lines[4:]]))
-    again = ao.monte_carlo(lambda v: {"a": v, "b": -v}, speeds, 5, store=path)
-    assert np.array_equal(again.values["b"], whole.values["b"])
-
-
 def test_blows_that_all_fail_in_one_part_cost_no_other():
     """Runs are simulated in parts of 100; simulate_many refuses a batch of which all fail."""
     calls = []
@@ -193,15 +151,6 @@ def test_points_of_a_map_are_drawn_by_their_areas():
     assert lines.areas == pytest.approx([0.5, (1 + 5**0.5) / 2, 5**0.5 / 2, 0.0])
 
 
-def test_a_file_of_another_kind_is_not_overwritten(tmp_path):
-    speeds = {"v": ao.uniform(1.0, 2.0)}
-    for text in ("mass,force\n1,2", "a letter without an end of line", "mass,force\n"):
-        (tmp_path / "mine.csv").write_text(text)
-        with pytest.raises(ao.InputError, match="name a new file"):
-            ao.monte_carlo(lambda v: v, speeds, 5, store=tmp_path / "mine.csv")
-        assert (tmp_path / "mine.csv").read_text() == text
-
-
 def test_an_index_of_many_values_needs_no_order():
     """Half of the variance is the value's, which has nothing to do with its number."""
     rng = np.random.default_rng(5)
@@ -213,23 +162,30 @@ def test_an_index_of_many_values_needs_no_order():
 
 
 @pytest.mark.parametrize(
-    ("inputs", "run", "store", "word"),
+    ("inputs", "run", "word"),
     [
-        ({}, blow, None, ""),
-        ({"mass": 1.0}, blow, None, ""),
-        ({"mass": "abc"}, blow, None, ""),
-        ({"two words": ao.normal(1, 1)}, blow, None, ""),
-        ({"v": ao.normal(1, 1)}, lambda v: (v, v), None, ""),
-        ({"v": ao.normal(1, 1)}, lambda v: "text", None, ""),
-        ({"v": stats.cauchy(loc=np.nan)}, lambda v: v, None, ""),
-        ({"v": ao.uniform(1.0, 2.0)}, lambda speed: speed, None, "takes no argument 'v'"),
-        ({"v": ao.uniform(1.0, 2.0)}, lambda v: {"v": 2 * v}, "names.csv", "different names"),
-        ({"v": ao.uniform(1.0, 2.0)}, lambda v: v, "pipe", ""),
-        ({"v": ao.uniform(1.0, 2.0)}, lambda v: v, "/dev/zero", ""),
-        ({"v": ao.uniform(1.0, 2.0)}, lambda v: v, ".", ""),
+        ({}, blow, ""),
+        ({"mass": 1.0}, blow, ""),
+        ({"mass": "abc"}, blow, ""),
+        ({"two words": ao.normal(1, 1)}, blow, ""),
+        ({"v": ao.normal(1, 1)}, lambda v: (v, v), ""),
+        ({"v": ao.normal(1, 1)}, lambda v: "text", ""),
+        ({"v": stats.cauchy(loc=np.nan)}, lambda v: v, ""),
+        ({"v": ao.uniform(1.0, 2.0)}, lambda speed: speed, "takes no argument 'v'"),
     ],
 )
-def test_what_cannot_be_drawn_or_kept_is_refused(inputs, run, store, word, tmp_path):
-    os.mkfifo(tmp_path / "pipe")
+def test_what_cannot_be_drawn_is_refused(inputs, run, word):
     with pytest.raises(ao.InputError, match=word or None):
-        ao.monte_carlo(run, inputs, 5, store=store and tmp_path / store)
+        ao.monte_carlo(run, inputs, 5)
+
+
+def test_runs_that_all_fail_alike_end_the_study_at_once():
+    begun = []
+
+    def run(x):
+        begun.append(x)
+        raise ao.AntioscError("no law is known")
+
+    with pytest.raises(ao.AntioscError, match=r"first 10 of 500 runs failed alike.*no law"):
+        ao.monte_carlo(run, {"x": ao.uniform(0.0, 1.0)}, 500)
+    assert len(begun) == 10

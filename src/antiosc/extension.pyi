@@ -109,11 +109,6 @@ from antiosc.fields.second_order import (
 )
 
 # Impacts: bodies, scenes, and what a history tells.
-from antiosc.impact.batch import (
-    check_executor as check_executor,
-    completed_calls as completed_calls,
-    rows_of as rows_of,
-)
 from antiosc.impact.bodies import (
     SceneBody as SceneBody,
     scene_body as scene_body,

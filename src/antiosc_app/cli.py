@@ -170,9 +170,6 @@ def _parser() -> argparse.ArgumentParser:
             _report(command, "one HTML page of the impact, with the table and the chart")
         if name in ("run", "sweep", "monte-carlo", "map"):
             _results(command)
-        if name == "monte-carlo":
-            of_store = "a CSV file of the finished runs; if it exists, only the others are made"
-            command.add_argument("--store", metavar="FILE", help=of_store)
     materials_parser = commands.add_parser("materials", help="list the materials that have a name")
     materials_parser.add_argument(
         "name", metavar="NAME", nargs="?", help="only those with this in it"

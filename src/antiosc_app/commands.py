@@ -275,8 +275,6 @@ def _study(options: Namespace) -> int:
     scene.warnings[:] = first.warnings
     _check_probes(begun)
     scene, evaluate = settled(document, begun)
-    if getattr(options, "store", None) is not None:
-        scene = _stored(scene, options.store)
     computed = run.results(scene, study.makes, evaluate)
     # what structures hold is asked on every rank, and written on the first
     parts = results.presentations(computed)
@@ -295,18 +293,6 @@ def _stopped_early(computed: run.SceneResults) -> bool:
     """Whether the run, or one impact of a sweep, stopped before its end."""
     statuses = () if computed.batch is None else computed.batch.status
     return STOPPED in (getattr(computed.history, "status", 0), *statuses)
-
-
-def _stored(scene: CompiledScene, path: str) -> CompiledScene:
-    """The scene with a file for the runs of [monte_carlo]; an interrupted campaign continues."""
-    comm = run.communicator()
-    if comm is not None and comm.size > 1:
-        raise InputError(
-            f"--store is for one process, not {comm.size} ranks: leave it out, or run without MPI."
-        )
-    assert scene.sample is not None
-    arguments = {**scene.sample.arguments, "store": checks.new_file("--store", path)}
-    return replace(scene, sample=replace(scene.sample, arguments=arguments))
 
 
 _OTHERS = {

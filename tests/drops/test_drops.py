@@ -780,18 +780,15 @@ def test_channel_frequency_classes_are_those_of_j211() -> None:
 
 
 @pytest.mark.slow
-def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
-    from concurrent.futures import ThreadPoolExecutor
-
+def test_ensembles_have_bars_and_begin_with_the_falls_of_smaller_ones() -> None:
     given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1, "tol": 1e-2}
     spread = ao.Tilts(sigma=3.0, height=0.02)
     many = ao.drop(block(), **given, ensemble=spread, n=24)
     numbers = many.numbers()
     assert numbers["peak_force"]["50 %"] == many.quantile("peak_force", 0.5).value
     assert (numbers["falls"], numbers["status"]) == (24, 0)
-    with ThreadPoolExecutor(2) as pool:
-        again = ao.drop(block(), **given, ensemble=spread, n=24, executor=pool)
-    np.testing.assert_array_equal(many.values["peak_force"], again.values["peak_force"])
+    fewer = ao.drop(block(), **given, ensemble=spread, n=3)
+    np.testing.assert_array_equal(many.values["peak_force"][:3], fewer.values["peak_force"])
     median = many.quantile("peak_force", 0.5)
     assert median.low < median.value < median.high
     assert many.quantile("peak_force", 0.99).high == np.inf  # 24 falls do not bound it
@@ -821,7 +818,6 @@ SOIL = ao.soil_cone(0.1, 1e8, 0.3, 1800.0)
         ({"floor": ao.soil_cone(0.4, 60e6, 0.3, 1800.0)}, "Floor with this model"),
         ({"floor": ao.SoftLayer(0.01, 1e6)}, "Floor with this layer"),
         ({"floor": ao.Hertz(1e9)}, "Floor with this law"),
-        ({"executor": object()}, "ensemble"),
         ({"modes": "x"}, "modes must be a whole number"),
         ({"modes": 10**9}, "modes must be at most 5000"),
         ({"damping": np.nan}, "ratio must be finite"),

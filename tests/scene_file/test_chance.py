@@ -38,24 +38,6 @@ def test_a_scene_is_drawn_as_by_a_program(tmp_path, capsys):
     assert found["value"][:3] == [many.quantile("peak_force", q).value for q in (0.05, 0.5, 0.95)]
 
 
-def test_a_campaign_that_broke_off_goes_on(tmp_path):
-    path, store = written(tmp_path, BEAM + DRAWN), tmp_path / "store.csv"
-    study = ("monte-carlo", path, "--out", tmp_path / "out", "--store", store)
-    assert antiosc(*study) == 0
-    whole, lines = table(tmp_path / "out/monte_carlo.csv"), store.read_text().splitlines()
-    cells = lines[7].split(",")  # a finished run is taken as it is stored
-    at = lines[0].split(",").index("peak_force")
-    assert float(cells[at]) == whole["peak_force"][6]
-    store.write_text(
-        "\n".join([*lines[:7], ",".join([*cells[:at], "1.5", *cells[at + 1 :]])]) + "\n"
-    )
-    assert antiosc(*study) == 0
-    again = table(tmp_path / "out/monte_carlo.csv")["peak_force"]
-    assert again[6] == 1.5
-    assert np.array_equal(np.delete(again, 6), np.delete(whole["peak_force"], 6))
-    assert len(store.read_text().splitlines()) == 41
-
-
 def test_a_mistake_of_the_scene_is_told_once(tmp_path, capsys):
     text = BEAM.replace("mass = 0.05", "mass = -0.05") + DRAWN
     assert antiosc("check", written(tmp_path, text)) == 1

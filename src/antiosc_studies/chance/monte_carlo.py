@@ -1,16 +1,10 @@
-"""`monte_carlo`: runs with inputs drawn from distributions, and their storage in a file."""
+"""`monte_carlo`: runs with inputs drawn from distributions."""
 
 from __future__ import annotations
 
-import csv
-import os
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
@@ -25,17 +19,12 @@ from antiosc.base.errors import (
     warn,
     without_warnings,
 )
-from antiosc.base.files import atomic_file, check_readable
 from antiosc.base.progress import counting
 from antiosc.base.texts import STOPPED
-from antiosc.extension import check_executor, completed_calls, rows_of
 from antiosc_studies.chance.sample import QUANTILES, Sample, checked_levels
 
-#: Runs are computed, stored and sent to an executor in chunks of at least this many runs, so that
-#: writing a chunk costs little beside its runs, …
+#: Runs that are simulated together as one batch.
 TOGETHER = 100
-#: … and in at most this many chunks: an interrupted study loses at most one per cent of its runs.
-PARTS = 100
 #: First runs, computed before all others: if all of them fail alike, the study ends. Of runs of
 #: which a half fails, that is a chance of 0.1 %.
 TRIED = 10
@@ -43,9 +32,6 @@ TRIED = 10
 MOST = 10_000_000
 #: Results of an impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "restitution")
-#: Columns of a stored campaign: number of the run, and why it failed.
-NUMBER = "run"
-ERROR = "error"
 #: Results of a run by name, or the message of its failure.
 Row = dict[str, float] | str
 
@@ -170,8 +156,6 @@ def monte_carlo(
     n: int = 1000,
     *,
     seed: int = 0,
-    executor: Executor | None = None,
-    store: str | os.PathLike[str] | None = None,
     quantiles: Sequence[float] = QUANTILES,
 ) -> Sample:
     """Repeat a run with independent random inputs: the distribution of its results.
@@ -191,14 +175,6 @@ def monte_carlo(
         Number of runs.
     seed : int
         Seed of the draws. With the same seed and a larger n, the first runs stay the same.
-    executor : concurrent.futures.Executor, optional
-        Computes the runs, 100 at a time: processes, `mpi4py.futures`, dask.distributed's
-        `Client.get_executor()`. Runs that it loses count as failed.
-    store : path, optional
-        A CSV file to which finished runs are added as they come. If it exists, its runs are reused
-        and only the missing and failed ones are computed, so that an interrupted campaign
-        continues. On several MPI ranks that all make the same calls it is refused: give an
-        executor on one of them.
     quantiles : sequence of floats
         Shares of the results below the quantiles that tables and pictures tell: by default the
         median and the ends of the middle 90 %; 0.99 has 1 % of the results above it.
@@ -215,45 +191,28 @@ def monte_carlo(
     Raises
     ------
     InputError
-        For inputs that are no distributions, a `store` of another campaign, and a `run` that
-        returns something else.
+        For inputs that are no distributions, and a `run` that returns something else.
     AntioscError
-        If all runs fail; without an executor, if the first ten fail with one message.
+        If all runs fail, or the first ten with one message.
     """
     checks.function("run", run, "a function of the inputs")
     by_name = checked(inputs)
     levels = checked_levels(quantiles)
     size = checks.whole("n", n, most=MOST)
     check_signature("run", run, by_name)
-    check_executor(executor)
     inputs_drawn = draws(by_name, size, checks.whole("seed", seed, least=0))
-    mpi = sys.modules.get("mpi4py.MPI")
-    if store is not None and executor is None and mpi is not None and mpi.COMM_WORLD.size > 1:
-        raise InputError(
-            f"store is one file, and {mpi.COMM_WORLD.size} MPI ranks would all write it: run the"
-            " campaign on one, with executor=mpi4py.futures.MPIPoolExecutor()."
-        )
-    path = None if store is None else checks.new_file("store", store)
-    rows = {} if path is None else _stored(path, inputs_drawn)
-    open_runs = [i for i in range(size) if isinstance(rows.get(i, ""), str)]
-    chunk_size = max(TOGETHER, -(-len(open_runs) // PARTS))
-    # runs that are made again may be those that failed
-    tried = TRIED if executor is None and len(open_runs) == size else 0
-    starts = range(tried, len(open_runs), chunk_size)
-    others = [open_runs[k : k + chunk_size] for k in starts]
-    chunks = [open_runs[:tried], *others] if tried else others
-    arguments_of_chunks = [[_values(by_name, inputs_drawn, i) for i in part] for part in chunks]
-    with counting("runs", len(open_runs)) as report, _storing(path, inputs_drawn, rows) as keep:
-        count = 0
-        for k, chunk_rows in chunk_results(run, arguments_of_chunks, executor):
-            part = dict(zip(chunks[k], chunk_rows, strict=True))
-            rows.update(part)
-            keep(part)
-            count += len(chunk_rows)
-            report(count)
-            if count == tried < size:
-                _refuse_if_alike(chunk_rows, size)
-    sample = sample_of("runs", inputs_drawn, [rows[i] for i in range(size)])
+    arguments = [_values(by_name, inputs_drawn, i) for i in range(size)]
+    rows: list[Row] = []
+
+    with counting("runs", size) as report:
+        while len(rows) < size:
+            rows += rows_of_runs(run, arguments[len(rows) :][: TOGETHER if rows else TRIED])
+            report(len(rows))
+
+            if len(rows) == TRIED < size:
+                _refuse_if_alike(rows, size)
+
+    sample = sample_of("runs", inputs_drawn, rows)
     return replace(sample, quantiles=levels)
 
 
@@ -271,31 +230,8 @@ def _values(inputs: Mapping[str, Any], drawn: Mapping[str, Array], i: int) -> di
     return {name: value(distribution, drawn[name][i]) for name, distribution in inputs.items()}
 
 
-def chunk_results(
-    run: Callable[..., Any],
-    arguments_of_chunks: list[list[dict[str, Any]]],
-    executor: Executor | None,
-) -> Iterator[tuple[int, list[Row]]]:
-    """Yield (number of a chunk, results of its runs); if a chunk is lost, all of its runs have
-    failed.
-    """
-    if executor is None:
-        yield from ((k, _rows(run, part)) for k, part in enumerate(arguments_of_chunks))
-        return
-    for k, returned in completed_calls(
-        executor, _rows, [((run, part), {}) for part in arguments_of_chunks]
-    ):
-        rows = rows_of(returned, len(arguments_of_chunks[k]))
-        if isinstance(rows, InputError):
-            raise rows
-        yield (
-            k,
-            [str(rows)] * len(arguments_of_chunks[k]) if isinstance(rows, AntioscError) else rows,
-        )
-
-
-def _rows(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
-    """Results of one chunk of runs; impacts that `run` returns as arguments are simulated as one
+def rows_of_runs(run: Callable[..., Any], arguments: list[dict[str, Any]]) -> list[Row]:
+    """Results of some runs; impacts that `run` returns as arguments are simulated as one
     batch.
     """
     rows: list[Row] = [""] * len(arguments)
@@ -371,110 +307,3 @@ def sample_of(what: str, drawn: dict[str, Array], rows: list[Row]) -> Sample:
         for name in names
     }
     return Sample(drawn, values, failed)
-
-
-def _stored(path: Path, drawn: Mapping[str, Array]) -> dict[int, Row]:
-    """The runs of a stored campaign; InputError if it cannot be read or has other inputs."""
-    if not os.path.lexists(path):
-        return {}
-    check_readable(path, "a campaign")
-    file = checks.shown(str(path))
-    rows = dict[int, Row]()
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines(keepends=True)
-    except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}): name a new file.") from error
-    complete_lines = [line for line in lines if line.endswith("\n")]  # the last may be cut
-    table = csv.DictReader(complete_lines, strict=True)
-    try:
-        lacking = {NUMBER, *drawn, ERROR} - set(table.fieldnames or ())
-        if lines and lacking:
-            raise InputError(
-                f"{file} is no stored campaign (it has no column {min(lacking)}): name a new file."
-            )
-        for line in table:
-            rows.update([_run_of(line, drawn)])
-    except (ValueError, csv.Error) as error:
-        raise InputError(
-            f"line {table.line_num} of {file} is no run of this campaign ({error}): remove the"
-            " line, and its run is computed again, or name a new file."
-        ) from error
-    return rows
-
-
-def _run_of(line: dict[Any, Any], drawn: Mapping[str, Array]) -> tuple[int, Row]:
-    """(number of a run, its results) from one line; ValueError if its inputs differ from
-    `drawn`.
-    """
-    if None in line or None in line.values():
-        raise ValueError("it has not as many cells as the first line")
-    i = int(line.pop(NUMBER))
-    failure = line.pop(ERROR)
-    for name, draw in drawn.items():
-        text = line.pop(name)
-        if not 0 <= i < len(draw):
-            raise ValueError(f"it has a run {i}, more than n = {len(draw)}")
-        if float(text) != draw[i]:
-            raise ValueError(f"run {i} has {name} = {text}, not {draw[i]:.17g}")
-    return i, failure or {name: float(x) for name, x in line.items() if x}
-
-
-@contextmanager
-def _storing(
-    path: Path | None, drawn: Mapping[str, Array], rows: Mapping[int, Row]
-) -> Iterator[Callable[[dict[int, Row]], None]]:
-    """Context that gives a function to append runs to the file; on exit the file is sorted."""
-    if path is None:
-        yield lambda _: None
-        return
-    columns: list[str] = []
-
-    def store(chunk: dict[int, Row]) -> None:
-        if set(_columns(drawn, chunk)) <= set(columns):
-            with path.open("a", encoding="utf-8", newline="") as file:
-                _write(file, columns, drawn, chunk)
-        else:
-            columns[:] = _stored_anew(path, drawn, rows)
-
-    columns[:] = _stored_anew(path, drawn, rows)  # an error now if it cannot be written
-    try:
-        yield store
-    finally:
-        _stored_anew(path, drawn, rows)
-
-
-def _columns(drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
-    """The columns of a file with these runs."""
-    names = dict.fromkeys(name for row in rows.values() if not isinstance(row, str) for name in row)
-    return [NUMBER, *drawn, *names, ERROR]
-
-
-def _stored_anew(path: Path, drawn: Mapping[str, Array], rows: Mapping[int, Row]) -> list[str]:
-    """Write the file again with all runs; returns its columns."""
-    columns = _columns(drawn, rows)
-    if len(set(columns)) < len(columns):
-        raise InputError(
-            f"the columns of {path.name} must have different names; they are {', '.join(columns)}:"
-            " name the results otherwise than the inputs."
-        )
-    with (
-        atomic_file(path, "the campaign") as part,
-        part.open("w", encoding="utf-8", newline="") as file,
-    ):
-        csv.writer(file).writerow(columns)
-        _write(file, columns, drawn, rows)
-    return columns
-
-
-def _write(
-    file: TextIO, columns: list[str], drawn: Mapping[str, Array], rows: Mapping[int, Row]
-) -> None:
-    """Write one line for each run.
-
-    Messages are written without line breaks, so that a line without its end is a truncated one.
-    """
-    table = csv.DictWriter(file, columns, restval="")
-    for i, row in sorted(rows.items()):
-        results = {ERROR: " ".join(row.split())} if isinstance(row, str) else row
-        inputs = {name: draw[i].item() for name, draw in drawn.items()}
-        table.writerow({NUMBER: i, **inputs, **results})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from math import hypot, inf, isfinite, sqrt
 from typing import Any
 
@@ -16,7 +15,6 @@ from antiosc.base.plausible import FASTEST_WAVE, GRAVITY
 from antiosc.base.process import one_thread
 from antiosc.base.progress import doing
 from antiosc.base.texts import engineering
-from antiosc.extension import check_executor
 from antiosc_studies.drops.body import MODES, MOST_MODES, free_body
 from antiosc_studies.drops.ensemble import Drops, Tilts, tumbles
 from antiosc_studies.drops.fall import Fall, fall_of
@@ -60,7 +58,6 @@ def drop(
     ensemble: Tilts | None = None,
     n: int = 100,
     seed: int = 0,
-    executor: Executor | None = None,
 ) -> Fall | Drops:
     """Drop a part from a height and follow its flights and impacts until it rests.
 
@@ -103,8 +100,8 @@ def drop(
         Relative error of the contact forces in an impact, all contacts together.
     ensemble : Tilts, optional
         Random variation: n falls are computed, and `Drops` are returned.
-    n, seed, executor
-        For an ensemble: number of falls, seed of the draws, executor that computes them.
+    n, seed
+        For an ensemble: number of falls, seed of the draws.
 
     Returns
     -------
@@ -151,14 +148,11 @@ def drop(
     R = orientation(body, tilt, face, edge, corner, toward)
     start = initial_state(body, setting, R, **motion)
     if ensemble is None:
-        if executor is not None:
-            raise InputError("an executor computes an ensemble: give Tilts as the ensemble.")
         with doing("the fall") as tell:
             fall = fall_of(body, start, setting, lambda *at: tell(_reached(setting, *at)))
         fall.warn()
         return fall
-    check_executor(executor)
-    return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed, executor)
+    return tumbles(body, start, setting, ensemble, checks.whole("n", n), seed)
 
 
 def end_of(until: str | int | float) -> tuple[int, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,7 @@ from antiosc.base._types import Array, BoolArray
 from antiosc.base.errors import AccuracyWarning, InputError, warn
 from antiosc.base.progress import counting
 from antiosc.base.texts import FieldsRepr, Result
-from antiosc_studies.chance.monte_carlo import chunk_results, sample_of
+from antiosc_studies.chance.monte_carlo import rows_of_runs, sample_of
 from antiosc_studies.chance.sample import QUANTILES, Quantile, Sample, levels_text, quantile
 from antiosc_studies.drops.fall import fall_of
 from antiosc_studies.drops.flight import rotation_matrices
@@ -29,8 +28,6 @@ from antiosc_studies.drops.trajectory import initial_state
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Number of falls in one call of an executor.
-AT_ONCE = 20
 #: Results of each impact that are kept.
 QUANTITIES = ("peak_force", "impulse", "contact_time", "lost")
 
@@ -167,18 +164,18 @@ def tumbles(
     ensemble: Tilts,
     n: int,
     seed: int,
-    executor: Executor | None,
 ) -> Drops:
     """The falls of an ensemble, each drawn from a seed that depends on its number alone."""
     seeds = np.random.SeedSequence(checks.whole("seed", seed, least=0)).spawn(n)
     draw = partial(_random_fall, body.alone(), start, setting, ensemble)
-    chunks = [[{"seed": s} for s in seeds[k : k + AT_ONCE]] for k in range(0, n, AT_ONCE)]
-    counts: dict[int, list[dict[str, float] | str]] = {}
+    rows: list[dict[str, float] | str] = []
+
     with counting("falls", n) as report:
-        for k, rows in chunk_results(partial(_tumble, draw), chunks, executor):
-            counts[k] = rows
-            report(sum(map(len, counts.values())))
-    sample = sample_of("falls", {}, [row for k in sorted(counts) for row in counts[k]])
+        for fall_seed in seeds:
+            rows += rows_of_runs(partial(_tumble, draw), [{"seed": fall_seed}])
+            report(len(rows))
+
+    sample = sample_of("falls", {}, rows)
     table = {
         name: np.reshape([v for key, v in sample.values.items() if key.startswith(name)], (-1, n)).T
         for name in QUANTITIES
