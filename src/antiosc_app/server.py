@@ -16,6 +16,7 @@ import secrets
 import signal
 import socket
 import threading
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
@@ -35,8 +36,8 @@ TOKEN = "X-Antiosc-Token"
 LARGEST_BODY = 65_536
 #: Largest headers of a call [bytes].
 LARGEST_HEADERS = 16_384
-#: Largest number of simultaneous requests.
-MOST_REQUESTS = 32
+#: Largest number of connections whose request has not arrived; another one ends the oldest.
+MOST_ARRIVING = 32
 #: Time limit [s] for a request to arrive.
 PATIENCE = 10.0
 #: Interval [s] at which the server checks whether it is closed.
@@ -89,7 +90,9 @@ class Server(ThreadingHTTPServer):
         self.policy = page[1]
         self.hosts = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self.address = f"http://{HOST}:{self.server_port}/{self.token}/"
-        self._room = threading.BoundedSemaphore(MOST_REQUESTS)
+        #: connections whose request has not arrived, and for how long [s] they have been waiting
+        self._arriving: dict[socket.socket, float] = {}
+        self._polled = time.monotonic()
 
     def start(self) -> None:
         """Serve in a new thread."""
@@ -105,16 +108,35 @@ class Server(ThreadingHTTPServer):
         self.server_close()
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        if not self._room.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
+        for oldest in list(self._arriving)[: 1 - MOST_ARRIVING]:
+            self._hang_up(oldest)
+        self._arriving[request] = 0.0
         super().process_request(request, client_address)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._room.release()
+    def shutdown_request(self, request: Any) -> None:
+        self.arrived(request)
+        super().shutdown_request(request)
+
+    def service_actions(self) -> None:
+        """End connections that are too slow; only time in which Python runs counts."""
+        now = time.monotonic()
+        passed = min(now - self._polled, 2 * POLL)
+        self._polled = now
+
+        for connection, waited in list(self._arriving.items()):
+            self._arriving[connection] = waited + passed
+            if waited > PATIENCE:
+                self._hang_up(connection)
+
+    def _hang_up(self, connection: socket.socket) -> None:
+        """End a connection; its thread notices."""
+        self.arrived(connection)
+        with contextlib.suppress(OSError):  # it may have ended meanwhile
+            connection.shutdown(socket.SHUT_RDWR)
+
+    def arrived(self, connection: socket.socket) -> None:
+        """The request of a connection is complete, or has ended."""
+        self._arriving.pop(connection, None)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore broken connections."""
@@ -127,24 +149,6 @@ class _Request(BaseHTTPRequestHandler):
     timeout = PATIENCE
     server_version = "antiosc"
     sys_version = ""
-
-    def handle_one_request(self) -> None:
-        """Handle a request, and close the connection if it arrives too slowly."""
-        arrived = threading.Event()
-        threading.Thread(target=self._hang_up_unless, args=(arrived,), daemon=True).start()
-        self._arrived = arrived.set
-        try:
-            super().handle_one_request()
-        finally:
-            arrived.set()
-
-    def _hang_up_unless(self, arrived: threading.Event) -> None:
-        """Close the connection after PATIENCE seconds, counted only while Python runs."""
-        for _ in range(round(PATIENCE / POLL)):
-            if arrived.wait(POLL):
-                return
-        with contextlib.suppress(OSError):  # it may have ended meanwhile
-            self.connection.shutdown(socket.SHUT_RDWR)
 
     def do_GET(self) -> None:
         self._answer(self._page)
@@ -191,7 +195,7 @@ class _Request(BaseHTTPRequestHandler):
 
     def _page(self) -> tuple[str, bytes]:
         """(content type, content) of the page."""
-        self._arrived()
+        self.server.arrived(self.connection)
         parts = self.path.split("/")
         self._check_token(parts[1] if len(parts) > 1 else "")
         if parts[2:] == [""]:
@@ -213,7 +217,7 @@ class _Request(BaseHTTPRequestHandler):
         if call is None:
             raise Refused(HTTPStatus.NOT_FOUND, "there is no such call.")
         values = self._values()
-        self._arrived()
+        self.server.arrived(self.connection)
         try:
             answer = {"answer": call(values)}
         except AntioscError as error:

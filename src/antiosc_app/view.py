@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import tempfile
 import threading
 import webbrowser
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -120,14 +123,30 @@ def until_interrupted(
     """
     page = _open_page(_file(path), None, NOBODY, unit, timeout, size, piece, contact)
     print_text(f"{path} is open at {page.address}\nit is for this machine alone; Ctrl-C ends it.")
-    if browser:
-        webbrowser.open(page.address)
     try:
-        threading.Event().wait()
+        with _redirection(page.address) as entrance:
+            if browser:
+                webbrowser.open(entrance.as_uri())
+            threading.Event().wait()
     except KeyboardInterrupt:
         print_text("closed.")
     finally:
         page.close()
+
+
+@contextlib.contextmanager
+def _redirection(address: str) -> Iterator[Path]:
+    """A page that this user alone can read, which leads to an address: any user reads the command
+    line of a browser, where the token must not stand.
+    """
+    handle, name = tempfile.mkstemp(prefix="antiosc-", suffix=".html")  # of mode 0600
+    path = Path(name)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(f'<meta http-equiv="refresh" content="0; url={escape(address)}">\n')
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _file(part: str | os.PathLike[str]) -> Path:
@@ -135,6 +154,8 @@ def _file(part: str | os.PathLike[str]) -> Path:
     path = checks.path("the part", part)
     if not path.is_file():
         raise InputError(f"there is no file {checks.shown(str(path))} to open.")
+    if not path.name.isprintable():
+        raise InputError(f"the name {checks.shown(path.name)} has control characters: rename it.")
     check_size(path)
     return path
 
@@ -153,5 +174,15 @@ def _open_page(
     comm = communicator()
     if comm is not None and comm.size > 1:
         raise InputError(f"a page is served by one process, not by {comm.size} MPI ranks.")
+    if unit is not None:
+        from antiosc.io.neutral import UnitSystem
+
+        UnitSystem.of(unit)
+    for name, value, of in (("--size", size, "m"), ("--timeout", timeout, "s")):
+        if value is not None:
+            checks.positive(name, value, of)
+    if piece is not None:
+        checks.whole("--piece", piece)
+
     title = path.name if structure is None else "A part"
     return View(Opened(path, structure, unit, timeout, size, piece, contact), title, frames)

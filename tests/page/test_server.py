@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import json
+import re
 import socket
 import time
+import urllib.request
+from pathlib import Path
 from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 
 from antiosc.base.errors import InputError, RangeError
 from antiosc.base.texts import on_page, where_to_change
-from antiosc_app import server
+from antiosc_app import server, view
 from antiosc_app.live import policy, script
 from antiosc_app.server import TOKEN, Server
 from antiosc_app.until_parted import parted
@@ -226,16 +230,57 @@ def test_who_does_not_finish_is_cut_off(served, cut):
     assert status(sent(served, request(served))) == OK
 
 
-@pytest.mark.slow
-def test_more_connections_than_it_serves_are_closed(served, monkeypatch):
+def test_idle_connections_do_not_keep_others_out(served, monkeypatch):
     address = ("127.0.0.1", served.server_port)
-    idle = [socket.create_connection(address, timeout=10) for _ in range(server.MOST_REQUESTS)]
+    monkeypatch.setattr(server, "PATIENCE", 60.0)
+    idle = [socket.create_connection(address, timeout=10) for _ in range(server.MOST_ARRIVING + 8)]
     try:
         time.sleep(0.2)
-        assert sent(served, b"") == b""
+        assert status(sent(served, request(served))) == OK
+        assert idle[0].recv(1) == b""  # the oldest has ended
     finally:
         for one in idle:
             one.close()
+
+
+def test_the_token_stands_in_no_command_line_of_a_browser(tmp_path, monkeypatch):
+    part = tmp_path / "part.step"
+    part.write_text("ISO-10303-21;")
+    seen = []
+
+    def browse(address):
+        page = Path(urllib.request.url2pathname(urlsplit(address).path))
+        seen.append((address, page.read_text(), page.stat().st_mode & 0o777))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(view.webbrowser, "open", browse)
+    view.until_interrupted(str(part), None, None, None, None, None, browser=True)
+    ((address, text, mode),) = seen
+    token = re.search(r"http://127.0.0.1:\d+/([^/]+)/", text)[1]
+    assert mode == 0o600
+    assert len(token) >= 32
+    assert token not in address
+    assert not Path(urlsplit(address).path).exists()  # with the program
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"unit": "parsec"}, {"size": float("nan")}, {"size": -1.0}, {"piece": 0}, {"timeout": -1.0}],
+)
+def test_options_are_refused_before_the_page_opens(tmp_path, options):
+    part = tmp_path / "part.step"
+    part.write_text("ISO-10303-21;")
+    given = dict.fromkeys(("unit", "timeout", "size", "piece", "contact")) | options
+    with pytest.raises(InputError, match=next(iter(options))):
+        view.until_interrupted(str(part), **given, browser=False)
+
+
+def test_a_line_break_in_the_name_of_a_part_is_refused_once(tmp_path):
+    part = tmp_path / "a\nb.step"
+    part.write_text("ISO-10303-21;")
+    with pytest.raises(InputError) as refused:
+        view.view(part)
+    assert str(refused.value).count("\\n") == 1
 
 
 def test_it_listens_on_this_machine_alone(served):

@@ -65,8 +65,8 @@ def functions(path: Path) -> list[Function]:
         import pyuff
     except ImportError:
         raise MissingDependencyError(
-            "universal files are read by pyuff: pip install pyuff; tables in text and .npz need no"
-            " further package."
+            "universal files are read by pyuff: pip install 'pyuff>=2.5,<2.6'; tables in text and"
+            " .npz need no further package."
         ) from None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
