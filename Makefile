@@ -75,7 +75,7 @@ clean: ## remove .venv, caches and out/
 	rm -rf .venv out build $(LIBRARY) src/*.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(LIBRARY): packaging/library.py $(wildcard csrc/*.[ch] csrc/export/*.[ch])
+$(LIBRARY): packaging/library.py $(wildcard csrc/*.[ch] csrc/export/*.[ch] csrc/fem/*.[ch])
 	.ci/install .ci/packages
 	/usr/bin/python3 packaging/library.py
 

@@ -1,10 +1,8 @@
 /* The library as one translation unit. */
 #include "arrow_modes.c"
 #include "batch.c"
-#include "cells.c"
 #include "coupled.c"
 #include "crossings.c"
-#include "elastic.c"
 #include "expected.c"
 #include "flight.c"
 #include "forces.c"
@@ -21,5 +19,3 @@
 #include "stepper.c"
 #include "steps.c"
 #include "stretch.c"
-#include "supernode_factor.c"
-#include "supernodes.c"

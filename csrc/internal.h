@@ -15,18 +15,6 @@
 #error "antiosc computes with infinity and NaN: compile without -Ofast, -ffast-math, /fp:fast."
 #endif
 
-/* One function for each kind of processor, where the linker can choose among them. */
-#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
-#define FOR_PROCESSORS __attribute__((target_clones("avx512f", "avx2,fma", "default")))
-#else
-#define FOR_PROCESSORS
-#endif
-#define INLINE static inline __attribute__((always_inline))
-
-/* names of functions that one source gives for several types */
-#define JOINED(name, type) name##_##type
-#define NAMED(name, type) JOINED(name, type)
-
 enum {
     LEVELS = 64,          /* steps H, H/2, H/4 ... */
     SCRATCH = LEVELS,     /* slot of a step of any length; its half stands in the next */

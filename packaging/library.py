@@ -1,4 +1,4 @@
-"""Compile the C library of the march into the Python package: `python packaging/library.py`.
+"""Compile the C library into the Python package: `python packaging/library.py`.
 
 The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
 $ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for
@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
-UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
+UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c", "fem/antiosc_fem.c")
 # zig's target: the wheel's platform
 TARGETS = {
     "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",

@@ -15,7 +15,6 @@ from ctypes import (
     Structure,
     c_char_p,
     c_double,
-    c_float,
     c_int,
     c_int64,
     c_size_t,
@@ -218,52 +217,12 @@ class CModel(Structure):
     ]
 
 
-class CCells(Structure):
-    """The C structure `aom_cells`."""
-
-    _fields_ = [
-        ("kernel", c_void_p),
-        *((name, c_int) for name in ("n_nodes", "n_coefficients", "first", "n_dofs", "n_vectors")),
-        *((name, c_void_p) for name in ("nodes", "points", "coefficients", "constants")),
-        *((name, c_void_p) for name in ("vectors", "weights")),
-    ]
-
-
-class CTetra(Structure):
-    """The C structure `aom_tetra`."""
-
-    _fields_ = _fields("int64 n_groups; pointer nodes, data")
-
-
-class CSupernodes(Structure):
-    """The C structure `aom_supernodes`."""
-
-    _fields_ = _fields("int64 n_supernodes; pointer start, row, rows, value, values, scale")
-
-
-class CLower(Structure):
-    """The C structure `aom_lower`."""
-
-    _fields_ = _fields("pointer start, rows, values")
-
-
-class CBlas(Structure):
-    """The C structure `aom_blas`."""
-
-    _fields_ = _fields("pointer potrf, trsm, syrk, gemm")
-
-
 _PACKAGE = Path(__file__).parents[1]
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
 SOURCE = _PACKAGE.parent.parent / "csrc"
 _REMEDY = "build it with `make` in the source folder, or install antiosc anew"
 
-_SUPERNODES = [
-    f"aom_supernodes_{half}_{type_name}"
-    for half in ("forward", "backward")
-    for type_name in ("float", "int16_t")
-]
 _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_version": (c_int,),
     "aom_source_hash": (c_char_p,),
@@ -310,23 +269,10 @@ _SIGNATURES: dict[str, tuple[object, ...]] = {  # result, arguments
     "aom_batch_solve": (
         c_int, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_int64, c_void_p,
     ),
-    "aom_cell_sums": (None, c_void_p, c_int64, c_int64, c_void_p, c_void_p),
-    "aom_cell_products": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 3),
-    "aom_cell_blocks": (None, c_void_p, c_int64, c_int64, c_double, *[c_void_p] * 2),
-    "aom_tetra_product_double": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
-    "aom_tetra_product_float": (None, c_void_p, c_float, c_float, c_void_p, c_void_p),
-    **dict.fromkeys(_SUPERNODES, (None, c_void_p, c_void_p, c_void_p)),
-    "aom_supernodes_factor": (c_int, *[c_void_p] * 5),
-    "aom_supernodes_to_16_bits": (None, c_void_p, c_void_p),
 }  # fmt: skip
 #: Functions that take long: other threads run meanwhile. Others keep the interpreter's lock, which
 #: threads would otherwise pass on several times in each impact.
-_LONG = (
-    "aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve", "aom_cell_sums",
-    "aom_cell_products", "aom_cell_blocks", "aom_tetra_product_double",
-    "aom_tetra_product_float", *_SUPERNODES, "aom_supernodes_factor",
-    "aom_supernodes_to_16_bits",
-)  # fmt: skip
+_LONG = ("aom_integrate", "aom_solve", "aom_gradient", "aom_batch_solve")
 
 
 def source_hash(folder: Path) -> str:

@@ -26,7 +26,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.platform import compat
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
-#: `AOM_BEYOND` of the C library: numbers behind a vector that a kernel may read
+#: `AFE_BEYOND` of the C library: numbers behind a vector that a kernel may read
 BEYOND = 5
 
 

@@ -1,7 +1,7 @@
 """Products with K and M of quadratic solids by the compiled actions of their forms, cell by cell.
 
 For hexahedra and straight tetrahedra of anisotropic materials: FFCx compiles the form whose trial
-function is a given displacement, and csrc/cells.c calls it for each cell.
+function is a given displacement, and csrc/fem/cells.c calls it for each cell.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from antiosc.engine import library
 from antiosc.fem.elements.cell_by_cell import CellByCell
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.forecast import DIRECTED, HEXAHEDRA
-from antiosc.fem.platform import compat
+from antiosc.fem.platform import compat, kernels
 
 
 class CompiledCells(CellByCell):
@@ -33,7 +33,7 @@ class CompiledCells(CellByCell):
         self.products = HEXAHEDRA if self._mesh.cell == "hexahedron" else DIRECTED
 
     @cached_property
-    def _cells(self) -> list[tuple[library.CCells, Array]]:
+    def _cells(self) -> list[tuple[kernels.Cells, Array]]:
         """(cells for the C library, workspace) of K and of M."""
         return [(kernel.cells(), np.empty(kernel.room + kernel.dofs)) for kernel in self._kernels]
 
@@ -45,7 +45,7 @@ class CompiledCells(CellByCell):
         for factor, (cells, memory) in zip((k, m), self._cells, strict=True):
             if factor:
                 places = map(library.address, (memory, u, out))
-                library.library.aom_cell_products(
+                kernels.functions.afe_cell_products(
                     byref(cells), *self._groups[group], factor, *places
                 )
 
@@ -70,5 +70,5 @@ class CompiledCells(CellByCell):
         for factor, (cells, memory) in zip((k, m), self._cells, strict=True):
             if factor:
                 places = map(library.address, (memory, result))
-                library.library.aom_cell_blocks(byref(cells), 0, count, factor, *places)
+                kernels.functions.afe_cell_blocks(byref(cells), 0, count, factor, *places)
         return result

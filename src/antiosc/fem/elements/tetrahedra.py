@@ -1,7 +1,7 @@
 """Products with K and M of straight quadratic tetrahedra of isotropic materials, cell by cell.
 
 The strains of a straight quadratic tetrahedron are linear, so that its energy follows from the
-strains at its corners (csrc/elastic.c).
+strains at its corners (csrc/fem/elastic.c).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from antiosc.engine import library
 from antiosc.fem.elements.cell_by_cell import CellByCell
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.linalg.forecast import TETRAHEDRA
-from antiosc.fem.platform import compat
+from antiosc.fem.platform import compat, kernels
 
-#: `AOM_LANES` and `AOM_TETRA_DATA` of the C library
+#: `AFE_LANES` and `AFE_TETRA_DATA` of the C library
 LANES = 8
 DATA = 12
 #: For each node of a cell in dolfinx's order: the corner, or the two corners it lies between.
@@ -54,20 +54,20 @@ class Tetrahedra(CellByCell):
         product(byref(groups[group]), k, m, library.address(u), library.address(out))
 
     @cached_property
-    def _in_double(self) -> tuple[Callable[..., None], list[library.CTetra]]:
+    def _in_double(self) -> tuple[Callable[..., None], list[kernels.Tetra]]:
         """(product function of the C library, groups of cells) in double precision."""
-        return library.library.aom_tetra_product_double, self._given(self._data)
+        return kernels.functions.afe_tetra_product_double, self._given(self._data)
 
     @cached_property
-    def _in_single(self) -> tuple[Callable[..., None], list[library.CTetra]]:
+    def _in_single(self) -> tuple[Callable[..., None], list[kernels.Tetra]]:
         """(product function of the C library, groups of cells) in single precision."""
         self._single = self._data.astype(np.float32)
-        return library.library.aom_tetra_product_float, self._given(self._single)
+        return kernels.functions.afe_tetra_product_float, self._given(self._single)
 
-    def _given(self, data: NDArray[Any]) -> list[library.CTetra]:
+    def _given(self, data: NDArray[Any]) -> list[kernels.Tetra]:
         """The groups of cells for the C library, with `data` in single or double precision."""
         return [
-            library.CTetra(
+            kernels.Tetra(
                 end - start, *(library.address(array[start:end]) for array in (self._nodes, data))
             )
             for start, end in self._groups
@@ -109,7 +109,7 @@ def _squares(slopes: Array, ends: Sequence[int]) -> Array:
 
 
 def _constants(material: Solid) -> tuple[float, float, float]:
-    """(λ/20, μ/20, ρ/420): Lamé's constants and the density as csrc/elastic.c takes them."""
+    """(λ/20, μ/20, ρ/420): Lamé's constants and the density as csrc/fem/elastic.c takes them."""
     lame = material.E * material.nu / ((1 + material.nu) * (1 - 2 * material.nu))
     return lame / 20, material.G / 20, material.rho / 420
 

@@ -26,6 +26,7 @@ from antiosc.fem.linalg.cholmod import (
     Supernodes,
     without_openmp,
 )
+from antiosc.fem.platform import kernels
 
 
 class RoundedFactor:
@@ -49,9 +50,9 @@ class RoundedFactor:
         self._take(Supernodes(start, row, rows, value, values), np.ones(factor.n, np.float32))
         work = np.empty(2 * factor.n + 3 * factor.nsuper, np.int64)
         update = np.empty(max(factor.maxcsize, 1), np.float32)
-        lower = library.CLower(*(library.address(array) for array in A))
+        lower = kernels.Lower(*(library.address(array) for array in A))
         with without_openmp(), blas_threads(analysis.fronts()):
-            succeeded = library.library.aom_supernodes_factor(
+            succeeded = kernels.functions.afe_supernodes_factor(
                 ctypes.byref(self._factor),
                 *(ctypes.byref(lower), ctypes.byref(_blas())),
                 *(library.address(work), library.address(update)),
@@ -65,10 +66,10 @@ class RoundedFactor:
         """Take L, whose values stand over the scale of their column."""
         self.supernodes, self._scale = L, scale
         self._own = np.empty(np.diff(L.row).max(initial=1), dtype=np.float32)
-        self._factor = library.CSupernodes(len(L.start) - 1, *map(library.address, (*L, scale)))
+        self._factor = kernels.Supernodes(len(L.start) - 1, *map(library.address, (*L, scale)))
         kind = "float" if L.values.dtype == np.float32 else "int16_t"
         self._forward, self._backward = (
-            getattr(library.library, f"aom_supernodes_{half}_{kind}")
+            getattr(kernels.functions, f"afe_supernodes_{half}_{kind}")
             for half in ("forward", "backward")
         )
 
@@ -77,7 +78,7 @@ class RoundedFactor:
         condition number of A.
         """
         values, scale = self.supernodes.values, np.empty(len(self.permutation), np.float32)
-        library.library.aom_supernodes_to_16_bits(
+        kernels.functions.afe_supernodes_to_16_bits(
             ctypes.byref(self._factor), library.address(scale)
         )
         count = values.size
@@ -124,7 +125,7 @@ def _ordered(
 
 
 @cache
-def _blas() -> library.CBlas:
+def _blas() -> kernels.Blas:
     """The functions of the BLAS and LAPACK that SciPy uses."""
     name_of, pointer_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
     name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
@@ -133,4 +134,4 @@ def _blas() -> library.CBlas:
     names = {cython_lapack: ("spotrf",), cython_blas: ("strsm", "ssyrk", "sgemm")}
     capsules = [m.__pyx_capi__[name] for m, group in names.items() for name in group]
     pointers = [pointer_of(capsule, name_of(capsule)) for capsule in capsules]
-    return library.CBlas(*pointers)
+    return kernels.Blas(*pointers)

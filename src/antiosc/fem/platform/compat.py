@@ -27,6 +27,7 @@ from antiosc.base.checks import ROUNDING
 from antiosc.base.errors import MeshError
 from antiosc.base.process import processor_features, threads
 from antiosc.engine import library
+from antiosc.fem.platform import kernels
 from antiosc.fem.platform.compiled_forms import compiler
 
 if TYPE_CHECKING:
@@ -620,7 +621,7 @@ def quadratic(
     def summed(begin: int, end: int) -> None:
         memory = np.empty(work_size)
         places = library.address(memory), library.address(total)
-        library.library.aom_cell_sums(addressof(cells), begin, end, *places)
+        kernels.functions.afe_cell_sums(addressof(cells), begin, end, *places)
 
     ends = np.linspace(0, total.size, min(threads(), total.size) + 1).astype(int).tolist()
     with ThreadPoolExecutor() as pool:
@@ -669,12 +670,12 @@ class CellKernel:
         """Put the cells into the order of the numbers `order`."""
         self.nodes, self.coefficients = self.nodes[order], self.coefficients[order]
 
-    def cells(self, count: int = 0, *vectors: Array) -> library.CCells:
+    def cells(self, count: int = 0, *vectors: Array) -> kernels.Cells:
         """The cells for the C library: `count` vectors (dofs, count), and weights."""
         sizes = self.nodes.shape[1], self.coefficients.shape[1], self._first, self.dofs, count
         arrays = self.nodes, self._points, self.coefficients, self._constants
         places = [library.address(array) for array in (*arrays, *vectors)]
-        return library.CCells(self._function, *sizes, *places)
+        return kernels.Cells(self._function, *sizes, *places)
 
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:

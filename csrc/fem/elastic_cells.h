@@ -1,7 +1,7 @@
 /* Products with the cells of `elastic.c` in the precision REAL. */
-typedef REAL wide __attribute__((vector_size(sizeof(REAL) * AOM_LANES), may_alias, aligned(sizeof(REAL))));
+typedef REAL wide __attribute__((vector_size(sizeof(REAL) * AFE_LANES), may_alias, aligned(sizeof(REAL))));
 typedef REAL quad __attribute__((vector_size(4 * sizeof(REAL)), may_alias, aligned(sizeof(REAL))));
-typedef INTEGER picks __attribute__((vector_size(sizeof(REAL) * AOM_LANES)));
+typedef INTEGER picks __attribute__((vector_size(sizeof(REAL) * AFE_LANES)));
 
 /* values x, y, z at a node of each cell: two cells share a vector, which are then transposed */
 INLINE void gather_node(const REAL *u, const int32_t *nodes, wide own[3]) {
@@ -32,7 +32,7 @@ INLINE void scatter_node(wide f[3], const int32_t *nodes, REAL *out) {
         rows[2 * i] = SHUFFLE(xy[i], z[i], PAIRS_FIRST);
         rows[2 * i + 1] = SHUFFLE(xy[i], z[i], PAIRS_LAST);
     }
-    for (int l = 0; l < AOM_LANES; l++) {
+    for (int l = 0; l < AFE_LANES; l++) {
         quad own;
         memcpy(&own, (const REAL *)&rows[l % 4] + (l < 4 ? 0 : 4), sizeof own);
         *(quad *)(out + 3 * (int64_t)nodes[l]) += own;
@@ -118,13 +118,13 @@ INLINE void inertia(REAL m, wide u[NODES][3], const wide *data, wide f[NODES][3]
 }
 
 FOR_PROCESSORS
-void NAMED(aom_tetra_product, REAL)(const aom_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
+void NAMED(afe_tetra_product, REAL)(const afe_tetra *of, REAL k, REAL m, const REAL *u, REAL *out) {
     for (int64_t g = 0; g < of->n_groups; g++) {
-        const int32_t *nodes = of->nodes + g * NODES * AOM_LANES;
-        const wide *data = (const wide *)((const REAL *)of->data + g * AOM_TETRA_DATA * AOM_LANES);
+        const int32_t *nodes = of->nodes + g * NODES * AFE_LANES;
+        const wide *data = (const wide *)((const REAL *)of->data + g * AFE_TETRA_DATA * AFE_LANES);
         wide own[NODES][3], f[NODES][3];
         for (int n = 0; n < NODES; n++)
-            gather_node(u, nodes + n * AOM_LANES, own[n]);
+            gather_node(u, nodes + n * AFE_LANES, own[n]);
         memset(f, 0, sizeof f);
         if (k != 0.0) {
             wide H[CORNERS][3][3], T[CORNERS][6];
@@ -135,6 +135,6 @@ void NAMED(aom_tetra_product, REAL)(const aom_tetra *of, REAL k, REAL m, const R
         if (m != 0.0)
             inertia(m, own, data, f);
         for (int n = 0; n < NODES; n++)
-            scatter_node(f[n], nodes + n * AOM_LANES, out);
+            scatter_node(f[n], nodes + n * AFE_LANES, out);
     }
 }

@@ -15,7 +15,7 @@ static const int BETWEEN[CORNERS][CORNERS] = {{-1, 9, 8, 7}, {9, -1, 6, 5}, {8, 
 /* places of σ_ab among the stresses xx, yy, zz, yz, zx, xy */
 static const int PLACE[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 
-/* numbers of two vectors by their places, those of the second from AOM_LANES on */
+/* numbers of two vectors by their places, those of the second from AFE_LANES on */
 #if defined(__clang__)
 #define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 #else

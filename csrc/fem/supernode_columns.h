@@ -58,7 +58,7 @@ INLINE void backward_columns(int count, int64_t rows, int64_t stride, const VALU
 }
 
 FOR_PROCESSORS
-void NAMED(aom_supernodes_forward, VALUE)(const aom_supernodes *L, float *x, float *own) {
+void NAMED(afe_supernodes_forward, VALUE)(const afe_supernodes *L, float *x, float *own) {
     for (int64_t s = 0; s < L->n_supernodes; s++) {
         const int64_t *rows = L->rows + L->row[s];
         int64_t first = L->start[s], width = L->start[s + 1] - first, height = L->row[s + 1] - L->row[s];
@@ -80,7 +80,7 @@ void NAMED(aom_supernodes_forward, VALUE)(const aom_supernodes *L, float *x, flo
 }
 
 FOR_PROCESSORS
-void NAMED(aom_supernodes_backward, VALUE)(const aom_supernodes *L, float *x, float *own) {
+void NAMED(afe_supernodes_backward, VALUE)(const afe_supernodes *L, float *x, float *own) {
     for (int64_t s = L->n_supernodes - 1; s >= 0; s--) {
         const int64_t *rows = L->rows + L->row[s];
         int64_t first = L->start[s], width = L->start[s + 1] - first, height = L->row[s + 1] - L->row[s];

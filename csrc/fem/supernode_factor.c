@@ -8,12 +8,12 @@ typedef struct pending {
     int64_t next; /* another supernode that waits for the same one; -1: none */
 } pending;
 
-static int64_t height_of(const aom_supernodes *L, int64_t s) { return L->row[s + 1] - L->row[s]; }
+static int64_t height_of(const afe_supernodes *L, int64_t s) { return L->row[s + 1] - L->row[s]; }
 
-static int64_t width_of(const aom_supernodes *L, int64_t s) { return L->start[s + 1] - L->start[s]; }
+static int64_t width_of(const afe_supernodes *L, int64_t s) { return L->start[s + 1] - L->start[s]; }
 
 /* The columns of A in supernode s, whose row r stands at place[r]. */
-static void take_columns(const aom_supernodes *L, int64_t s, const aom_lower *A, const int64_t *place,
+static void take_columns(const afe_supernodes *L, int64_t s, const afe_lower *A, const int64_t *place,
                          float *values) {
     int64_t height = height_of(L, s), width = width_of(L, s);
     memset(values, 0, (size_t)(height * width) * sizeof *values);
@@ -25,8 +25,8 @@ static void take_columns(const aom_supernodes *L, int64_t s, const aom_lower *A,
 }
 
 /* Subtract from supernode s the product of the next rows of supernode d, `count` of which are columns of s. */
-static void subtract(const aom_supernodes *L, int64_t d, int64_t from, int64_t count, int64_t s,
-                     const int64_t *place, const aom_blas *blas, float *update, float *values) {
+static void subtract(const afe_supernodes *L, int64_t d, int64_t from, int64_t count, int64_t s,
+                     const int64_t *place, const afe_blas *blas, float *update, float *values) {
     const int64_t *rows = L->rows + L->row[d] + from;
     const float *block = (const float *)L->values + L->value[d] + from;
     int n = (int)count, m = (int)(height_of(L, d) - from), below = m - n;
@@ -45,7 +45,7 @@ static void subtract(const aom_supernodes *L, int64_t d, int64_t from, int64_t c
 }
 
 /* Let supernode d wait for the one that has its next row among its columns. */
-static void queue(const aom_supernodes *L, const int64_t *owner, int64_t d, pending *of, int64_t *waiting) {
+static void queue(const afe_supernodes *L, const int64_t *owner, int64_t d, pending *of, int64_t *waiting) {
     if (of[d].from == height_of(L, d))
         return;
     int64_t s = owner[L->rows[L->row[d] + of[d].from]];
@@ -53,7 +53,7 @@ static void queue(const aom_supernodes *L, const int64_t *owner, int64_t d, pend
     waiting[s] = d;
 }
 
-int aom_supernodes_factor(const aom_supernodes *L, const aom_lower *A, const aom_blas *blas,
+int afe_supernodes_factor(const afe_supernodes *L, const afe_lower *A, const afe_blas *blas,
                           int64_t *work, float *update) {
     int64_t supernodes = L->n_supernodes, columns = L->start[supernodes];
     int64_t *place = work, *owner = place + columns, *waiting = owner + columns;
@@ -92,7 +92,7 @@ int aom_supernodes_factor(const aom_supernodes *L, const aom_lower *A, const aom
 
 typedef int16_t int16 __attribute__((may_alias)); /* stands where single precision has been read */
 
-void aom_supernodes_to_16_bits(const aom_supernodes *L, float *scale) {
+void afe_supernodes_to_16_bits(const afe_supernodes *L, float *scale) {
     for (int64_t s = 0; s < L->n_supernodes; s++) {
         int64_t height = height_of(L, s);
         for (int64_t j = 0; j < width_of(L, s); j++) {

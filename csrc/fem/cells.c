@@ -2,14 +2,14 @@
 #include "internal.h"
 
 /* points of a cell's nodes, and its coefficients */
-static void gather(const aom_cells *of, int64_t c, double *x, double *w) {
+static void gather(const afe_cells *of, int64_t c, double *x, double *w) {
     memcpy(w, of->coefficients + c * of->n_coefficients, (size_t)of->n_coefficients * sizeof(double));
     for (int i = 0; i < of->n_nodes; i++)
         memcpy(x + 3 * i, of->points + 3 * (int64_t)of->nodes[c * of->n_nodes + i],
                3 * sizeof(double));
 }
 
-void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memory, double *out) {
+void afe_cell_sums(const afe_cells *of, int64_t begin, int64_t end, double *memory, double *out) {
     double *w = memory, *x = w + of->n_coefficients, *own = x + 3 * of->n_nodes;
     double *entries = w + of->first;
     size_t bytes = (size_t)of->n_dofs * sizeof(double);
@@ -32,7 +32,7 @@ void aom_cell_sums(const aom_cells *of, int64_t begin, int64_t end, double *memo
     }
 }
 
-void aom_cell_products(const aom_cells *of, int64_t begin, int64_t end, double factor, double *memory,
+void afe_cell_products(const afe_cells *of, int64_t begin, int64_t end, double factor, double *memory,
                        const double *u, double *out) {
     double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
     for (int64_t c = begin; c < end; c++) {
@@ -48,7 +48,7 @@ void aom_cell_products(const aom_cells *of, int64_t begin, int64_t end, double f
     }
 }
 
-void aom_cell_blocks(const aom_cells *of, int64_t begin, int64_t end, double factor, double *memory,
+void afe_cell_blocks(const afe_cells *of, int64_t begin, int64_t end, double factor, double *memory,
                      double *out) {
     double *w = memory, *x = w + of->n_coefficients, *f = x + 3 * of->n_nodes;
     size_t bytes = (size_t)of->n_dofs * sizeof(double);
