@@ -287,44 +287,25 @@ def test_an_artefact_of_a_cut_patch_is_not_the_hardest_site(steel, tmp_path):
     ]  # fmt: skip
     struck = dataclasses.replace(timed, impactor=ao.RigidMass(0.01, 1.0))
     assert headline_of_map(struck, file="a.inp").about.endswith(" strikes a.inp.")
-    assert (
-        "radius of the patch (in a scene: [map] radius; on the page"
-        in headline_of_map(timed).sentences[3]
-    )
-    both = headline_of_map(timed).sentences[:2]  # the larger one too, with what makes it doubtful
-    assert both[0] == (
-        "The largest force of the sites that are not doubtful, 1.00 N, arises at (60, 40, 30) mm."
-    )
-    assert both[1].startswith(
-        "A larger one, 2.00 N, is doubtful: at (120, 80, 30) mm, where an edge"
-    )
+    assert "radius of the patch (in a scene: [map] radius" in headline_of_map(timed).caution
+    assert "1.00 N, arises at (60, 40, 30) mm" in headline_of_map(timed).sentences[0]
     less = dataclasses.replace(timed, peak_force=np.array([2.0, 1.0]))
     assert not any("larger one" in one for one in headline_of_map(less).sentences)
     most = dataclasses.replace(timed, doubtful=np.ones(2, dtype=bool))
     caution = headline_of_map(most).caution
     assert "2 doubtful sites: 1 where" in caution
     assert not any("doubtful sites:" in one for one in headline_of_map(most).sentences)  # once
-    assert caution.startswith("This map is no answer for the part. No site is free of doubts")
+    assert caution.startswith("No site is free of doubts")
     told = " ".join([caution, *headline_of_map(most).sentences, most.summary()])
     assert "not doubtful" not in told
     assert "left out of" not in told.lower()  # the ranges are those of all sites
     (largest,) = (one for one in headline_of_map(most).sentences if "largest force" in one)
-    assert "which are all doubtful, 2.00 N, arises" in largest
-    assert largest.endswith(f", where {most.reasons[1]}.")
+    assert "2.00 N, arises at (120, 80, 30) mm" in largest
     rows = dict(presentations(SceneResults(map=most))[1].sections["Map"][0])
-    assert "these ranges are of 2 doubtful sites" in rows["sites"]
+    assert "2 doubtful sites" in rows["sites"]
     assert rows["peak force"] == "1.000 N to 2.000 N"
-    blow = {"impactor": ao.RigidMass(0.01, 1.0), "contact": ao.Hertz(1e12)}
-    assert (
-        "strike such a site by itself"
-        in headline_of_map(dataclasses.replace(timed, **blow)).caution
-    )
-    assert (
-        ": the anti-oscillators"
-        not in headline_of_map(dataclasses.replace(most, band=1e9, **blow)).caution
-    )
     softest = f"k0 of {engineering(found.models.k0[0], 'N/m')}, is at (60, 40, 30) mm"
-    assert softest in headline_of_map(timed).sentences[2]
+    assert softest in headline_of_map(timed).sentences[1]
     stressed = dataclasses.replace(hard, peak_stress=hard.peak_force, stress_points=hard.points)
     assert "largest stress 1.00 Pa at (60, 40, 30) mm" in stressed.summary()
     assert "and the largest stress" in stressed.summary()

@@ -158,17 +158,12 @@ def headline_of_fall(fall: Fall, worst: WorstField | None) -> Headline:
 
 
 def caution_of_fall(fall: Fall, hardest: int) -> str:
-    """What must be read before the numbers: that the bar of the hardest impact is missing or
-    wide, and of what it is made.
-    """
+    """What must be read before the numbers: the bar of the hardest impact is missing or wide."""
     if reason := fall.no_bar(hardest):
         return f"There is no error bar: {reason}."
+
     bar = fall.impacts[hardest].law_error or 0.0
-    if bar < WIDE:
-        return ""
-    shares = sorted(fall.error_shares(hardest).items(), key=lambda share: -share[1])
-    made = ", ".join(f"{cause} {percent(error)}" for cause, error in shares if error)
-    return f"The force is a rough one, ± {percent(bar)}: {made}."
+    return f"The force is a rough one, ± {percent(bar)}." if bar >= WIDE else ""
 
 
 def floor_text(fall: Fall) -> str:

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import cumulative_trapezoid
-from scipy.special import j1
 
 import antiosc as ao
 from antiosc.base.texts import engineering, plus_minus
@@ -67,7 +65,7 @@ def test_the_body_of_a_mesh(case: ao.Structure) -> None:
     few = body.sites(np.array([0]))[1][0]
     more = ao.drop(case, 0.1, floor=ao.Floor(STEEL), until=0.01, modes=40).body
     left = more.sites(np.array([0]))[1][0]
-    assert (np.linalg.eigvalsh(few) >= 0).all()
+    assert (np.linalg.eigvalsh(few) >= -1e-12 * np.trace(few)).all()
     assert (np.linalg.eigvalsh(few - left) >= -1e-2 * np.trace(few)).all()  # more modes, less left
 
 
@@ -112,27 +110,6 @@ def test_the_radii_of_a_spheroid_at_its_points(tmp_path: Path) -> None:
     g = np.sqrt(x**2 / a**4 + (y**2 + z**2) / b**4)
     true = np.sort([b**2 * g, a**2 * b**2 * g**3], axis=0).T
     np.testing.assert_allclose(np.sort(body.radii[which]), true, rtol=0.1)
-
-
-def disc(nu: float, share: float) -> float:
-    """Way of a contact into a disc in plane strain over F (1 - nu^2)/(pi E L), less its mean.
-
-    Michell's series for a force on the rim and the inertia of a rigid motion; the force is spread
-    by Hertz's pressure over a half width that is a share of the radius.
-    """
-    n = np.arange(2, 200_000)
-    m, x = (1 - 2 * nu) / (2 * (1 - nu)), n * share
-    return float(np.sum(4 * (n - m) / (n * n - 1) * j1(x) / x)) + 2 * m
-
-
-def landing(material: ao.Solid, R: float, L: float, mass: float, height: float) -> float:
-    """Peak force of a rigid cylinder with the stiffness of a disc on a rigid floor, by its work."""
-    modulus = material.E / (1 - material.nu**2)
-    force = np.geomspace(1.0, 1e6, 200)
-    share = np.sqrt(4 * force / (np.pi * modulus * L * R))
-    depth = force / (np.pi * modulus * L) * [disc(material.nu, one) for one in share.tolist()]
-    work = cumulative_trapezoid(force, depth, initial=0.0)
-    return float(np.interp(mass * 9.80665 * height, work, force))
 
 
 def test_sharp_and_flat_places(case: ao.Structure) -> None:

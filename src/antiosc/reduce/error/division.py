@@ -164,8 +164,9 @@ def _by_groups(part: MeshedStructure) -> tuple[dict[str, dict[int, IntArray]], l
 def _on_divided(coarse: MeshedParts, fine: MeshedParts, shapes: Array) -> Array:
     """Shapes (rows, k) as displacements of the divided structure."""
     if not coarse.assembled:
-        part, of_fine = coarse.members()[0].part, fine.members()[0].part
-        return np.asarray(interpolation(part, of_fine) @ shapes)
+        whole, halves = coarse.members()[0].part, fine.members()[0].part
+        return np.asarray(interpolation(whole, halves) @ shapes)
+
     coarse, fine = cast("AssembledMatrices", coarse), cast("AssembledMatrices", fine)
     u = np.zeros((fine.layout.count, shapes.shape[1]))
     for member, motion in coarse.fields(shapes):

@@ -140,6 +140,8 @@ def _of_theory(part: MeshedStructure, site: Functional) -> ShellDisc | str | Non
 
 def _is_inside(part: MeshedStructure, site: Functional) -> bool:
     """Whether a site lies within an element of a beam and not at a node."""
+    assert site.point is not None  # lines have no other sites
+
     ends = part.mesh.geometry.nodes[:, :2]
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     distances = np.linalg.norm(ends - site.point, axis=2) / lengths[:, None]
