@@ -69,15 +69,7 @@ LEAST_CARRIED = 0.5
 MISMATCH = 1.5, 1.01
 
 
-def history_key(history: AnyHistory) -> tuple[object, ...]:
-    """Rounded data of a history, compared between ranks."""
-    if isinstance(history, BodyHistory):
-        return "body", history.placed.name, f"{history.time[-1]:.6g}"
-    bodies = list(history.assembly.bodies) if history.named else history.model
-    return bodies, history.status, f"{history.time[-1]:.6g}"
-
-
-@collective(history=history_key)
+@collective()
 @one_thread()
 def write_series(
     structure: Structure,
@@ -139,7 +131,7 @@ def write_series(
     return target
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def save_fields(
     structure: Structure,
@@ -181,7 +173,7 @@ def save_fields(
     return target
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def skin(
     structure: Structure, history: History, time: float, *, body: str = "structure"
@@ -202,7 +194,7 @@ def skin(
     return outer
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def nodal_motion(
     structure: Structure, history: History, time: float, *, body: str = "structure"
@@ -331,7 +323,7 @@ class Reactions(ReprMixin):
         return np.asarray(sum(self.force.values()))
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def reactions(
     structure: Structure,

@@ -36,7 +36,7 @@ from antiosc.base.texts import Completed, engineering, percent, point_text as pl
 from antiosc.fem.platform import collective, warn
 from antiosc.fem.structure.structure import Structure
 from antiosc.fields import margin
-from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
+from antiosc.fields.fields import shapes_of, stress_amplitudes
 from antiosc.fields.margin import Margin, Maxima, Search, mesh_error
 from antiosc.fields.pictures import outer_faces
 from antiosc.fields.second_order import tensors_at_nodes
@@ -555,7 +555,7 @@ class PeakField(Completed):
         return target
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def peak_field(
     structure: Structure,

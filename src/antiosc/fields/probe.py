@@ -24,7 +24,7 @@ from antiosc.fem.elements import Section
 from antiosc.fem.platform import collective, on_root
 from antiosc.fem.reach import Reach
 from antiosc.fem.structure.structure import Structure
-from antiosc.fields.fields import history_key, shapes_of, stress_amplitudes
+from antiosc.fields.fields import shapes_of, stress_amplitudes
 from antiosc.fields.filtered import filtered, long_enough
 from antiosc.fields.second_order import with_pairs
 from antiosc.impact.histories import History
@@ -50,7 +50,7 @@ GAUGE_POINTS = 6
 OFF_GAUGE = 0.05
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def probe(
     structure: Structure,
@@ -256,7 +256,7 @@ def _on_outline(structure: Structure, part: str | None, position: Place) -> list
     return [position]
 
 
-@collective(history=history_key)
+@collective()
 @one_thread()
 def strain_gauge(
     structure: Structure,

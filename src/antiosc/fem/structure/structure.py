@@ -155,7 +155,7 @@ class Structure(ReprMixin):
         self.made_of = mesh, material, options
 
     @classmethod
-    @collective(ALONE, rigid_modes=lambda _: "rows of one rank")
+    @collective(ALONE)
     def from_matrices(
         cls,
         K: Matrix,
