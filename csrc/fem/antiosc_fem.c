@@ -1,5 +1,3 @@
 /* The loops of finite elements as one translation unit. */
 #include "cells.c"
 #include "elastic.c"
-#include "supernode_factor.c"
-#include "supernodes.c"

@@ -1,8 +1,7 @@
 /* antiosc_fem.h - loops of finite elements that Python is too slow for: sums and products over the cells
- * of a mesh, and Cholesky factors in low precision.
+ * of a mesh.
  *
- * No function keeps anything, allocates anything or fails but afe_supernodes_factor; memory is the
- * caller's. Arrays are row-major. It is C99 with vectors of gcc and clang: compile antiosc_fem.c, which
+ * No function keeps anything, allocates anything or fails; memory is the caller's. Arrays are row-major. It is C99 with vectors of gcc and clang: compile antiosc_fem.c, which
  * includes the other files. */
 #ifndef ANTIOSC_FEM_H
 #define ANTIOSC_FEM_H
@@ -53,52 +52,6 @@ AFE_API void afe_cell_products(const afe_cells *of, int64_t begin, int64_t end, 
                                double *memory, const double *u, double *out);
 AFE_API void afe_cell_blocks(const afe_cells *of, int64_t begin, int64_t end, double factor,
                              double *memory, double *out);
-
-/* ---- Cholesky factors --------------------------------------------------------------------------- */
-
-/* A Cholesky factor as CHOLMOD holds it, its values in single precision or in 16 bits. */
-typedef struct afe_supernodes {
-    int64_t n_supernodes;
-    const int64_t *start; /* [n_supernodes + 1] first column of each */
-    const int64_t *row;   /* [n_supernodes + 1] its first row among `rows` */
-    const int64_t *rows;  /* those of its columns come first */
-    const int64_t *value; /* [n_supernodes] its first value */
-    const void *values;   /* of each supernode, column by column, over `scale` of their column */
-    const float *scale;   /* [columns] */
-} afe_supernodes;
-
-/* x = L⁻¹x and x = L⁻ᵀx in the order of L; `own` holds as many numbers as a supernode has rows. */
-AFE_API void afe_supernodes_forward_float(const afe_supernodes *L, float *x, float *own);
-AFE_API void afe_supernodes_backward_float(const afe_supernodes *L, float *x, float *own);
-AFE_API void afe_supernodes_forward_int16_t(const afe_supernodes *L, float *x, float *own);
-AFE_API void afe_supernodes_backward_int16_t(const afe_supernodes *L, float *x, float *own);
-
-/* The lower triangle of a matrix column by column, its rows in the order of L. */
-typedef struct afe_lower {
-    const int64_t *start; /* [columns + 1] */
-    const int32_t *rows;
-    const float *values;
-} afe_lower;
-
-/* Functions of BLAS and LAPACK in single precision, as Fortran has them. */
-typedef struct afe_blas {
-    void (*potrf)(const char *, const int *, float *, const int *, int *);
-    void (*trsm)(const char *, const char *, const char *, const char *, const int *, const int *,
-                 const float *, const float *, const int *, float *, const int *);
-    void (*syrk)(const char *, const char *, const int *, const int *, const float *, const float *,
-                 const int *, const float *, float *, const int *);
-    void (*gemm)(const char *, const char *, const int *, const int *, const int *, const float *,
-                 const float *, const int *, const float *, const int *, const float *, float *, const int *);
-} afe_blas;
-
-/* The values of L in single precision, of which all else is known; 0 where A is not positive definite.
- * `work` holds 2 columns + 3 n_supernodes numbers, `update` the largest product of rows of a supernode
- * with those of them that are columns of one other. */
-AFE_API int afe_supernodes_factor(const afe_supernodes *L, const afe_lower *A, const afe_blas *blas,
-                                  int64_t *work, float *update);
-
-/* The values of L become 16 bits in place of single precision; `scale` is that of each column. */
-AFE_API void afe_supernodes_to_16_bits(const afe_supernodes *L, float *scale);
 
 /* ---- Tetrahedra ---------------------------------------------------------------------------------- */
 

@@ -8,7 +8,6 @@ import itertools
 import re
 import weakref
 from contextlib import contextmanager
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,9 +19,8 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg import cholmod, compliance, solver_choice
 from antiosc.fem.linalg.algebra import sum_of
-from antiosc.fem.linalg.cholmod import Analysis, Cholesky
+from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.linalg.rounded_factor import RoundedFactor
 from antiosc.fem.structure import given_matrices
 from antiosc.reduce.extraction.eigenmodes import ModeSolver
 from antiosc_app import info
@@ -56,43 +54,6 @@ def test_arrays_of_the_factor_last_as_long_as_they_are_used():
     assert memory() is not None
     del values, permutation, others
     assert memory() is None  # at once, without the garbage collector
-
-
-def dense(n: int) -> scipy.sparse.csr_matrix:
-    """A matrix whose factor is one supernode, with rows of different size."""
-    root = np.random.default_rng(3).standard_normal((n, n)) + n * np.eye(n)
-    size = np.geomspace(0.1, 10.0, n)
-    return scipy.sparse.csr_matrix(size[:, None] * (root @ root.T) * size)
-
-
-@pytest.mark.parametrize("of", [lambda: grid(12), *(partial(dense, n) for n in (3, 16, 39))])
-def test_a_rounded_factor_solves_as_the_exact_one(of):
-    A = of()
-    b = np.sqrt(A.diagonal()) * np.random.default_rng(2).standard_normal(A.shape[0])
-    exact = Cholesky(A).solve(b)
-    size = np.sqrt(b @ exact)  # errors in energy
-    solver = RoundedFactor(Analysis(A))
-    in_single = solver.supernodes.values.nbytes
-    for rounded, tolerance in ((lambda: None, 2e-6), (solver.round_to_16_bits, 5e-3)):
-        rounded()
-        error = solver.solve(b) - exact
-        assert 0 < np.sqrt(error @ (A @ error)) < tolerance * size
-    assert solver.supernodes.values.base.nbytes == pytest.approx(in_single / 2, abs=2)  # in place
-
-
-@pytest.mark.parametrize("of", [lambda: grid(4), partial(dense, 16)])
-def test_an_indefinite_matrix_has_no_rounded_factor(of):
-    A = of()
-    A[len(A.indptr) // 2, len(A.indptr) // 2] *= -1
-    with pytest.raises(cholmod.NotPositiveDefiniteError, match="to single precision"):
-        RoundedFactor(Analysis(A))
-
-
-def test_a_factor_whose_rows_differ_too_much_for_16_bits_stays_finite():
-    A = scipy.sparse.csr_matrix(np.diag([1.0, 1e12]) + 0.9e6 * np.eye(2)[::-1])
-    short = RoundedFactor(Analysis(A))
-    short.round_to_16_bits()
-    assert np.isfinite(short.solve(np.ones(2))).all()
 
 
 def test_the_factor_cannot_be_written_to():

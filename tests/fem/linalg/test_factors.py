@@ -1,9 +1,8 @@
-"""The factors that serve several ranks: MUMPS, substructures, a least interface."""
+"""Factors: MUMPS over ranks, CHOLMOD on one; what is done where memory is short."""
 
 from __future__ import annotations
 
 import gc
-import itertools
 import json
 from dataclasses import replace
 
@@ -19,8 +18,6 @@ from antiosc.base import process
 from antiosc.fem.linalg import cholmod, solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.linalg.rounded_factor import RoundedFactor
-from antiosc.fem.linalg.solver_choice import Substructures, interface
 from mpi import START, run_ranks
 
 
@@ -52,42 +49,6 @@ def test_mumps_and_its_forecast(part, loads):
     assert 0.3 * factor.entries < solver_choice.forecast(part.K) < 3 * factor.entries
 
 
-@pytest.mark.parametrize("kind", ["every seventh node", "none", "all"])
-def test_any_nodes_may_be_the_interface(part, loads, kind):
-    n = part.K.getSize()[0]
-    chosen = {"every seventh node": slice(None, None, 7), "none": slice(0), "all": slice(None)}
-    nodes = np.arange(n // 3)[chosen[kind]]
-    rows = (3 * nodes[:, None] + np.arange(3)).ravel()
-    factor = Substructures(part.K, rows)
-    check(factor, part, loads)
-    assert factor.entries >= len(rows) ** 2
-    if kind == "none":
-        assert factor.entries == solver_choice.OnOneRank(part.K).entries
-
-
-@pytest.mark.parametrize("nodes", [slice(None, None, 7), slice(0)])
-def test_ranks_with_factors_in_single_precision(part, loads, nodes):
-    every = np.arange(part.K.getSize()[0] // 3)[nodes]
-    rows = (3 * every[:, None] + np.arange(3)).ravel()
-    exact = Substructures(part.K, rows).solve(loads[:, 0])
-    single = Substructures(part.K, rows, single=True)
-    np.testing.assert_allclose(single.solve(loads[:, 0]), exact, atol=1e-3 * np.abs(exact).max())
-    single.round_to_16_bits()
-    np.testing.assert_allclose(single.solve(loads[:, 0]), exact, atol=0.05 * np.abs(exact).max())
-
-
-def test_a_coarse_factor_is_as_precise_as_it_must_be(monkeypatch, part, loads):
-    exact = solver_choice.OnOneRank(part.K).solve(loads[:, 0])
-    errors = []
-    for allowed in (0.03, 5e-3, 0.0):  # in energy: 16 bits, single and double precision
-        monkeypatch.setattr(solver_choice, "PRECONDITIONER_ERROR", allowed)
-        error = solver_choice.preconditioner(part.K)(loads[:, 0]) - exact
-        errors.append(np.sqrt(error @ (csr(part.K) @ error) / (loads[:, 0] @ exact)))
-    short, single, double = errors
-    assert 0.03 > short > 3 * single > 1e-6
-    assert double < 1e-9
-
-
 def test_a_dof_without_stiffness_is_told_where_products_are_by_strains():
     """Its row has no entry, not even on the diagonal."""
     A = PETSc.Mat().createAIJ((3, 3), comm=MPI.COMM_SELF)
@@ -98,31 +59,11 @@ def test_a_dof_without_stiffness_is_told_where_products_are_by_strains():
         solver_choice.Refined(A, solver_choice.factorize)
 
 
-def test_held_rows_do_not_hide_a_wrong_factor(monkeypatch, part, loads):
-    """Their diagonal is 1, 1e9 times smaller than that of the others."""
-    monkeypatch.setattr(RoundedFactor, "round_to_16_bits", lambda factor: factor._scale.fill(3.0))
-    exact = solver_choice.OnOneRank(part.K).solve(loads[:, 0])
-    found = solver_choice.preconditioner(part.K)(loads[:, 0])
-    np.testing.assert_allclose(found, exact, atol=1e-3 * np.abs(exact).max())
-
-
-def test_no_preconditioner_of_an_indefinite_matrix(part):
+def test_an_indefinite_matrix_is_refused(part):
     A = part.K.copy()
     A.scale(-1.0)
     with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-        solver_choice.preconditioner(A)
-
-
-def test_no_interface_between_one_rank_and_none(part):
-    assert interface(part.K).size == 0
-
-
-@pytest.mark.parametrize("rows", [9, 0])
-def test_an_indefinite_matrix_is_refused(part, rows):
-    A = part.K.copy()
-    A.scale(-1.0)
-    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
-        Substructures(A, np.arange(rows))
+        solver_choice.factorize(A)
 
 
 # --- What is done about memory: forecasts of a factor, the choice of a solver, solving without
@@ -216,29 +157,6 @@ print(json.dumps([type(factor).__name__, float(np.abs(left).max(initial=0.0))]))
 """
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_cover_is_the_least(seed):
-    rng = np.random.default_rng(seed)
-    pairs = np.argwhere(rng.random((6, 7)) < 0.3) * [3, 5] + [0, 100]
-    found = solver_choice._cover(pairs)
-    assert np.isin(pairs, found).any(axis=1).all()
-    nodes = np.unique(pairs)
-    for size in range(len(found)):
-        for fewer in itertools.combinations(nodes, size):
-            assert not np.isin(pairs, fewer).any(axis=1).all()
-
-
-def test_cut_separates_four_ranks():
-    rng = np.random.default_rng(1)
-    pairs = np.sort(rng.integers(0, 40, (60, 2)), axis=1)
-    starts = np.array([0, 10, 10, 25])  # one rank has nothing
-    owners = np.searchsorted(starts, pairs, side="right")
-    pairs = pairs[owners[:, 0] != owners[:, 1]]
-    nodes = solver_choice._cut(pairs, starts)
-    assert np.isin(pairs, nodes).any(axis=1).all()
-    assert len(nodes) < len(np.unique(pairs))
-
-
 @pytest.mark.parametrize(("n", "last", "block"), [(60, 7, 1), (300, 30, 3), (40, 40, 1)])
 def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
     rng = np.random.default_rng(n)
@@ -250,38 +168,27 @@ def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
     dense = A.toarray()
     schur = np.linalg.inv(np.linalg.inv(dense)[:last, :last])
     np.testing.assert_allclose(L @ L.T, schur[np.ix_(order, order)], rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(solver_choice._square(L), L @ L.T, rtol=1e-12, atol=1e-14)
     b = rng.standard_normal((n, 3))
-    y = factor.forward(b[factor.permutation])
-    x = np.empty_like(b)
-    x[factor.permutation] = factor.backward(y)
-    np.testing.assert_allclose(x, np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(dense, b), rtol=1e-9, atol=1e-12)
 
 
 SOLVES = """
 from antiosc.base.errors import AntioscError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.solver_choice import Substructures
 
 warnings.simplefilter("ignore")
 part = ao.Structure(parts.box((8, 4, 3)), ao.Solid(**parts.STEEL), [ao.Support("left")])
 A, comm = part.K, part.comm
 first, last = A.getOwnershipRange()
 R = np.random.default_rng(0).standard_normal((A.getSize()[0], 5))[first:last]
-spread = solver_choice.factorize(A)
-found = {"spread": isinstance(spread, Substructures), "left": [], "same": []}
-X = spread.solve_block(R)
+factor = solver_choice.factorize(A)
+found = {"kind": type(factor).__name__}
+X = factor.solve_block(R)
 left = algebra.multiply(A, X) - R
 found["left"] = algebra.norm(comm, left.ravel()) / algebra.norm(comm, R.ravel())
-solver_choice.INTERFACE = 0
-mumps = solver_choice.factorize(A)
-other = mumps.solve_block(R)
-found["mumps"] = type(mumps).__name__
-found["same"] = algebra.norm(comm, (other - X).ravel()) / algebra.norm(comm, X.ravel())
-x = spread.solve(R[:, 0])
+x = factor.solve(R[:, 0])
 found["vector"] = float(np.abs(x - X[:, 0]).max() / np.abs(X[:, 0]).max())
-solver_choice.INTERFACE = 10**6
 found["errors"] = []
 for sign in (-1.0, "one rank"):
     B = A.copy()
@@ -305,29 +212,8 @@ print(json.dumps(found))
 def test_over_ranks(ranks):
     for text in run_ranks(ranks, START + SOLVES, alone=True):
         found = json.loads(text)
-        assert found["spread"]
-        assert found["mumps"] == "Distributed"
+        assert found["kind"] == "Distributed"
         assert found["left"] < 1e-9
-        assert found["same"] < 1e-9
         assert found["vector"] < 1e-12
         said = "NotConvergedError: the stiffness matrix cannot be factored"
         assert all(error.startswith(said[:44]) for error in found["errors"]), found["errors"]
-
-
-@pytest.mark.parametrize("order", "CF")
-@pytest.mark.parametrize("n", [0, 1, 2, 9])
-def test_square_leaves_the_triangle(n, order):
-    """One row is contiguous either way round: a conversion alone is no copy of it."""
-    L = np.array(np.tril(np.random.default_rng(n).standard_normal((n, n)) + 2), order=order)
-    before = L.copy()
-    np.testing.assert_allclose(solver_choice._square(L), before @ before.T, rtol=1e-14, atol=1e-14)
-    np.testing.assert_array_equal(L, before)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_an_interface_of_one_row(ranks):
-    for text in run_ranks(ranks, CHAIN):
-        name, left = json.loads(text)
-        assert name == "Substructures"
-        assert left < 1e-13

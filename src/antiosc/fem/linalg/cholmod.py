@@ -237,10 +237,8 @@ def _loaded(name: str) -> ctypes.CDLL | None:
         return None
 
 
-#: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
+#: of `cholmod_l_solve2`: A x = b
 SOLVE = 0
-FORWARD = 4
-BACKWARD = 5
 #: Nodes of at least so many rows are ordered as nodes.
 NODE_ROWS = 2
 
@@ -471,17 +469,6 @@ class Cholesky:
 
     def solve(self, B: Array) -> Array:
         """A⁻¹B for a vector (n,) or a block of vectors (n, k)."""
-        return self._solved(SOLVE, B)
-
-    def forward(self, B: Array) -> Array:
-        """L⁻¹B, rows in the order of L."""
-        return self._solved(FORWARD, B)
-
-    def backward(self, Y: Array) -> Array:
-        """L⁻ᵀY, rows in the order of L."""
-        return self._solved(BACKWARD, Y)
-
-    def _solved(self, system: int, B: Array) -> Array:
         B = np.asfortranarray(B, dtype=float)
         if not B.size:
             return np.empty(B.shape, order="F")
@@ -494,7 +481,7 @@ class Cholesky:
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
         with without_openmp(), one_thread():
             succeeded = memory.lib.cholmod_l_solve2(
-                *(system, memory.factor, byref(right), None, byref(x), None),
+                *(SOLVE, memory.factor, byref(right), None, byref(x), None),
                 *(*map(byref, work), byref(memory.common)),
             )
         if not succeeded:

@@ -1,4 +1,4 @@
-"""Solvers of PETSc matrices: their choice by memory, factors over ranks, K from its strains.
+"""Solvers of PETSc matrices: their choice by memory, K from its strains.
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients are used (`antiosc.fem.linalg.multigrid`): preconditioned by two levels
@@ -6,21 +6,6 @@ on quadratic solids, by algebraic multigrid elsewhere. If their matrices do not 
 OutOfMemoryError says so before they are made. From `LARGE` dofs on two levels are also used where
 they take less time: a trial solve counts their iterations, and ends at those with which a factor is
 faster (`antiosc.fem.linalg.forecast`).
-
-A factor over several ranks: the interface Γ is the smallest set of nodes that separates the parts
-of the ranks. Each rank factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in
-the factor of
-
-    [A_II  A_IΓ]
-    [A_ΓI  A_ΓΓ]    L_Γ L_Γᵀ = A_ΓΓ - A_ΓI A_II⁻¹ A_IΓ,
-
-and the Schur complement of the whole is S = A_ΓΓ + Σ (L_Γ L_Γᵀ - A_ΓΓ) over the ranks: a small
-dense matrix on every rank. A solve consists of a forward substitution on each rank, one sum over
-the ranks, a dense solve, and a backward substitution (Przemieniecki, AIAA J. 1 (1963) 138).
-
-On two ranks MUMPS takes 1.8 to 3 times as long for the factor of a bracket, 4 to 10 times as long
-for a solve and 4 to 7 times as long for 16, in half of the memory
-(measured).
 
 K = SᵀS + rest: the entries of K of a slender beam are dominated by the shear stiffness; the bending
 energy is what remains when these entries cancel. Their rounding ε makes a relative error of up to ε
@@ -38,20 +23,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import suppress
-from copy import copy
 from dataclasses import replace
 from functools import cache, cached_property, partial
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
-from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from antiosc.base import process
-from antiosc.base._types import Array, IntArray, SolverChoice
+from antiosc.base._types import Array, SolverChoice
 from antiosc.base.errors import AccuracyError, NotConvergedError
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains, conjugate_gradients, quotient
@@ -79,13 +59,11 @@ from antiosc.fem.linalg.petsc_algebra import (
     dense,
     lower,
     multiply,
-    watch,
     with_entries,
 )
-from antiosc.fem.linalg.rounded_factor import RoundedFactor
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
 from antiosc.fem.linalg.two_levels import FACTORED, TwoLevels, coarse_of
-from antiosc.fem.platform import agree, on_root, warn
+from antiosc.fem.platform import on_root, warn
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY = 1e-11
@@ -177,223 +155,6 @@ class Refined(Solver):
         return np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", x, y)))
 
 
-class Substructures(Factorization):
-    """Cholesky factor of a matrix whose rows are spread over the ranks.
-
-    Parameters
-    ----------
-    interface : global rows of Γ, ascending, from `interface`
-    single : whether it is a factor in single precision, which solves for vectors only.
-    """
-
-    def __init__(self, A: PETSc.Mat, interface: IntArray, single: bool = False) -> None:
-        self._interface = interface
-        self._real = np.float32 if single else np.float64
-        self._factor: Cholesky | RoundedFactor
-        self._holder: PETSc.IS | None = None
-        super().__init__(A)
-
-    def _set_up(self) -> None:
-        A, comm = self.A, self.comm
-        first, last = A.getOwnershipRange()
-        pointers, columns, values = A.getValuesCSR()
-        local = scipy.sparse.csr_matrix(
-            (values, columns, pointers), shape=(last - first, A.getSize()[0])
-        )
-        # places in Γ of the rows of this rank in it, and those rows
-        self._at = np.flatnonzero((self._interface >= first) & (self._interface < last))
-        self._mine = self._interface[self._at] - first
-        is_inner = np.ones(last - first, dtype=bool)
-        is_inner[self._mine] = False
-        self._inner = np.flatnonzero(is_inner)
-        interface_block = self._between(local[self._mine])
-        # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
-        # come before the diagonal.
-        rows = local[self._inner]
-        del pointers, columns, values, local
-        position = np.full(A.getSize()[0], -1, dtype=np.int32)
-        position[self._interface] = np.arange(len(self._interface))
-        touched = position[rows.indices]
-        self._met = np.unique(touched[touched >= 0])
-        count = len(self._met)
-        position[self._interface[self._met]] = np.arange(count)
-        position[first + self._inner] = count + np.arange(len(self._inner))
-        n = count + len(self._inner)
-        rows = scipy.sparse.csr_matrix(
-            (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
-        )
-        corner = interface_block[self._met][:, self._met]
-        square: Array | None = None
-        error: Exception | None = None
-        try:
-            if len(self._inner):
-                corner.resize((count, n))
-                rows = lower(scipy.sparse.vstack([corner, rows], format="csr"))
-                analysis = Analysis(rows, A.getBlockSize(), last=count)
-                del rows, corner, touched, position
-                process.trim_heap()
-                single = self._real == np.float32
-                self._factor = RoundedFactor(analysis) if single else Cholesky(analysis)
-                del analysis
-                self._to = np.argsort(self._factor.permutation)  # where a row stands in L
-                order, L = self._factor.corner(count)
-                self._positions = self._to[order]
-                self._met = self._met[order]
-                square = _square(L)
-                del L  # S and its terms are as large
-                known = interface_block[self._met][:, self._met].tocoo()
-                square[known.row, known.col] -= known.data
-        except NotPositiveDefiniteError as caught:
-            error = NotConvergedError(SINGULAR.format(caught))
-        except Exception as caught:  # the other ranks must not wait for this one
-            error = caught
-        agree(comm, error)
-        S = np.zeros(interface_block.shape, self._real)
-        if square is not None:
-            S[np.ix_(self._met, self._met)] = square
-            del square
-        if comm.rank == 0:
-            known = interface_block.tocoo()
-            S[known.row, known.col] += known.data
-        comm.Allreduce(MPI.IN_PLACE, S)
-        try:
-            self._S = scipy.linalg.cholesky(S.T, lower=True, overwrite_a=True) if len(S) else None
-        except scipy.linalg.LinAlgError as caught:
-            raise NotConvergedError(SINGULAR.format(caught)) from caught
-        if len(self._inner):
-            _, self._L = self._factor.corner(count)
-
-    def _between(self, rows: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
-        """A_ΓΓ on every rank, from the rows of the interface Γ that each rank holds."""
-        part = rows[:, self._interface].tocoo()
-        of_ranks = self.comm.allgather((self._at[part.row], part.col, part.data))
-        row, column, value = (np.concatenate(parts) for parts in zip(*of_ranks, strict=True))
-        n = len(self._interface)
-        return scipy.sparse.csr_matrix((value, (row, column)), shape=(n, n))
-
-    @property
-    def entries(self) -> float:
-        """Number of entries of the factors of all ranks and of the interface."""
-        local = self._factor.supernodes.values.size if len(self._inner) else 0
-        return float(self.comm.allreduce(local) + len(self._interface) ** 2)
-
-    def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows of this rank, k)."""
-        load: Array = np.zeros((len(self._interface), R.shape[1]), self._real)
-        load[self._at] = R[self._mine]
-        if len(self._inner):
-            B = np.zeros((len(self._to), R.shape[1]), order="F")
-            B[self._to[-len(self._inner) :]] = R[self._inner]
-            Y = self._factor.forward(B)
-            load[self._met] += _triangle(self._L, Y[self._positions])
-        self.comm.Allreduce(MPI.IN_PLACE, load)
-        U = load if self._S is None else _solved(self._S, load)
-        X = np.empty(R.shape, order="F")
-        X[self._mine] = U[self._at]
-        if len(self._inner):
-            Y[self._positions] = _triangle(self._L, U[self._met], trans=1)
-            X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
-        return X
-
-    def without_matrix(self) -> Substructures:
-        """Solves that no longer keep A."""
-        result = copy(self)
-        result._holder = PETSc.IS().createGeneral([], comm=self.A.getComm())  # of the communicator
-        watch(result._holder)
-        del result.A
-        return result
-
-    def round_to_16_bits(self) -> None:
-        """Round the factors of the ranks, which are in single precision."""
-        if len(self._inner):
-            assert isinstance(self._factor, RoundedFactor)
-            self._factor.round_to_16_bits()
-
-
-def _triangle(L: Array, X: Array, trans: int = 0) -> Array:
-    """Product L X, or Lᵀ X, with a lower triangle L; for one vector only the triangle is read."""
-    if X.shape[1] != 1 or not len(X):
-        return np.asarray((L.T if trans else L) @ X)
-    (product,) = scipy.linalg.get_blas_funcs(("trmv",), (L,))
-    return np.asarray(product(L, X[:, 0], lower=1, trans=trans))[:, None]
-
-
-def _solved(L: Array, B: Array) -> Array:
-    """(L Lᵀ)⁻¹B; one vector takes a third of the time of a block of one."""
-    if B.shape[1] != 1:
-        return np.asarray(scipy.linalg.cho_solve((L, True), B, check_finite=False))
-    (solve,) = scipy.linalg.get_blas_funcs(("trsv",), (L,))
-    return np.asarray(solve(L, solve(L, B[:, 0], lower=1), lower=1, trans=1))[:, None]
-
-
-def _square(L: Array) -> Array:
-    """L Lᵀ of a lower triangle, with a third of the operations of a general product."""
-    if not L.size:  # this part meets no other
-        return np.zeros(L.shape)
-    reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
-    (product,) = scipy.linalg.get_lapack_funcs(("lauum",), (reversed_L,))
-    upper, _ = product(reversed_L, overwrite_c=1)
-    square = np.asarray(upper)[::-1, ::-1]
-    for j in range(len(square)):  # all at once would take a copy
-        square[j, j + 1 :] = square[j + 1 :, j]
-    return square
-
-
-def interface(A: PETSc.Mat) -> IntArray:
-    """Global rows of the nodes that separate the rows of different ranks."""
-    comm = A.getComm().tompi4py()
-    block = A.getBlockSize()
-    first, last = A.getOwnershipRange()
-    pointers, columns, _ = A.getValuesCSR()
-    coupled = np.flatnonzero((columns < first) | (columns >= last))
-    rows = first + np.searchsorted(pointers, coupled, side="right") - 1
-    pairs = np.unique(np.column_stack([rows, columns[coupled]]) // block, axis=0)
-    of_ranks = comm.gather(pairs)
-    starts = np.array(comm.allgather(first)) // block
-
-    def cut() -> IntArray:
-        pairs = np.vstack(of_ranks)
-        return _cut(pairs[pairs[:, 0] < pairs[:, 1]], starts)
-
-    nodes = on_root(comm, cut)
-    return np.asarray(block * nodes[:, None] + np.arange(block)).ravel()
-
-
-def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
-    """A set of nodes that contains a node of every pair coupled across ranks, least for each two
-    ranks.
-    """
-    owners = np.searchsorted(starts, pairs, side="right") - 1
-    cut_nodes = np.zeros(0, dtype=int)
-    for ranks in np.unique(owners, axis=0):
-        coupled = pairs[(owners == ranks).all(axis=1)]
-        coupled = coupled[~np.isin(coupled, cut_nodes).any(axis=1)]
-        if len(coupled):
-            cut_nodes = np.union1d(cut_nodes, _cover(coupled))
-    return cut_nodes
-
-
-def _cover(pairs: IntArray) -> IntArray:
-    """The least vertex cover of a bipartite graph, by its largest matching (Kőnig's theorem)."""
-    first_nodes, i = np.unique(pairs[:, 0], return_inverse=True)
-    right, j = np.unique(pairs[:, 1], return_inverse=True)
-    n, m = len(first_nodes), len(right)
-    graph = scipy.sparse.csr_matrix((np.ones(len(pairs)), (i, j)), shape=(n, m))
-    mate = maximum_bipartite_matching(graph, perm_type="column")
-    matched = np.flatnonzero(mate >= 0)
-    # reached from single nodes on the left, to the right by any pair and back by matched ones
-    source = n + m
-    single = np.flatnonzero(mate < 0)
-    tails = np.concatenate([i, n + mate[matched], np.full(len(single), source)])
-    end_nodes = np.concatenate([n + j, matched, single])
-    paths = scipy.sparse.csr_matrix(
-        (np.ones(len(tails)), (tails, end_nodes)), shape=(source + 1, source + 1)
-    )
-    visited = np.zeros(source + 1, dtype=bool)
-    visited[breadth_first_order(paths, source, return_predecessors=False)] = True
-    return np.concatenate([first_nodes[~visited[:n]], right[visited[n:source]]])
-
-
 #: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
 #: gather on one rank exceed it at times.
 WORKSPACE = 60
@@ -436,6 +197,14 @@ def analysed(A: PETSc.Mat) -> Analysis:
 
 class Distributed(PetscSolver, Factorization):
     """Cholesky factor distributed over the ranks by MUMPS, with an ordering of its choice."""
+
+    def _set_up(self) -> None:
+        super()._set_up()
+
+        # MUMPS factors an indefinite matrix too, and counts its negative pivots.
+        negative = self._ksp.getPC().getFactorMatrix().getMumpsInfog(12)
+        if negative:
+            raise NotConvergedError(SINGULAR.format(f"{negative} negative pivots"))
 
     def _configure(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -494,10 +263,6 @@ class ByPetsc(PetscSolver, Factorization):
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
-#: Largest error in energy of a preconditioner's solve, relative; random loads are mostly answered
-#: by the softest motions, which a rounded factor knows worst. With 0.092, in 16 bits, 1.03 million
-#: dofs took 84 s, with 5e-4, in single precision, 95 s, side by side.
-PRECONDITIONER_ERROR = 0.15
 #: Bytes for each entry of A of an analysis of its factor: copies of A.
 ANALYSIS = 20.0
 #: Remedy where neither fits.
@@ -506,8 +271,6 @@ SMALLER_MESH = "use a coarser mesh or elements of order 1, or a machine with mor
 COMPACT = 35.0
 #: Dofs from which times are compared too. Below, a factor takes less than a second.
 LARGE = 30_000
-#: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
-INTERFACE = 6_000
 
 
 def solver_for(A: PETSc.Mat, choice: SolverChoice, levels: Levels, columns: float = 1.0) -> Solver:
@@ -619,61 +382,9 @@ def _iterative(A: PETSc.Mat, levels: Levels, plan: Plan | None = None) -> Multig
 def preconditioner(
     A: PETSc.Mat, analysis: Callable[[], Analysis | None] = lambda: None
 ) -> Callable[[Array], Array]:
-    """Approximate A⁻¹ on the coarse level; by a factor in 16 bits or in single precision where that
-    is accurate enough.
-
-    `analysis` hands over the symbolic factor.
-    """
-    process.trim_heap()
-    solve = _by_rounded(A, analysis)
-    return factorize(A).solve if solve is None else solve
-
-
-def _by_rounded(
-    A: PETSc.Mat, analysis: Callable[[], Analysis | None]
-) -> Callable[[Array], Array] | None:
-    """Solves with the factor in 16 bits, or in single precision if these are not accurate enough;
-    None if neither is.
-    """
-    comm = A.getComm().tompi4py()
-    # as large as the stiffness: held rows, with 1 on the diagonal, must not hide the others
-    b = np.sqrt(np.abs(A.getDiagonal().array))
-    b *= np.random.default_rng(comm.rank).standard_normal(len(b))
-
-    def accurate(solver: RoundedFactor | Substructures) -> bool:
-        """Whether the error in energy, as the solver itself estimates it, is small."""
-        x = solver.solve(b)
-        residual = b - multiply(A, x)
-        error = comm.allreduce(residual @ solver.solve(residual))
-        return bool(error <= PRECONDITIONER_ERROR**2 * comm.allreduce(b @ x))
-
-    # One factor at a time, and rounded in place: two take more memory than any other step.
-    with suppress(NotConvergedError):  # not positive definite after rounding
-        factor = _rounded(A, analysis)
-        if factor is None or not accurate(factor):
-            return None
-        factor.round_to_16_bits()
-        if accurate(factor):
-            return factor.solve
-        del factor
-        factor = _rounded(A, analysis)
-        return None if factor is None else factor.solve
-    return None
-
-
-def _rounded(
-    A: PETSc.Mat, analysis: Callable[[], Analysis | None]
-) -> RoundedFactor | Substructures | None:
-    """The factor of A in single precision; None without CHOLMOD or where the ranks meet in too many
-    rows.
-    """
-    comm = A.getComm().tompi4py()
-    if cholmod_refused(comm):
-        return None
-    if comm.size == 1:
-        return RoundedFactor(analysis() or analysed(A))
-    rows = interface(A)
-    return Substructures(A, rows, single=True).without_matrix() if len(rows) <= INTERFACE else None
+    """A⁻¹ on the coarse level; `analysis` hands over the symbolic factor."""
+    factor = factorize(A, analysis())
+    return lambda b: factor.solve_block(b[:, None])[:, 0]
 
 
 def sizes_of(A: PETSc.Mat, factor: float) -> LevelSizes:
@@ -764,13 +475,11 @@ def _factored(A: PETSc.Mat, analysis: Analysis | None) -> Factorization:
     refused = cholmod_refused(comm)
     if comm.size == 1 and not refused:
         return OnOneRank(A, analysis)
+
     A = with_entries(A)
     if comm.size == 1:
         return ByPetsc(A)
-    if refused:
-        return Distributed(A)
-    rows = interface(A)
-    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
+    return Distributed(A)
 
 
 def cholmod_refused(comm: MPI.Comm) -> bool:

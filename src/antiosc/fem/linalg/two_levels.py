@@ -8,9 +8,8 @@ element thick or nearly incompressible: more iterations (benchmarks/large_parts.
 whose fill is small in a thin part, is better.
 
 The time of a cycle is that of reading its data: where products are computed from the cells, the
-fine level is in single precision, and the factor of the coarse level in 16 bits or in single
-precision where this is accurate enough. The residual after the coarse correction is in double
-precision, since it is far smaller than its terms.
+fine level is in single precision. The residual after the coarse correction is in double precision,
+since it is far smaller than its terms.
 """
 
 from __future__ import annotations
