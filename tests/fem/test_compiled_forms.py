@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import stat
@@ -40,31 +41,6 @@ def library(place: Path) -> Path:
     return next(path for path in place.glob("libffcx_forms_*.so"))
 
 
-def cut(path: Path) -> None:
-    swapped(path, path.read_bytes()[: path.stat().st_size // 2])
-
-
-def flipped(path: Path) -> None:
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    swapped(path, bytes(content))
-
-
-def swapped(path: Path, content: bytes) -> None:
-    """This process has the old file loaded: it stays as it is, without a name."""
-    path.unlink()
-    path.write_bytes(content)
-
-
-DAMAGES = {
-    "cut": cut,
-    "flipped": flipped,
-    "missing": Path.unlink,
-    "killed while it was compiled": lambda path: next(path.parent.glob("*forms*.cached")).unlink(),
-    "checksum lost": lambda path: next(path.parent.glob("*forms*.sha256")).unlink(),
-}
-
-
 def test_the_clock_stands_still_while_forms_are_compiled(monkeypatch):
     now = [5.0]
     monkeypatch.setattr(clock, "time", SimpleNamespace(perf_counter=lambda: now[0]))
@@ -92,17 +68,26 @@ def test_what_one_mesh_has_compiled_serves_the_next(place):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_what_is_damaged_is_made_again(place, damage):
+def test_what_an_ended_process_left_is_compiled_again(place, monkeypatch):
+    monkeypatch.setattr(compiled_forms, "PATIENCE", 1)
     assert length() == pytest.approx(2.0)
-    compiled = library(place).read_bytes()
-    DAMAGES[damage](library(place))
+    made = library(place)
+    next(place.glob("*forms*.cached")).unlink()
+    compiled_forms._cleared.clear()
     assert length() == pytest.approx(2.0)
-    assert library(place).read_bytes()[:4] == b"\x7fELF"
-    assert len(library(place).read_bytes()) == len(compiled)
-    made = library(place).stat()
+    assert library(place) == made
+    assert len(list(place.glob("*forms*.cached"))) == 1
+
+
+@pytest.mark.slow
+def test_a_form_that_another_process_does_not_end_is_refused(place, monkeypatch):
+    monkeypatch.setattr(compiled_forms, "PATIENCE", 1)
     assert length() == pytest.approx(2.0)
-    assert library(place).stat() == made  # loaded, not compiled
+    next(place.glob("*forms*.cached")).unlink()
+    with (place / "lock").open() as other:
+        fcntl.flock(other, fcntl.LOCK_SH)
+        with pytest.raises(ao.InputError, match="delete"):
+            length()
 
 
 def test_nobody_else_may_write_there(place):
@@ -132,33 +117,15 @@ def test_a_folder_of_somebody_else_is_left_alone(place, tmp_path, monkeypatch, o
     found.rmdir()
 
 
-def test_one_process_at_a_time_makes_a_form(place, monkeypatch):
-    monkeypatch.setattr(compiled_forms, "PATIENCE", 0.1)
-    first = compiled_forms._Entry(place, "form")
-    with pytest.raises(ao.InputError, match="another process"), compiler():
-        compiled_forms._Entry(place, "form")
-    first.release()
-    compiled_forms._Entry(place, "form").release()
-
-
 def test_no_configuration_is_read(place):
     readers = [name for name in compiled_forms.READERS if hasattr(dolfinx.jit, name)]
     usual = [getattr(dolfinx.jit, name) for name in readers]
     assert readers
     with compiler():
-        assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [{"cache_dir": place}]
+        assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [
+            {"cache_dir": place, "timeout": compiled_forms.PATIENCE}
+        ]
     assert [getattr(dolfinx.jit, name) for name in readers] == usual
-
-
-def test_a_form_of_the_program_goes_where_the_program_says(place, tmp_path):
-    """Another thread may compile for itself while antiosc does."""
-    import ffcx.codegeneration.jit as jit
-
-    with compiler():
-        found = jit.get_cached_module("libffcx_forms_x", [], tmp_path / "own", 1)
-    assert found == (None, None)
-    assert os.listdir(tmp_path / "own") == ["libffcx_forms_x.c"]
-    assert not os.listdir(place)
 
 
 SCRIPT = """

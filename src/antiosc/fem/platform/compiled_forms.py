@@ -1,23 +1,19 @@
 """The user's folder of compiled forms, without which every run would call the C compiler.
 
-FFCx loads the library of a form from its folder without any check. A library truncated by a full
-disk ends the process; one written by somebody else runs in the process. antiosc therefore has its
-own folder, which only the user may write. A library is loaded if its checksum is the one stored
-beside it when it was compiled; otherwise it is compiled again. While antiosc compiles, dolfinx and
-FFCx read no configuration files, since these name compilers, libraries and folders. Configuration
-files in the working folder, which may come from a stranger, are never read in a process with
-antiosc.
+FFCx loads the library of a form from its folder without any check, and one written by somebody else
+would run in the process: antiosc has its own folder, which only the user may write. While antiosc
+compiles, dolfinx and FFCx read no configuration files, since these name compilers, libraries and
+folders. Configuration files in the working folder, which may come from a stranger, are never read
+in a process with antiosc.
 """
 
 from __future__ import annotations
 
-import errno
-import hashlib
+import fcntl
 import os
 import shutil
 import stat
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache, partial
@@ -28,16 +24,13 @@ from typing import IO, Any
 
 import dolfinx.jit
 import ffcx
-import ffcx.codegeneration.jit as ffcx_jit
 
 from antiosc.base.clock import uncounted
 from antiosc.base.errors import InputError, warn
 from antiosc.base.process import own_folder, quiet, restored
 
-#: Time that a process waits for another one to compile the same form, s. A lock ends with its
-#: process, and a form takes at most a minute of processor time, which may be long on a busy
-#: machine.
-PATIENCE = 3600.0
+#: Time that a process waits for another one to compile the same form, s.
+PATIENCE = 600
 #: Names of the functions of dolfinx and FFCx that read configuration files.
 READERS = {"_load_options", "_load_parameters"}
 #: FFCx's own options
@@ -57,29 +50,44 @@ for _module in (dolfinx.jit, SETTINGS):
 
 
 @contextmanager
-def checked_folder() -> Iterator[None]:
+def user_folder() -> Iterator[None]:
     """Context in which dolfinx compiles into, and loads from, the user's folder only.
 
     OSError if the folder cannot be written.
     """
-    load = ffcx_jit._load_objects
-    cached = ffcx_jit.get_cached_module
-    if isinstance(cached, partial):  # within such a context
-        yield
-        return
     folder = place()
-    entries: dict[str, _Entry] = {}
-    try:
-        with (
-            _replaced(dolfinx.jit, READERS, lambda: ({"cache_dir": folder}, {})),
-            _replaced(SETTINGS, READERS, lambda: ({}, {})),
-            _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, entries, cached)),
-            _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, entries, load)),
-        ):
-            yield
-    finally:
-        for entry in entries.values():  # of which the compiler has failed
-            entry.release()
+    options = {"cache_dir": folder, "timeout": PATIENCE}
+
+    with (
+        _shared(folder),
+        _replaced(dolfinx.jit, READERS, lambda: (options, {})),
+        _replaced(SETTINGS, READERS, lambda: ({}, {})),
+    ):
+        yield
+
+
+#: Folders from which this process has removed what ended processes left.
+_cleared: set[Path] = set()
+
+
+@contextmanager
+def _shared(folder: Path) -> Iterator[None]:
+    """Context of a process that compiles beside others.
+
+    A process that was ended while it compiled leaves a source without a library, for which the next
+    one would wait: it goes as soon as nobody else compiles.
+    """
+    with (folder / "lock").open("w") as file:
+        with suppress(OSError):  # somebody else compiles, or the file system has no locks
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for source in [] if folder in _cleared else folder.glob("*.c"):
+                if not source.with_suffix(".c.cached").exists():
+                    source.unlink()
+            _cleared.add(folder)
+
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_SH)
+        yield
 
 
 @contextmanager
@@ -93,118 +101,6 @@ def _replaced(
         yield
     finally:
         vars(module).update(originals)
-
-
-#: What this process has loaded: to look a library up in a folder of thousands takes 15 ms.
-_loaded: dict[Path, tuple[object, object]] = {}
-
-
-def _cached(
-    folder: Path,
-    entries: dict[str, _Entry],
-    load_cached: Callable[..., tuple[object, object]],
-    name: str,
-    objects: list[str],
-    cache_dir: Path,
-    timeout: int,
-) -> tuple[object, object]:
-    """Replacement of FFCx's `get_cached_module`: (None, None) means compile, with the entry
-    locked.
-    """
-    if Path(cache_dir) != folder:  # another thread of the program compiles for itself
-        return load_cached(name, objects, cache_dir, timeout)
-    library = folder / name
-    if library in _loaded:
-        return _loaded[library]
-    entry = entries[name] = _Entry(folder, name)
-    if not entry.whole():
-        entry.clear()
-    try:
-        loaded = load_cached(name, objects, cache_dir, timeout)
-    except ImportError:  # made for another system
-        entry.clear()
-        loaded = load_cached(name, objects, cache_dir, timeout)
-    if loaded[0] is not None:
-        entries.pop(name).release()
-        _loaded[library] = loaded
-    return loaded
-
-
-def _compiled(
-    entries: dict[str, _Entry],
-    load_objects: Callable[..., tuple[object, object]],
-    cache_dir: Path,
-    name: str,
-    objects: list[str],
-) -> tuple[object, object]:
-    """Replacement of FFCx's `_load_objects` for a form just compiled."""
-    loaded = load_objects(cache_dir, name, objects)
-    if name in entries:
-        entry = entries.pop(name)
-        entry.seal()
-        entry.release()
-    return loaded
-
-
-class _Entry:
-    """The files of one compiled form, which one process at a time may read or change."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self.library = folder / f"{name}{EXTENSION_SUFFIXES[0]}"
-        self.ready = folder / f"{name}.c.cached"
-        self.own = folder / f"{name}.sha256"
-        self.file: IO[str] = self.own.open("a+", encoding="ascii")
-        try:
-            _lock(self.file)
-        except BaseException:
-            self.file.close()
-            raise
-
-    def whole(self) -> bool:
-        """Whether the library is complete: its checksum is the stored one."""
-        self.file.seek(0)
-        with suppress(OSError, ValueError):
-            return self.ready.is_file() and self.file.read() == self._checksum()
-        return False
-
-    def clear(self) -> None:
-        """Remove everything but the locked file."""
-        self.file.truncate(0)
-        for path in self.own.parent.glob(f"{self.own.stem}.*"):
-            if path != self.own:
-                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-
-    def seal(self) -> None:
-        """Write the checksum that marks the library as complete."""
-        self.file.truncate(0)
-        self.file.write(self._checksum())
-
-    def release(self) -> None:
-        """Release the lock on the library for other processes."""
-        self.file.close()
-
-    def _checksum(self) -> str:
-        """SHA-256 of the library."""
-        return hashlib.sha256(self.library.read_bytes()).hexdigest()
-
-
-def _lock(file: IO[str]) -> None:
-    """Wait until no other process holds the file; TimeoutError after `PATIENCE`."""
-    import fcntl  # not on Windows
-
-    end = time.monotonic() + PATIENCE
-    while True:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return
-        except BlockingIOError:
-            if time.monotonic() > end:
-                raise TimeoutError(
-                    errno.ETIMEDOUT, f"another process has held it for {PATIENCE:g} s", file.name
-                ) from None
-            time.sleep(0.05)
-        except OSError:  # a file system without locks: two processes may compile at once
-            return
 
 
 # -- where it is
@@ -252,11 +148,17 @@ def compiler() -> Iterator[None]:
     """Context in which forms are compiled: without log output, outside the seconds of `clock`, and
     with the faults of FFCx 0.5 mended.
 
-    InputError if the system refuses to write the compiled files.
+    InputError if the system refuses to write the compiled files, or another process does not end
+    compiling the same form.
     """
     try:
-        with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), checked_folder():
+        with uncounted(), _compiling, restored(), quiet(*NOISY), _mended(), user_folder():
             yield
+    except TimeoutError as error:
+        raise InputError(
+            f"another process has compiled the same finite element for {PATIENCE} s, or was ended "
+            f"while it did: delete {place()}, and run again."
+        ) from error
     except OSError as error:
         raise InputError(
             "compiled finite elements cannot be written to "
