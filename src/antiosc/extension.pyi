@@ -204,6 +204,17 @@ from antiosc.reduce.extraction.oscillators import (
     DEFAULT_COUNT as DEFAULT_COUNT,
 )
 
+# Defaults.
+from antiosc.strikes.defaults import (
+    LONGER as LONGER,
+    expansion_of as expansion_of,
+    next_count as next_count,
+    parted as parted,
+    patch_radius as patch_radius,
+    usual_ball as usual_ball,
+    usual_size as usual_size,
+)
+
 # Maps, and blows with a stretch.
 from antiosc.strikes.impact_map import (
     on_plane as on_plane,

@@ -1,35 +1,26 @@
-"""Values of a scene that are "auto": the radius of its patch, its anti-oscillators, its duration.
-
-Runs of the scene choose them, as those of `antiosc open` do; all commands take the scene with the
-chosen values.
+"""Values of a scene that are "auto" by the rules of `antiosc.strikes.defaults`: all commands take
+the scene with them.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from antiosc.base.errors import (
-    NOTE,
-    AntioscError,
-    warn,
-    warnings_to,
-    weight,
-    without_warnings,
-)
-from antiosc.base.texts import rounded_up
+from antiosc.base.errors import warn, warnings_to
+from antiosc.base.texts import STOPPED
 from antiosc.models.auto_contact import AUTO
-from antiosc_app.scene_file.automatic import only_site, with_values
+from antiosc_app.scene_file.automatic import Choice, is_auto, only_site, with_values
 from antiosc_app.scene_file.build import Evaluation
 from antiosc_app.scene_file.compiled import compiled
 from antiosc_app.scene_file.document import Document
-from antiosc_app.scene_file.run import has_sheets
-from antiosc_app.scene_file.scene import MESHED, CompiledScene
-from antiosc_app.until_parted import OSCILLATORS, Choice, tell_radius, until_parted
+from antiosc_app.scene_file.scene import CompiledScene
 
 if TYPE_CHECKING:
     from antiosc import History, Structure
+
+T = TypeVar("T")
 
 
 class Settled(NamedTuple):
@@ -46,18 +37,18 @@ class Known:
 
     def __init__(self, structure: Structure | None) -> None:
         self.structure = structure
-        #: radius, number of anti-oscillators and their expansion point, model and the warnings of
-        #: its extraction
+        #: radius, number and expansion point of the model, it and the warnings of its extraction
         self._model: tuple[tuple[float | None, ...], object, list[str]] | None = None
 
     def scene(self, document: Document, choice: Choice) -> Settled:
-        """A document with the values; the model is that of this radius."""
+        """A document with the values; its model is extracted once."""
         scene = compiled(with_values(document, choice))
         evaluate = Evaluation(scene.document)
         if scene.structure is not None:
             evaluate.register(scene.structure, self.structure)
         if scene.model is None:  # [strike] makes it
             return Settled(scene, evaluate)
+
         values = choice.radius, choice.n, choice.expansion
         if self._model is None or self._model[0] != values:
             messages: list[str] = []
@@ -71,8 +62,7 @@ class Known:
 
 
 def settled(document: Document, begun: Settled | None = None) -> Settled:
-    """The scene of a document; if values are "auto", impacts of it choose them first, with the
-    hardest striker of its sweep.
+    """The scene of a document with the values of the hardest striker that it has.
 
     `begun`: the scene before that, where some of its objects are made already.
     """
@@ -80,97 +70,81 @@ def settled(document: Document, begun: Settled | None = None) -> Settled:
         scene = compiled(document)
         begun = Settled(scene, Evaluation(scene.document))
     scene, evaluate = begun
-    known_parts = scene.striking or None not in (scene.structure, scene.model)
-    if scene.document is document or scene.history is None or not known_parts:
+    if scene.document is document or scene.history is None:
         return begun
+
     messages: list[str] = list(scene.warnings)
     with warnings_to(messages.append):  # what was left out of the file
         structure = evaluate(scene.structure)
-    first = Choice(None, keeps_radius=True)
-    if only_site(document).get("radius") == AUTO:
-        first = Choice(_smallest(structure, scene))
-    duration = document.data.get("simulate", {}).get("duration")
-    if scene.striking:
-        first = first._replace(keeps_duration=True)
-    elif duration != AUTO:
-        first = first._replace(duration=duration, keeps_duration=True)
-    if document.data.get("extract", {}).get("n") == AUTO:
-        first = first._replace(n=OSCILLATORS[0])
-    known = Known(structure)
     hardest = _hardest(document)
-
-    def run(choice: Choice) -> Settled:
-        one = known.scene(hardest, choice)
-        one.evaluate(one.scene.history)
-        return one
-
+    known = Known(structure)
     told: list[str] = []
-    with warnings_to(told.append):
-        sheet = has_sheets(structure)
-        result, choice = until_parted(run, _hit, first, is_sheet=sheet, probed=_probed)
-        tell_radius(first.radius, choice.radius)
-        if hardest is not document:
-            result = known.scene(document, choice)
+    choice = Choice(radius=_radius(structure, compiled(hardest), document))
+
+    def run(choice: Choice) -> tuple[Settled, History]:
+        told.clear()  # of the last run alone
+        with warnings_to(told.append):
+            one = known.scene(hardest, choice)
+            return one, one.evaluate(one.scene.history)
+
+    grows = is_auto(document, "extract", "n")
+    lasts = is_auto(document, "simulate", "duration")
+    result, choice = enough(run, choice, grows, lasts)
+
     if hardest is not document:  # its warnings are not those of the scene's own impact
-        told = [message for message in told if weight(message) == NOTE]
-    messages += told
-    result.scene.warnings[:] = list(dict.fromkeys(messages))
+        told.clear()
+        with warnings_to(told.append):
+            result = known.scene(document, choice)
+    result.scene.warnings[:] = list(dict.fromkeys(messages + told))
     return result
 
 
-def _hit(one: Settled) -> History:
-    """The impact of a scene that was run."""
-    hit: History = one.evaluate(one.scene.history)
-    return hit
-
-
-def _probed(one: Settled) -> dict[str, float]:
-    """The errors of the probes of a scene by the number of anti-oscillators; without those of
-    accelerations that no filter smooths, which may never converge.
+def enough(
+    run: Callable[[Choice], tuple[T, History]], choice: Choice, grows: bool, lasts: bool
+) -> tuple[T, Choice]:
+    """(result of the last run, its values): the number of anti-oscillators is enough for the force
+    (`grows`), then striker and part have parted (`lasts`).
     """
-    from antiosc import probe_error  # it needs the finite elements
+    from antiosc.extension import LONGER, expansion_of, next_count, parted
 
-    errors = {}
-    for name, call in one.scene.probes.items():
-        arguments = {} if call is None else call.arguments
-        if call is None or (
-            arguments.get("quantity") == "acceleration" and not arguments.get("filter")
-        ):
-            continue
-        with suppress(AntioscError), without_warnings():
-            error = one.evaluate(replace(call, make=probe_error))
-            errors[f"the largest {arguments.get('quantity', 'displacement')} of probe {name}"] = (
-                error.truncation
-            )
-    return errors
+    longest = LONGER * choice.duration
+    while True:
+        result, hit = run(choice)
+        if hit.status == STOPPED or hit.assembly.hopeless:
+            return result, choice
+
+        more = next_count(hit) if grows else None
+        if more is not None:
+            choice = choice._replace(n=more, expansion=expansion_of(hit))
+        elif lasts and choice.duration < longest and not parted(hit):
+            choice = choice._replace(duration=2 * choice.duration)
+        else:
+            return result, choice
+
+
+def _radius(structure: Structure | None, scene: CompiledScene, document: Document) -> float | None:
+    """Radius [m] of the patch at the only site; None where it is given, or chosen by [strike]."""
+    call = scene.model or scene.history
+    if structure is None or call is None or only_site(document).get("radius") != AUTO:
+        return None
+    from antiosc.extension import patch_radius
+
+    bodies = (scene.impactor, scene.contact)
+    striker, law = (None if one is None else one.made for one in bodies)
+    return patch_radius(structure, call.arguments["site"].made, striker, law or AUTO)
 
 
 def _hardest(document: Document) -> Document:
-    """The document with the largest values of its sweep for the striker; itself without any."""
-    striker = document.data.get("impactor", {})
+    """The document with the hardest values that [sweep] and [monte_carlo] have for the striker;
+    itself without any.
+    """
+    largest: dict[str, Any] = {}
     swept = document.data.get("sweep", {}).get("impactor", {})
-    largest = {
-        key: max(values)
-        for key, values in swept.items()
-        if isinstance(values, list) and all(isinstance(value, int | float) for value in values)
-    }
+    for key, values in swept.items():
+        if isinstance(values, list) and all(isinstance(x, int | float) for x in values):
+            largest[key] = max(values)
+
     if not largest:
         return document
-    return replace(document, data={**document.data, "impactor": {**striker, **largest}})
-
-
-def _smallest(structure: Structure | None, scene: CompiledScene) -> float | None:
-    """Radius [m] of the smallest patch that the facets resolve at the site; None for a point, and
-    where [strike] makes the mesh and chooses it.
-    """
-    from antiosc.extension import with_parts
-    from antiosc.reduce.site.map_sites import resolved_radius
-
-    call = scene.model or scene.history
-    if structure is None or call is None or not set(MESHED.split()) & set(scene.document.data):
-        return None
-    site = call.arguments["site"].made
-    if (site.point, site.face, site.node) == (None, None, None):
-        return None
-    radius = resolved_radius(with_parts(structure), site)
-    return None if radius is None else rounded_up(radius)
+    striker = {**document.data.get("impactor", {}), **largest}
+    return replace(document, data={**document.data, "impactor": striker})

@@ -1,0 +1,126 @@
+"""The one default of each number that a user may leave open, shared by programs, scenes and pages.
+
+- The cells of a geometry are as long as its longest side over `CELLS`.
+- The ball has a radius of `BALL` times the longest side.
+- The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
+  rigid wall, which no part exceeds.
+- The number of anti-oscillators is the first of `COUNTS` whose left-out motions change the force by
+  less than `MOST_TRUNCATION`.
+- The duration is doubled until striker and part have parted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import floor, log2
+from typing import TYPE_CHECKING
+
+from antiosc.base.errors import AntioscError, without_warnings
+from antiosc.base.texts import rounded_up
+from antiosc.fem.assembly import with_parts
+from antiosc.impact.bodies import Obstacle
+from antiosc.impact.histories.site_motion import out_of_reach
+from antiosc.impact.scene import simulate
+from antiosc.impact.truncation import truncation_error
+from antiosc.impact.two_bodies import BAND_OVER_PULSE, impact_band
+from antiosc.models.auto_contact import AUTO, AnyLaw, law_of
+from antiosc.models.body import LinearBody
+from antiosc.reduce.site import functional
+from antiosc.reduce.site.map_sites import resolved_radius
+from antiosc.reduce.site.surface import PlaneOf, surface_at
+
+if TYPE_CHECKING:
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.impact.histories import History
+    from antiosc.reduce.site import Site
+
+#: Cells along the longest side of a geometry, and across the thickness under a site.
+CELLS, CELLS_THROUGH = 20, 3
+#: Radius of the ball over the longest side of the part.
+BALL = 0.02
+#: Numbers of anti-oscillators. A printed bar of 13.6 × 5 × 100 mm: 40 % with 20, 0.05 % with 80. A
+#: sheet of 85 572 dofs under a ball of 20 mm: 1205, 521, 416 and 407 N with 20, 150, 400 and 800.
+COUNTS = (20, 60, 150, 400)
+MOST_TRUNCATION = 0.1
+#: Largest product of dofs and anti-oscillators: 3.4e7 took 85 s for this sheet, beside other work.
+MOST_WORK = 8e7
+#: Expansion points are at this share of the inverse of the contact time, or down to half of it. Of
+#: 1 mm of aluminium under a ball for 41 µs the force was 120 and 36 % off with 60 and 150
+#: anti-oscillators about the static point, 2.5 and 0.2 % with a share of 0.67.
+EXPANSION = 0.7
+#: First duration of an impact [s], and the largest one over it.
+DURATION, LONGER = 1e-3, 32
+#: Duration of the run on a rigid wall over the contact time.
+WALL = 4.0
+
+
+def usual_size(length: float) -> float:
+    """Size [m] of the cells of a geometry whose longest side is `length` [m]."""
+    return float(f"{length / CELLS:.1g}")
+
+
+def usual_ball(length: float) -> float:
+    """Radius [m] of the ball that strikes a part whose longest side is `length` [m]."""
+    return float(f"{BALL * length:.1g}")
+
+
+def patch_radius(
+    structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw = AUTO
+) -> float | None:
+    """Radius [m] of the patch of a solid at a site; None of sheets, bars and matrices."""
+    try:
+        resolved = resolved_radius(with_parts(structure), site)
+    except AntioscError:
+        return None
+    if resolved is None:
+        return None
+
+    try:
+        with without_warnings():
+            needed = _carrying(structure, replace(site, radius=resolved), striker, contact)
+    except AntioscError:  # no striker that flies, or a surface that is not known
+        needed = None
+    return rounded_up(max(resolved, needed or 0.0))
+
+
+def _carrying(
+    structure: Structure, site: Site, striker: LinearBody, contact: AnyLaw
+) -> float | None:
+    """Radius [m] of a patch that carries the force of the striker on a rigid wall."""
+    load = functional(structure, site)
+    face = PlaneOf(structure, surface_at(structure, load.point, load.direction, site.radius))
+    law = law_of(contact, face, striker)
+
+    pulse = BAND_OVER_PULSE / (2 * impact_band(striker, law))
+    wall = simulate(Obstacle(), striker, law, duration=WALL * pulse)
+    return law.without(load.local_compliance).enough_radius(wall.peak_force, site.radius)
+
+
+def next_count(hit: History) -> int | None:
+    """The number of anti-oscillators after that of an impact; None if those are enough, or more
+    would take too long.
+    """
+    model = hit.model
+    if hit.rerun is None or truncation_error(model, hit.rerun).peak_force <= MOST_TRUNCATION:
+        return None
+
+    dofs = model.info.dofs or 0
+    return next((n for n in COUNTS if n > model.n and n * dofs <= MOST_WORK), None)
+
+
+def expansion_of(hit: History) -> float:
+    """Frequency [Hz] about which more anti-oscillators converge first, by the contact time; a power
+    of two, so that blows that are alike share a factor.
+    """
+    return float(2.0 ** floor(log2(EXPANSION / hit.assembly.contact_time_estimate)))
+
+
+def parted(hit: History) -> bool:
+    """Whether striker and part neither touch nor approach at the end, nor meet again as far as is
+    known.
+    """
+    end = float(hit.run.time[-1])
+    touching = bool(hit.contacts) and hit.contacts[-1][1] >= end
+    if touching or (hit.restitution is not None and hit.restitution < 0):
+        return False
+    return (out_of_reach(hit) or end) <= end
