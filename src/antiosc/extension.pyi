@@ -212,6 +212,7 @@ from antiosc.strikes.defaults import (
     parted as parted,
     patch_radius as patch_radius,
     usual_ball as usual_ball,
+    usual_cell as usual_cell,
     usual_size as usual_size,
 )
 

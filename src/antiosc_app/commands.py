@@ -59,10 +59,8 @@ def _new(options: Namespace) -> int:
         options.drop,
         options.material,
         options.unit,
-        options.timeout,
         options.size,
         options.piece,
-        options.contact,
     )
     for sentence in sentences:
         print_text(sentence)

@@ -1,6 +1,7 @@
 """The one default of each number that a user may leave open, shared by programs, scenes and pages.
 
-- The cells of a geometry are as long as its longest side over `CELLS`.
+- The cells of a geometry are as long as its longest side over `CELLS`; at the site of a solid
+  `CELLS_THROUGH` lie through its wall, and none is longer than the ball's radius.
 - The ball has a radius of `BALL` times the longest side.
 - The patch of a solid is as small as its facets resolve, and carries the force of the striker on a
   rigid wall, which no part exceeds.
@@ -57,6 +58,13 @@ WALL = 4.0
 def usual_size(length: float) -> float:
     """Size [m] of the cells of a geometry whose longest side is `length` [m]."""
     return float(f"{length / CELLS:.1g}")
+
+
+def usual_cell(length: float, thickness: float) -> float:
+    """Size [m] of the cells at the site of a solid of this length; `thickness` [m]: of its wall
+    there.
+    """
+    return rounded_up(min(BALL * length, thickness / CELLS_THROUGH))
 
 
 def usual_ball(length: float) -> float:
